@@ -1,0 +1,134 @@
+"""All that comes out of a decoder.
+
+    Batch    n samples of one message, as columns: what is plotted and recorded
+    Reply    one answer or indication, with its values by name: what a dialogue waits for
+    Text     one line of text in the stream (NMEA, a device's console)
+    Reject   a candidate that failed its checks: counted, shown, never raised
+    Gap      samples that a counter says were lost before a given one
+    Step     the device clock jumped, was reset or wrapped unexpectedly
+
+A decoder is fed chunks and drained of events. `feed` appends and is cheap; `drain` does the work on everything that is
+complete. Content never raises, and the events do not depend on how the bytes were cut into chunks (their grouping into
+batches may: a batch holds what one drain found).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.schema import Message
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """n samples of one message.
+
+    Args:
+        message: the row; where the layout varies from frame to frame (MTData2) its `fields` are those of this layout.
+        device: who sent it within the stream ("" where a stream has one device; an IDTP device id).
+        arrival_ns: (n,) int64, host time of the chunk that completed each frame, ns since the Unix epoch.
+        offset: (n,) int64, where each frame began in the stream, bytes.
+        time_ns: (n,) int64, unwrapped device time, ns since the device's own epoch; None when the message has no clock.
+        columns: field name → array of n rows in native byte order and shown units (float64, or the wire's own integer or
+            float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
+        verified: False for data whose authenticity was asked for and could not be checked.
+    """
+
+    message: Message
+    device: str
+    arrival_ns: NDArray[np.int64]
+    offset: NDArray[np.int64]
+    time_ns: NDArray[np.int64] | None
+    columns: Mapping[str, Array]
+    verified: bool = True
+
+    def __len__(self) -> int:
+        return len(self.arrival_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """One answer, indication or (when listening to the host's side) command: values by field name."""
+
+    message: Message
+    values: Mapping[str, Any]
+    offset: int
+    size: int
+    arrival_ns: int
+    device: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """One line of text; `fields` where its meaning is known (an NMEA sentence's values by name)."""
+
+    protocol: str
+    name: str
+    line: str
+    offset: int
+    size: int
+    arrival_ns: int
+    fields: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Reject:
+    """A candidate that failed: `reason` is one word of the protocol's list ("bad_checksum", "bad_size", "truncated")."""
+
+    offset: int
+    size: int
+    reason: str
+    arrival_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """`missing` samples were lost just before the frame at `offset` (by the counter named in `counter`)."""
+
+    offset: int
+    missing: int
+    counter: str
+    arrival_ns: int
+    time_ns: int | None = None
+    device: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """The device clock did not continue: `kind` is "jump", "reset" or "sync"; `by_ns` how far it moved."""
+
+    offset: int
+    kind: str
+    by_ns: int
+    arrival_ns: int
+    device: str = ""
+
+
+Event = Batch | Reply | Text | Reject | Gap | Step
+
+
+class Decoder(Protocol):
+    """What a session needs of a protocol."""
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk. Cheap; content never raises."""
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        """Everything complete, in order. `stalled` says that no byte came for the stall time (or that the file ended):
+        an incomplete candidate is then given up as `truncated` and the search resumes after its preamble."""
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their frame is incomplete."""
+
+
+def batches(events: list[Event]) -> Iterator[Batch]:
+    """The batches among `events`, in order."""
+    return (event for event in events if isinstance(event, Batch))
