@@ -1,0 +1,306 @@
+"""The wire: what the server and the page say to each other. This docstring is its specification.
+
+One WebSocket at `/ws`, subprotocol `imuscope.v1`, permessage-deflate off. Text frames are JSON objects with an `op`;
+binary frames carry samples. TypeScript types are generated from the dataclasses below (`python -m server.wire_types`
+writes web/src/wire/types.ts; a test fails when that file is stale), so a field is added here and nowhere else.
+
+## Server to browser, text
+
+    hello      first, once: versions, server clock, how much history is kept
+    devices    every device with its link and state; the whole list, sent on every change
+    channels   channels that the browser has not been told of yet (ids are never reused within a server run)
+    health     figures of every device, twice a second; an older one not yet sent is replaced
+    events     what happened, in order of `seq`; never dropped
+    backfilled the answer to `subscribe`: everything older has been sent
+    pong       the answer to `ping`: the browser estimates the server's clock from it
+    error      the last request could not be served: {kind, message, hint}
+
+## Browser to server, text
+
+    subscribe  channels (null: all, also future ones) and how many seconds of history to send first; replaces the last one
+    ping       t: any number, returned
+    (everything that changes something goes over HTTP)
+
+## Samples, binary
+
+A binary WebSocket message is one or more sample frames back to back. Little-endian; each frame:
+
+    0   u8    opcode, 1 = samples
+    1   u8    flags; bit 0: history (sent because of a subscribe, older than what was live then)
+    2   u16   number of columns, counting the two time columns
+    4   u32   channel id
+    8   u32   n, samples in this frame
+    12  u32   dropped: samples of this channel dropped for this browser just before these
+    16  u64   sequence number of the first sample, counted from 0 since the channel exists
+    24  u32   length of the frame in bytes, header and padding included; a multiple of 8
+    28  u32   reserved, 0
+    32  f64   server clock when sent, unix seconds
+    40  columns, each n values of its dtype, each padded to a multiple of 8 bytes
+
+Columns come in the order: `arrival` (f8, unix seconds at which the bytes arrived at the host), `time` (f8, unix seconds:
+device time mapped to host time; NaN where the message has no device clock), then the channel's columns as advertised. Every
+column starts 8-byte aligned within the message, so `new Float32Array(buffer, offset, n)` needs no copy.
+
+A channel is one quantity of one device (an MTData2 item, an ISB data set). A `rows` channel is a table: several rows
+share one time (satellites); the rows with the newest time are the table now.
+
+## Delivery
+
+Samples may be dropped, oldest first, when a browser does not keep up; `dropped` says how many and `health` keeps the
+total. Text is never dropped, except that an unsent `devices` or `health` is replaced by a newer one. A browser that cannot
+take a byte for 5 s is disconnected. Nothing a browser does slows a device or a recording.
+
+64-bit integers are BigInt64Array/BigUint64Array columns in binary frames and decimal strings in JSON. A non-finite
+number in JSON is null.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+SUBPROTOCOL = "imuscope.v1"
+OPCODE_SAMPLES = 1
+FLAG_HISTORY = 1
+HEADER = struct.Struct("<BBHIIIQIId")
+assert HEADER.size == 40
+
+Dtype = Literal["f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
+Severity = Literal["", "caution", "fault"]
+DeviceStatus = Literal["connecting", "live", "lost", "denied", "idle", "ended"]
+EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device"]
+Level = Literal["info", "caution", "fault"]
+
+
+@dataclass(slots=True)
+class BitsInfo:
+    """One flag (width 1) or bit group of a status column; drawn as a lane."""
+
+    name: str
+    low: int
+    width: int
+    choices: dict[str, str] = field(default_factory=dict)  # value (decimal, as JSON keys are strings) → meaning
+    severity: Severity = ""
+    normal_set: bool = False
+    doc: str = ""
+
+
+@dataclass(slots=True)
+class ColumnInfo:
+    """One column of a channel, after `arrival` and `time`."""
+
+    name: str  # unique in the channel: "x", "yaw", "itow", "q0"
+    dtype: Dtype
+    unit: str = ""
+    label: str = ""  # short label on the plot; "" means name
+    axis: Literal["", "x", "y", "z", "w"] = ""  # which axis colour it has
+    choices: dict[str, str] = field(default_factory=dict)
+    bits: list[BitsInfo] = field(default_factory=list)
+    decimals: int = -1  # digits after the point; -1: the page chooses
+    period: float = 0.0  # wraps at this value; 0: never
+    doc: str = ""
+
+
+@dataclass(slots=True)
+class ChannelInfo:
+    """One quantity of one device."""
+
+    id: int
+    device: str  # DeviceInfo.id
+    message: str  # the document's message name: "MTData2"
+    name: str  # the document's quantity name: "Acceleration"
+    title: str  # for a person: "Acceleration"
+    kind: Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "rows", "counter"]
+    unit: str
+    frame: str  # "ENU", "NED", "NWU", "ECEF", "ENU from body" or ""
+    columns: list[ColumnInfo]
+    doc: str = ""
+    source: str = ""
+
+
+@dataclass(slots=True)
+class Try:
+    """One attempt to reach a device, in words."""
+
+    what: str  # "921 600 Bd"
+    outcome: str  # "2 304 B, no frame in them"
+    time: float
+
+
+@dataclass(slots=True)
+class DeviceInfo:
+    """A device and the link it is on."""
+
+    id: str  # stable for this server run: "1"
+    name: str  # what the rail shows: "MTi-630"
+    source: str  # as given: "/dev/ttyUSB0", "twin:xbus"
+    link: Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
+    status: DeviceStatus
+    protocol: str = ""  # "xbus", "" while unknown
+    product: str = ""  # "MTi-630 AHRS"
+    serial_number: str = ""
+    firmware: str = ""
+    baud: int | None = None
+    message: str = ""  # one sentence about the state: "/dev/ttyUSB0 is gone."
+    hint: str = ""  # what to do next
+    tries: list[Try] = field(default_factory=list)
+    next_try: float | None = None  # unix seconds of the next attempt
+    last_arrival: float | None = None
+    notices: list[str] = field(default_factory=list)  # standing remarks: a high USB latency timer and its fix
+
+
+@dataclass(slots=True)
+class MessageHealth:
+    """Figures of one message of one device."""
+
+    name: str
+    rate: float  # samples/s over the last second
+    count: int  # since the session began
+
+
+@dataclass(slots=True)
+class DeviceHealth:
+    """Figures of one device; rates over the last second, counts since the session began."""
+
+    device: str
+    time: float
+    rate: float  # samples/s of the fastest message
+    messages: list[MessageHealth]
+    gaps: int
+    lost: int  # samples that counters say are missing
+    rejects: int
+    bytes: int
+    bytes_per_s: float
+    capacity: float | None  # bytes/s the link can carry, where known
+    jitter_ms: float | None  # p99 of arrival minus expected arrival over the last seconds
+    last_arrival: float | None
+    drift_ppm: float | None  # device clock against host clock
+    uncertainty_ms: float | None  # ± of the mapping from device time to host time
+    dropped: int = 0  # samples dropped for this browser
+
+
+@dataclass(slots=True)
+class EventInfo:
+    """Something that happened. `t0`..`t1` (host time) is the span it concerns: a gap is hatched there."""
+
+    seq: int
+    time: float
+    device: str  # "" for the server itself
+    kind: EventKind
+    level: Level
+    text: str
+    t0: float | None = None
+    t1: float | None = None
+    samples: int = 0
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Hello:
+    version: str
+    server_time: float
+    host: str
+    run: str  # changes when the server restarts: a page then forgets its channels
+    history: float  # seconds kept in memory
+    op: Literal["hello"] = "hello"
+
+
+@dataclass(slots=True)
+class Devices:
+    devices: list[DeviceInfo]
+    op: Literal["devices"] = "devices"
+
+
+@dataclass(slots=True)
+class Channels:
+    channels: list[ChannelInfo]
+    op: Literal["channels"] = "channels"
+
+
+@dataclass(slots=True)
+class HealthReport:
+    devices: list[DeviceHealth]
+    op: Literal["health"] = "health"
+
+
+@dataclass(slots=True)
+class Events:
+    events: list[EventInfo]
+    op: Literal["events"] = "events"
+
+
+@dataclass(slots=True)
+class Backfilled:
+    op: Literal["backfilled"] = "backfilled"
+
+
+@dataclass(slots=True)
+class Pong:
+    t: float
+    server_time: float
+    op: Literal["pong"] = "pong"
+
+
+@dataclass(slots=True)
+class Problem:
+    """The one shape of errors, here and in every HTTP answer."""
+
+    kind: str
+    message: str
+    hint: str = ""
+    op: Literal["error"] = "error"
+
+
+@dataclass(slots=True)
+class Subscribe:
+    history: float  # seconds of history wanted first
+    channels: list[int] | None = None  # None: all, also those that appear later
+    op: Literal["subscribe"] = "subscribe"
+
+
+@dataclass(slots=True)
+class Ping:
+    t: float
+    op: Literal["ping"] = "ping"
+
+
+ServerText = Hello | Devices | Channels | HealthReport | Events | Backfilled | Pong | Problem
+BrowserText = Subscribe | Ping
+
+
+def padded(size: int) -> int:
+    """`size` rounded up to a multiple of 8."""
+    return (size + 7) & ~7
+
+
+def encode_samples(
+    channel: int,
+    sequence: int,
+    columns: Sequence[NDArray[Any]],
+    now: float,
+    *,
+    history: bool = False,
+    dropped: int = 0,
+) -> bytes:
+    """One sample frame.
+
+    Args:
+        columns: `arrival`, `time`, then the channel's own; 1-d, equal length, the advertised dtypes.
+    """
+    n = len(columns[0])
+    size = HEADER.size + sum(padded(n * column.itemsize) for column in columns)
+    out = bytearray(size)
+    HEADER.pack_into(
+        out, 0, OPCODE_SAMPLES, FLAG_HISTORY if history else 0, len(columns), channel, n, dropped, sequence, size, 0, now
+    )
+    at = HEADER.size
+    for column in columns:
+        little = column.astype(column.dtype.newbyteorder("<"), copy=False)
+        out[at : at + little.nbytes] = np.ascontiguousarray(little).tobytes()
+        at += padded(little.nbytes)
+    return bytes(out)
