@@ -1,0 +1,2 @@
+/** Where the page starts: theme, store, shell. */
+import "./ui/tokens.css";

@@ -1,0 +1,21 @@
+/** How the page is built: from web/ into server/page/, which the server hands out under a strict content-security policy. */
+import { defineConfig } from "vitest/config";
+
+/** The server that `npm run dev` passes the API and the WebSocket on to. */
+const SERVER = "http://127.0.0.1:8080";
+
+export default defineConfig({
+  base: "/",
+  build: {
+    outDir: "../server/page",
+    emptyOutDir: true,
+    target: "es2022",
+    // Nothing is inlined as data: or blob: — the policy is default-src 'self', and a worker must be a file of its own.
+    assetsInlineLimit: 0,
+    modulePreload: { polyfill: false },
+    sourcemap: false,
+  },
+  worker: { format: "es" },
+  server: { proxy: { "/api": SERVER, "/ws": { target: SERVER, ws: true }, "/healthz": SERVER } },
+  test: { include: ["src/**/*.test.ts"], environment: "node" },
+});
