@@ -68,6 +68,7 @@ SUBPROTOCOL = "imuscope.v1"
 OPCODE_SAMPLES = 1
 FLAG_HISTORY = 1
 HEADER = struct.Struct("<BBHIIIQIId")
+HEADER_FIELDS = ("opcode", "flags", "columns", "channel", "n", "dropped", "sequence", "size", "reserved", "now")
 assert HEADER.size == 40
 
 Dtype = Literal["f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
@@ -296,7 +297,18 @@ def encode_samples(
     size = HEADER.size + sum(padded(n * column.itemsize) for column in columns)
     out = bytearray(size)
     HEADER.pack_into(
-        out, 0, OPCODE_SAMPLES, FLAG_HISTORY if history else 0, len(columns), channel, n, dropped, sequence, size, 0, now
+        out,
+        0,
+        OPCODE_SAMPLES,
+        FLAG_HISTORY if history else 0,
+        len(columns),
+        channel,
+        n,
+        dropped,
+        sequence,
+        size,
+        0,
+        now,
     )
     at = HEADER.size
     for column in columns:

@@ -1,0 +1,152 @@
+"""How does the page know the wire? `python -m server.wire_types` writes web/src/wire/types.ts from server/wire.py.
+
+server/wire.py is the only place where a field of the wire is added. This file reads its *source*, so that what a reader
+sees there (the order, the docstrings, the comment behind a field) is what stands in the TypeScript, and turns
+
+    X = Literal["a", "b"]              into   export type X = "a" | "b";
+    X = A | B                          into   export type X = A | B;
+    @dataclass class X: a: int | None  into   export interface X { readonly a: number | null }
+
+The binary header becomes constants: the offset of each field, the size of each dtype. Anything that this small table of
+types does not know is an error here rather than a guess there.
+
+    python -m server.wire_types            write the file
+    python -m server.wire_types --check    exit status 1 when it is stale
+"""
+
+from __future__ import annotations
+
+import ast
+import struct
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from server import wire
+
+TARGET = Path(__file__).resolve().parent.parent / "web" / "src" / "wire" / "types.ts"
+SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
+HEAD = """/** Types of the wire. Generated from server/wire.py by `python -m server.wire_types`; do not edit. */
+"""
+
+
+def typescript_type(node: ast.expr) -> str:
+    """The TypeScript of one annotation.
+
+    Raises:
+        ValueError: a construct that this file has no rule for.
+    """
+    match node:
+        case ast.Constant(value=None):
+            return "null"
+        case ast.Name(id=name):
+            return SCALARS.get(name, name)
+        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
+            return f"{typescript_type(left)} | {typescript_type(right)}"
+        case ast.Subscript(value=ast.Name(id="Literal"), slice=values):
+            return " | ".join(_literal(value) for value in _elements(values))
+        case ast.Subscript(value=ast.Name(id="list"), slice=item):
+            inner = typescript_type(item)
+            return f"readonly ({inner})[]" if " | " in inner else f"readonly {inner}[]"
+        case ast.Subscript(value=ast.Name(id="dict"), slice=ast.Tuple(elts=[key, value])):
+            return f"Readonly<Record<{typescript_type(key)}, {typescript_type(value)}>>"
+    raise ValueError(f"no TypeScript for {ast.unparse(node)!r}")
+
+
+def _elements(node: ast.expr) -> list[ast.expr]:
+    return list(node.elts) if isinstance(node, ast.Tuple) else [node]
+
+
+def _literal(node: ast.expr) -> str:
+    if not isinstance(node, ast.Constant) or not isinstance(node.value, str):
+        raise ValueError(f"only strings may be literals on the wire, not {ast.unparse(node)!r}")
+    return f'"{node.value}"'
+
+
+def _doc(text: str, indent: str = "") -> str:
+    """A JSDoc comment of `text`, "" when there is none."""
+    lines = text.strip().splitlines()
+    if not lines:
+        return ""
+    if len(lines) == 1:
+        return f"{indent}/** {lines[0]} */\n"
+    body = "".join(f"{indent} * {line.strip()}".rstrip() + "\n" for line in lines)
+    return f"{indent}/**\n{body}{indent} */\n"
+
+
+def _is_dataclass(node: ast.ClassDef) -> bool:
+    return any("dataclass" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def _interface(node: ast.ClassDef, lines: list[str]) -> str:
+    """One dataclass as an interface; the comment behind a field becomes its doc comment."""
+    out = [_doc(ast.get_docstring(node) or "") + f"export interface {node.name} {{\n"]
+    for item in node.body:
+        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
+            line = lines[(item.end_lineno or item.lineno) - 1]
+            _, _, comment = line.encode()[item.end_col_offset or 0 :].decode().partition("#")
+            out.append(_doc(comment, "  ") + f"  readonly {item.target.id}: {typescript_type(item.annotation)};\n")
+    out.append("}\n")
+    return "".join(out)
+
+
+def _is_alias(node: ast.Assign, known: set[str]) -> bool:
+    names = {name.id for name in ast.walk(node.value) if isinstance(name, ast.Name)}
+    return bool(names) and isinstance(node.value, ast.BinOp | ast.Subscript) and names <= known | {"Literal"}
+
+
+def _declarations(source: str) -> Iterator[str]:
+    lines = source.splitlines()
+    known: set[str] = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ClassDef) and _is_dataclass(node):
+            known.add(node.name)
+            yield _interface(node, lines)
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, known):
+            known.add(node.targets[0].id)
+            yield f"export type {node.targets[0].id} = {typescript_type(node.value)};\n"
+
+
+def _constants() -> str:
+    """The binary header as numbers: offsets from the start of a frame, in bytes."""
+    codes = wire.HEADER.format.lstrip("<")
+    offsets = [struct.calcsize("<" + codes[:i]) for i in range(len(codes))]
+    fields = "".join(
+        f"  {name}: {at},\n" for name, at in zip(wire.HEADER_FIELDS, offsets, strict=True) if name != "reserved"
+    )
+    sizes = "".join(f"  {dtype}: {int(dtype[1:])},\n" for dtype in wire.Dtype.__args__)  # type: ignore[attr-defined]
+    return (
+        f'export const SUBPROTOCOL = "{wire.SUBPROTOCOL}";\n'
+        f"export const OPCODE_SAMPLES = {wire.OPCODE_SAMPLES};\n"
+        "/** Bit of `flags`: older than what was live when the subscription was made. */\n"
+        f"export const FLAG_HISTORY = {wire.FLAG_HISTORY};\n"
+        "/** Size of a sample frame's header in bytes; the columns follow. */\n"
+        f"export const HEADER_SIZE = {wire.HEADER.size};\n"
+        "/** Where each header field stands in a sample frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */\n"
+        f"export const HEADER = {{\n{fields}}} as const;\n"
+        "/** Bytes of one value of each dtype. */\n"
+        f"export const DTYPE_SIZE = {{\n{sizes}}} as const;\n"
+    )
+
+
+def generate() -> str:
+    """The whole of types.ts."""
+    source = Path(wire.__file__).read_text(encoding="utf-8")
+    return "\n".join([HEAD, _constants(), *_declarations(source)])
+
+
+def main(arguments: list[str]) -> int:
+    text = generate()
+    if "--check" in arguments:
+        if TARGET.exists() and TARGET.read_text(encoding="utf-8") == text:
+            return 0
+        print(f"{TARGET} is stale: run python -m server.wire_types", file=sys.stderr)
+        return 1
+    TARGET.parent.mkdir(parents=True, exist_ok=True)
+    TARGET.write_text(text, encoding="utf-8")
+    print(TARGET)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

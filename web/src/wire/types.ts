@@ -1,0 +1,248 @@
+/** Types of the wire. Generated from server/wire.py by `python -m server.wire_types`; do not edit. */
+
+export const SUBPROTOCOL = "imuscope.v1";
+export const OPCODE_SAMPLES = 1;
+/** Bit of `flags`: older than what was live when the subscription was made. */
+export const FLAG_HISTORY = 1;
+/** Size of a sample frame's header in bytes; the columns follow. */
+export const HEADER_SIZE = 40;
+/** Where each header field stands in a sample frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */
+export const HEADER = {
+  opcode: 0,
+  flags: 1,
+  columns: 2,
+  channel: 4,
+  n: 8,
+  dropped: 12,
+  sequence: 16,
+  size: 24,
+  now: 32,
+} as const;
+/** Bytes of one value of each dtype. */
+export const DTYPE_SIZE = {
+  f4: 4,
+  f8: 8,
+  i1: 1,
+  u1: 1,
+  i2: 2,
+  u2: 2,
+  i4: 4,
+  u4: 4,
+  i8: 8,
+  u8: 8,
+} as const;
+
+export type Dtype = "f4" | "f8" | "i1" | "u1" | "i2" | "u2" | "i4" | "u4" | "i8" | "u8";
+
+export type Severity = "" | "caution" | "fault";
+
+export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
+
+export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device";
+
+export type Level = "info" | "caution" | "fault";
+
+/** One flag (width 1) or bit group of a status column; drawn as a lane. */
+export interface BitsInfo {
+  readonly name: string;
+  readonly low: number;
+  readonly width: number;
+  /** value (decimal, as JSON keys are strings) → meaning */
+  readonly choices: Readonly<Record<string, string>>;
+  readonly severity: Severity;
+  readonly normal_set: boolean;
+  readonly doc: string;
+}
+
+/** One column of a channel, after `arrival` and `time`. */
+export interface ColumnInfo {
+  /** unique in the channel: "x", "yaw", "itow", "q0" */
+  readonly name: string;
+  readonly dtype: Dtype;
+  readonly unit: string;
+  /** short label on the plot; "" means name */
+  readonly label: string;
+  /** which axis colour it has */
+  readonly axis: "" | "x" | "y" | "z" | "w";
+  readonly choices: Readonly<Record<string, string>>;
+  readonly bits: readonly BitsInfo[];
+  /** digits after the point; -1: the page chooses */
+  readonly decimals: number;
+  /** wraps at this value; 0: never */
+  readonly period: number;
+  readonly doc: string;
+}
+
+/** One quantity of one device. */
+export interface ChannelInfo {
+  readonly id: number;
+  /** DeviceInfo.id */
+  readonly device: string;
+  /** the document's message name: "MTData2" */
+  readonly message: string;
+  /** the document's quantity name: "Acceleration" */
+  readonly name: string;
+  /** for a person: "Acceleration" */
+  readonly title: string;
+  readonly kind: "vector" | "quaternion" | "matrix" | "euler" | "status" | "scalar" | "record" | "rows" | "counter";
+  readonly unit: string;
+  /** "ENU", "NED", "NWU", "ECEF", "ENU from body" or "" */
+  readonly frame: string;
+  readonly columns: readonly ColumnInfo[];
+  readonly doc: string;
+  readonly source: string;
+}
+
+/** One attempt to reach a device, in words. */
+export interface Try {
+  /** "921 600 Bd" */
+  readonly what: string;
+  /** "2 304 B, no frame in them" */
+  readonly outcome: string;
+  readonly time: number;
+}
+
+/** A device and the link it is on. */
+export interface DeviceInfo {
+  /** stable for this server run: "1" */
+  readonly id: string;
+  /** what the rail shows: "MTi-630" */
+  readonly name: string;
+  /** as given: "/dev/ttyUSB0", "twin:xbus" */
+  readonly source: string;
+  readonly link: "serial" | "tcp" | "tcp-listen" | "udp" | "file" | "twin";
+  readonly status: DeviceStatus;
+  /** "xbus", "" while unknown */
+  readonly protocol: string;
+  /** "MTi-630 AHRS" */
+  readonly product: string;
+  readonly serial_number: string;
+  readonly firmware: string;
+  readonly baud: number | null;
+  /** one sentence about the state: "/dev/ttyUSB0 is gone." */
+  readonly message: string;
+  /** what to do next */
+  readonly hint: string;
+  readonly tries: readonly Try[];
+  /** unix seconds of the next attempt */
+  readonly next_try: number | null;
+  readonly last_arrival: number | null;
+  /** standing remarks: a high USB latency timer and its fix */
+  readonly notices: readonly string[];
+}
+
+/** Figures of one message of one device. */
+export interface MessageHealth {
+  readonly name: string;
+  /** samples/s over the last second */
+  readonly rate: number;
+  /** since the session began */
+  readonly count: number;
+}
+
+/** Figures of one device; rates over the last second, counts since the session began. */
+export interface DeviceHealth {
+  readonly device: string;
+  readonly time: number;
+  /** samples/s of the fastest message */
+  readonly rate: number;
+  readonly messages: readonly MessageHealth[];
+  readonly gaps: number;
+  /** samples that counters say are missing */
+  readonly lost: number;
+  readonly rejects: number;
+  readonly bytes: number;
+  readonly bytes_per_s: number;
+  /** bytes/s the link can carry, where known */
+  readonly capacity: number | null;
+  /** p99 of arrival minus expected arrival over the last seconds */
+  readonly jitter_ms: number | null;
+  readonly last_arrival: number | null;
+  /** device clock against host clock */
+  readonly drift_ppm: number | null;
+  /** ± of the mapping from device time to host time */
+  readonly uncertainty_ms: number | null;
+  /** samples dropped for this browser */
+  readonly dropped: number;
+}
+
+/** Something that happened. `t0`..`t1` (host time) is the span it concerns: a gap is hatched there. */
+export interface EventInfo {
+  readonly seq: number;
+  readonly time: number;
+  /** "" for the server itself */
+  readonly device: string;
+  readonly kind: EventKind;
+  readonly level: Level;
+  readonly text: string;
+  readonly t0: number | null;
+  readonly t1: number | null;
+  readonly samples: number;
+  readonly data: Readonly<Record<string, unknown>>;
+}
+
+export interface Hello {
+  readonly version: string;
+  readonly server_time: number;
+  readonly host: string;
+  /** changes when the server restarts: a page then forgets its channels */
+  readonly run: string;
+  /** seconds kept in memory */
+  readonly history: number;
+  readonly op: "hello";
+}
+
+export interface Devices {
+  readonly devices: readonly DeviceInfo[];
+  readonly op: "devices";
+}
+
+export interface Channels {
+  readonly channels: readonly ChannelInfo[];
+  readonly op: "channels";
+}
+
+export interface HealthReport {
+  readonly devices: readonly DeviceHealth[];
+  readonly op: "health";
+}
+
+export interface Events {
+  readonly events: readonly EventInfo[];
+  readonly op: "events";
+}
+
+export interface Backfilled {
+  readonly op: "backfilled";
+}
+
+export interface Pong {
+  readonly t: number;
+  readonly server_time: number;
+  readonly op: "pong";
+}
+
+/** The one shape of errors, here and in every HTTP answer. */
+export interface Problem {
+  readonly kind: string;
+  readonly message: string;
+  readonly hint: string;
+  readonly op: "error";
+}
+
+export interface Subscribe {
+  /** seconds of history wanted first */
+  readonly history: number;
+  /** None: all, also those that appear later */
+  readonly channels: readonly number[] | null;
+  readonly op: "subscribe";
+}
+
+export interface Ping {
+  readonly t: number;
+  readonly op: "ping";
+}
+
+export type ServerText = Hello | Devices | Channels | HealthReport | Events | Backfilled | Pong | Problem;
+
+export type BrowserText = Subscribe | Ping;
