@@ -1,0 +1,139 @@
+"""What is a link? A place that bytes come from and go to, and nothing else.
+
+    device ══ wire ══> Link ── Chunk(data, arrival_ns) ──> session ── decoder …
+                        ^────────── write(bytes) ─────────────┘
+
+A link does not know frames. It promises three things: every byte is delivered once and in order, each chunk carries the
+host time at which it arrived, taken right after the read returned and before anything else could run, and a link that
+is dead says so at once with a `LinkError` that a person can act on.
+
+## Life of a link
+
+    open()   connects; with `progress` every attempt is reported in words
+    read()   waits, then returns everything that has arrived; raises LinkError once the link is dead and drained
+    write()  sends
+    close()  idempotent, also from within a failed open(); frees threads and file descriptors
+
+A closed link may be opened again. One task reads; any task of the same event loop may write or close.
+
+## Arrival time
+
+`LinkSettings.now_ns` is the clock for arrival stamps: nanoseconds since the Unix epoch, the monotonic clock plus a wall
+offset fixed once (`steady_clock`), so that a step of the wall clock never makes time run backwards within a session.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from server.wire import Try
+
+__all__ = ["Chunk", "ErrorKind", "Link", "LinkError", "LinkKind", "LinkSettings", "Progress", "Try", "steady_clock"]
+
+LinkKind = Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
+ErrorKind = Literal["gone", "denied", "busy", "refused", "not-found", "bad-source", "ended"]
+Progress = Callable[[Try], None]
+
+
+def steady_clock() -> Callable[[], int]:
+    """A clock that never steps: ns since the Unix epoch, as the wall clock stood when this was called."""
+    offset = time.time_ns() - time.monotonic_ns()
+    return lambda: time.monotonic_ns() + offset
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes as the link gave them, and the host time (ns since the Unix epoch) at which they arrived."""
+
+    data: bytes
+    arrival_ns: int
+
+
+class LinkError(Exception):
+    """The world did not cooperate.
+
+    Args:
+        kind: "gone" it was there and is not any more · "denied" no permission · "busy" another program has it ·
+            "refused" nobody answers at that address · "not-found" there is no such port, host or file ·
+            "bad-source" the source is written wrongly (retrying cannot help) · "ended" a file has been played.
+        message: one sentence, for a person.
+        hint: what to do next, "" only where there is nothing to do.
+    """
+
+    def __init__(self, kind: ErrorKind, message: str, hint: str = "") -> None:
+        super().__init__(f"{message} {hint}".rstrip())
+        self.kind = kind
+        self.message = message
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSettings:
+    """What all links of a server share.
+
+    Args:
+        now_ns: clock for arrival stamps, see the module docstring.
+        connect_timeout_s: how long a TCP connection may take to be answered. 5 s: a host that is up answers in
+            milliseconds, and the session retries anyway.
+        sys_root: where sysfs is mounted, for the latency timer of USB adapters.
+        protocol: the protocol that the user named for this source, "" for automatic; a file is played by its clock.
+    """
+
+    now_ns: Callable[[], int]
+    connect_timeout_s: float = 5.0
+    sys_root: Path = Path("/sys")
+    protocol: str = ""
+
+
+class Link(ABC):
+    """One link.
+
+    Attributes:
+        source: as the user gave it: "/dev/ttyUSB0", "twin:xbus".
+        kind: what it is, for the page.
+        capacity: bytes/s that the link can carry, None where that is not known (a network, a file).
+        baud: the rate in use, None where there is none.
+        notices: standing remarks for the page, each a sentence with its fix.
+    """
+
+    kind: LinkKind
+
+    def __init__(self, source: str, settings: LinkSettings) -> None:
+        self.source = source
+        self.settings = settings
+        self.capacity: float | None = None
+        self.baud: int | None = None
+        self.notices: list[str] = []
+
+    @abstractmethod
+    async def open(self, progress: Progress | None = None) -> None:
+        """Connect; report each attempt to `progress`.
+
+        Raises:
+            LinkError: it cannot be opened; nothing is left open behind it.
+        """
+
+    @abstractmethod
+    async def read(self) -> list[Chunk]:
+        """Wait for bytes; then everything that has arrived, oldest first, at least one chunk.
+
+        Raises:
+            LinkError: the link is dead; everything that came before has been returned.
+        """
+
+    @abstractmethod
+    async def write(self, data: bytes) -> None:
+        """Send `data` whole.
+
+        Raises:
+            LinkError: it could not be sent, or the link has no way back (a file).
+        """
+
+    @abstractmethod
+    async def close(self) -> None:
+        """Stop reading and free everything. Idempotent; a waiting `read` ends with LinkError "gone"."""
