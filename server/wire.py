@@ -39,10 +39,19 @@ A binary WebSocket message is one or more sample frames back to back. Little-end
 
 Columns come in the order: `arrival` (f8, unix seconds at which the bytes arrived at the host), `time` (f8, unix seconds:
 device time mapped to host time; NaN where the message has no device clock), then the channel's columns as advertised. Every
-column starts 8-byte aligned within the message, so `new Float32Array(buffer, offset, n)` needs no copy.
+column starts 8-byte aligned within the message, so `new Float32Array(buffer, offset, n)` needs no copy. Padding bytes
+have no meaning.
 
 A channel is one quantity of one device (an MTData2 item, an ISB data set). A `rows` channel is a table: several rows
 share one time (satellites); the rows with the newest time are the table now.
+
+## History
+
+A `subscribe` starts afresh: the page forgets the samples it holds. Live frames flow at once and are appended. Between
+them come history frames, newest block first, so that a plot fills from its right edge leftwards and the newest seconds
+are there at once on any link: within a frame samples ascend, and each history frame of a channel ends exactly where the
+one before it began (`sequence + n` equals that frame's `sequence`; for the first, the sequence of the first live sample).
+So history is prepended, live is appended, and nothing is sorted. `backfilled` follows the last history frame.
 
 ## Delivery
 
@@ -50,8 +59,11 @@ Samples may be dropped, oldest first, when a browser does not keep up; `dropped`
 total. Text is never dropped, except that an unsent `devices` or `health` is replaced by a newer one. A browser that cannot
 take a byte for 5 s is disconnected. Nothing a browser does slows a device or a recording.
 
-64-bit integers are BigInt64Array/BigUint64Array columns in binary frames and decimal strings in JSON. A non-finite
-number in JSON is null.
+64-bit integers are BigInt64Array/BigUint64Array columns in binary frames. In JSON an integer beyond ±(2^53 − 1), which
+JavaScript cannot hold, is a decimal string, bytes are a hex string, and a non-finite number is null.
+
+When a device changes the layout of a quantity (float32 to float64, ENU to NED) a channel of the same name is advertised
+anew; the one with the higher id is the one that lives.
 """
 
 from __future__ import annotations
@@ -259,7 +271,10 @@ class Problem:
 
 @dataclass(slots=True)
 class Subscribe:
-    history: float  # seconds of history wanted first
+    """Starts afresh: the page forgets its samples, appends live frames and prepends history frames (newest block first,
+    each ending where the one before it began; flags bit 0)."""
+
+    history: float  # seconds of history wanted
     channels: list[int] | None = None  # None: all, also those that appear later
     op: Literal["subscribe"] = "subscribe"
 

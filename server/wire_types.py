@@ -118,11 +118,11 @@ def _constants() -> str:
     return (
         f'export const SUBPROTOCOL = "{wire.SUBPROTOCOL}";\n'
         f"export const OPCODE_SAMPLES = {wire.OPCODE_SAMPLES};\n"
-        "/** Bit of `flags`: older than what was live when the subscription was made. */\n"
+        "/** Bit of `flags`: history. Prepend it; the newest block comes first, live frames may come between. */\n"
         f"export const FLAG_HISTORY = {wire.FLAG_HISTORY};\n"
         "/** Size of a sample frame's header in bytes; the columns follow. */\n"
         f"export const HEADER_SIZE = {wire.HEADER.size};\n"
-        "/** Where each header field stands in a sample frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */\n"
+        "/** Where each header field stands in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */\n"
         f"export const HEADER = {{\n{fields}}} as const;\n"
         "/** Bytes of one value of each dtype. */\n"
         f"export const DTYPE_SIZE = {{\n{sizes}}} as const;\n"

@@ -2,11 +2,11 @@
 
 export const SUBPROTOCOL = "imuscope.v1";
 export const OPCODE_SAMPLES = 1;
-/** Bit of `flags`: older than what was live when the subscription was made. */
+/** Bit of `flags`: history. Prepend it; the newest block comes first, live frames may come between. */
 export const FLAG_HISTORY = 1;
 /** Size of a sample frame's header in bytes; the columns follow. */
 export const HEADER_SIZE = 40;
-/** Where each header field stands in a sample frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */
+/** Where each header field stands in a frame, in bytes (u8, u8, u16, u32, u32, u32, u64, u32, f64). */
 export const HEADER = {
   opcode: 0,
   flags: 1,
@@ -230,8 +230,12 @@ export interface Problem {
   readonly op: "error";
 }
 
+/**
+ * Starts afresh: the page forgets its samples, appends live frames and prepends history frames (newest block first,
+ * each ending where the one before it began; flags bit 0).
+ */
 export interface Subscribe {
-  /** seconds of history wanted first */
+  /** seconds of history wanted */
   readonly history: number;
   /** None: all, also those that appear later */
   readonly channels: readonly number[] | null;
