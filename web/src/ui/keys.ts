@@ -1,0 +1,98 @@
+/**
+ * Which key does what? One table: the page listens by it, the `?` overlay prints it, the tooltips name keys from it.
+ *
+ * Letters are compared by the character typed (`event.key`), so the map follows the keyboard's layout; digits by the key's
+ * place (`event.code`), because with Shift they type something else on every layout. A key with Ctrl, Alt or Meta belongs to
+ * the browser and is left alone.
+ */
+
+export type KeyAction =
+  | { readonly do: "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
+  | { readonly do: "pan"; readonly windows: number }
+  | { readonly do: "step"; readonly samples: number }
+  | { readonly do: "span"; readonly longer: boolean }
+  | { readonly do: "zoom"; readonly factor: number }
+  | { readonly do: "series"; readonly index: number; readonly alone: boolean };
+
+/** What `actionFor` reads of a KeyboardEvent. */
+export interface KeyPress {
+  readonly key: string;
+  readonly code: string;
+  readonly shiftKey: boolean;
+  readonly ctrlKey: boolean;
+  readonly altKey: boolean;
+  readonly metaKey: boolean;
+}
+
+/** How much one press of `+` or `-` changes the window. */
+export const ZOOM_STEP = 1.5;
+
+/** One line of the overlay: the keys as printed, and what they do. */
+export interface KeyLine {
+  readonly keys: readonly string[];
+  readonly what: string;
+}
+
+export const KEY_LINES: readonly KeyLine[] = [
+  { keys: ["Space"], what: "Live or pause" },
+  { keys: ["←", "→"], what: "Back, forward a tenth of the window" },
+  { keys: ["Shift ←", "Shift →"], what: "Back, forward a whole window" },
+  { keys: [",", "."], what: "Back, forward one sample" },
+  { keys: ["[", "]"], what: "Shorter, longer window" },
+  { keys: ["+", "−"], what: "Zoom in, out" },
+  { keys: ["F"], what: "Fit all that is in memory" },
+  { keys: ["Home", "End"], what: "To the start, to now" },
+  { keys: ["T"], what: "Device time or arrival time" },
+  { keys: ["1 … 9"], what: "Hide or show a series" },
+  { keys: ["Shift 1 … 9"], what: "Show that series alone" },
+  { keys: ["?"], what: "This list" },
+  { keys: ["Esc"], what: "Close, or unpin the cursor" },
+];
+
+const SIMPLE: Readonly<Record<string, KeyAction>> = {
+  " ": { do: "playPause" },
+  ",": { do: "step", samples: -1 },
+  ".": { do: "step", samples: 1 },
+  "[": { do: "span", longer: false },
+  "]": { do: "span", longer: true },
+  "+": { do: "zoom", factor: 1 / ZOOM_STEP },
+  "=": { do: "zoom", factor: 1 / ZOOM_STEP },
+  "-": { do: "zoom", factor: ZOOM_STEP },
+  _: { do: "zoom", factor: ZOOM_STEP },
+  f: { do: "fit" },
+  home: { do: "start" },
+  end: { do: "now" },
+  t: { do: "timeBase" },
+  "?": { do: "help" },
+  escape: { do: "close" },
+};
+
+/** The action of a key press, or undefined when the key is not ours. */
+export function actionFor(press: KeyPress): KeyAction | undefined {
+  if (press.ctrlKey || press.altKey || press.metaKey) return undefined;
+  const key = press.key.toLowerCase();
+  if (key === "arrowleft" || key === "arrowright") {
+    return { do: "pan", windows: (key === "arrowleft" ? -1 : 1) * (press.shiftKey ? 1 : 0.1) };
+  }
+  const digit = /^(?:Digit|Numpad)([1-9])$/.exec(press.code);
+  if (digit) return { do: "series", index: Number(digit[1]) - 1, alone: press.shiftKey };
+  return SIMPLE[key];
+}
+
+/** The window lengths of the menu, in seconds; `[` and `]` step through them. */
+export const SPANS: readonly number[] = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600];
+
+/** The next longer or shorter window of the menu; the ends stay. */
+export function nextSpan(current: number, longer: boolean): number {
+  const eps = current * 1e-6;
+  const found = longer ? SPANS.find((s) => s > current + eps) : SPANS.findLast((s) => s < current - eps);
+  return found ?? (longer ? Math.max(current, SPANS.at(-1) ?? current) : Math.min(current, SPANS[0] ?? current));
+}
+
+/** Where typing belongs to a control and not to the page. Space and Enter also belong to a focused button or link. */
+export function belongsToControl(tag: string, type: string, editable: boolean, press: KeyPress): boolean {
+  if (editable || tag === "TEXTAREA" || tag === "SELECT") return true;
+  if (tag === "INPUT" && !["checkbox", "radio", "button", "range"].includes(type)) return true;
+  const pressing = press.key === " " || press.key === "Enter";
+  return pressing && (tag === "BUTTON" || tag === "A" || tag === "SUMMARY" || tag === "INPUT");
+}
