@@ -95,16 +95,32 @@ def _is_alias(node: ast.Assign, known: set[str]) -> bool:
     return bool(names) and isinstance(node.value, ast.BinOp | ast.Subscript) and names <= known | {"Literal"}
 
 
+def _reachable(nodes: dict[str, ast.stmt]) -> set[str]:
+    """The names that the two directions of the wire are made of; the rest of wire.py is for Python only."""
+    found: set[str] = set()
+    todo = ["ServerText", "BrowserText"]
+    while todo:
+        name = todo.pop()
+        if name in nodes and name not in found:
+            found.add(name)
+            todo += [part.id for part in ast.walk(nodes[name]) if isinstance(part, ast.Name)]
+    return found
+
+
 def _declarations(source: str) -> Iterator[str]:
     lines = source.splitlines()
-    known: set[str] = set()
+    nodes: dict[str, ast.stmt] = {}
     for node in ast.parse(source).body:
         if isinstance(node, ast.ClassDef) and _is_dataclass(node):
-            known.add(node.name)
+            nodes[node.name] = node
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, set(nodes)):
+            nodes[node.targets[0].id] = node
+    wanted = _reachable(nodes)
+    for name, node in nodes.items():
+        if name in wanted and isinstance(node, ast.ClassDef):
             yield _interface(node, lines)
-        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, known):
-            known.add(node.targets[0].id)
-            yield f"export type {node.targets[0].id} = {typescript_type(node.value)};\n"
+        elif name in wanted and isinstance(node, ast.Assign):
+            yield f"export type {name} = {typescript_type(node.value)};\n"
 
 
 def _constants() -> str:
