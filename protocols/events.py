@@ -35,9 +35,9 @@ class Batch:
         device: who sent it within the stream ("" where a stream has one device; an IDTP device id).
         arrival_ns: (n,) int64, host time of the chunk that completed each frame, ns since the Unix epoch.
         offset: (n,) int64, where each frame began in the stream, bytes.
-        time_ns: (n,) int64, unwrapped device time, ns since the device's own epoch; None when the message has no clock.
-        columns: field name → array of n rows in native byte order and shown units (float64, or the wire's own integer or
-            float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
+        time_ns: (n,) int64, unwrapped device time, ns since the device's own epoch; None when there is no clock in it.
+        columns: field name → array of n rows in native byte order and shown units (float64, or the wire's own integer
+            or float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
         verified: False for data whose authenticity was asked for and could not be checked.
     """
 
@@ -80,7 +80,7 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Reject:
-    """A candidate that failed: `reason` is one word of the protocol's list ("bad_checksum", "bad_size", "truncated")."""
+    """A candidate that failed: `reason` is a word of the protocol's list ("bad_checksum", "bad_size", "truncated")."""
 
     offset: int
     size: int

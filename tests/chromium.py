@@ -1,0 +1,102 @@
+"""Where does a browser for the tests come from?
+
+    IMUSCOPE_CHROMIUM ─> on the path ─> usual places ─> Playwright's own download ─> the distribution's package
+
+The first that starts is taken. Only the last two change anything on the machine, and only `provide` (called by
+tests/check.py) goes that far; a plain `pytest` takes what `find` finds.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+PLACES = (
+    "/usr/bin",
+    "/usr/local/bin",
+    "/snap/bin",
+    "/opt/google/chrome",
+    "/usr/lib/chromium",
+    "/usr/lib/chromium-browser",
+)
+MAC = "/Applications/{0}.app/Contents/MacOS/{0}"
+
+# No sandbox as root, where Chromium refuses to have one; no /dev/shm, which containers keep too small.
+ARGUMENTS = ["--disable-dev-shm-usage", "--force-color-profile=srgb", "--font-render-hinting=none"]
+if hasattr(os, "geteuid") and os.geteuid() == 0:
+    ARGUMENTS.append("--no-sandbox")
+
+
+def find() -> Path | None:
+    """A Chromium that is on this machine already and starts, or None."""
+    return next((path for path in _candidates() if version(path)), None)
+
+
+def provide(say: Callable[[str], None]) -> Path | None:
+    """A Chromium, fetched if need be; `say` is told what was done, one line at a time."""
+    if path := find():
+        say(f"Chromium: {path} ({version(path)})")
+        return path
+    say("Chromium: none on this machine; trying Playwright's own download")
+    steps: list[tuple[str, list[list[str]]]] = [
+        ("Playwright's download", [[sys.executable, "-m", "playwright", "install", "chromium"]])
+    ]
+    if shutil.which("apt-get") and os.geteuid() == 0:
+        install = ["apt-get", "install", "-y", "--no-install-recommends", "chromium"]
+        steps.append(("apt-get install chromium", [["apt-get", "update"], install]))
+    for name, commands in steps:
+        failure = next(filter(None, map(_failure, commands)), "")
+        if not failure and (path := find()):
+            say(f"Chromium: {path} ({version(path)}), from {name}")
+            return path
+        say(f"Chromium: {name} did not give one that starts. {failure}".rstrip())
+    say("Chromium: still none. Install it (package chromium, or google-chrome), or name one in IMUSCOPE_CHROMIUM")
+    return None
+
+
+def version(path: Path) -> str:
+    """What the browser calls itself; "" when it does not start (a library is missing, a stub names a snap)."""
+    try:
+        answer = subprocess.run(
+            [path, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return answer.stdout.strip() if answer.returncode == 0 else ""
+
+
+def _candidates() -> Iterator[Path]:
+    if named := os.environ.get("IMUSCOPE_CHROMIUM"):
+        yield Path(named)
+    for name in NAMES:
+        if found := shutil.which(name):
+            yield Path(found)
+    for place in PLACES:
+        for name in NAMES:
+            if (path := Path(place) / name).is_file():
+                yield path
+    for name in ("Google Chrome", "Chromium"):
+        if (path := Path(MAC.format(name))).is_file():
+            yield path
+    home = Path(os.environ.get("PLAYWRIGHT_BROWSERS_PATH") or Path.home() / ".cache" / "ms-playwright")
+    for pattern in ("chromium-*/chrome-linux*/chrome", "chromium_headless_shell-*/*/*headless[-_]shell"):
+        yield from sorted(home.glob(pattern), reverse=True)
+
+
+def _failure(command: list[str]) -> str:
+    """Run a command quietly; "" or the last thing it said."""
+    env = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    out = subprocess.PIPE
+    try:
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, text=True, timeout=300, env=env
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    lines = done.stdout.strip().splitlines() or [f"exit status {done.returncode}"]
+    return lines[-1] if done.returncode else ""

@@ -1,0 +1,159 @@
+"""What every test can ask for: hypothesis profiles, captures, the real server, a real browser page.
+
+    captures   folder of device captures beside the project; the test is skipped, with the reason, where there is none
+    serve      starts a server process: serve("twin:xbus") → ServerProcess with .url and .log; all are ended afterwards
+    server     one such process with its default twin, shared by the tests of a module
+    open_page  opens a page in Chromium: open_page(url, width=…, dark=…) → playwright Page
+    page       `server`'s page at 1440 × 900, dark
+
+A page fails its test when anything is written to its console as an error, when a script throws, or when it asks any
+other host for anything. Browser tests run last. Without a browser they fail in CI and are skipped by hand.
+
+Profiles: `fast` (default) draws the same examples each time, so a red run is a change; `deep` (HYPOTHESIS_PROFILE=deep)
+draws new ones, many more.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from hypothesis import HealthCheck, settings
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
+
+from tests import chromium
+from tests.process import ROOT, ServerProcess
+
+ARTIFACTS = ROOT / "artifacts"
+SHARED = ROOT.parent / "shared"
+
+# Servers started by tests have a data folder each; what numba compiled is kept for all of them.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
+
+SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
+settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)
+settings.register_profile("deep", max_examples=2000, deadline=None, print_blob=True, suppress_health_check=SLOW)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Quick tests first: the browser's come last."""
+    folder = Path(__file__).parent / "browser"
+    for item in items:
+        if folder in item.path.parents:
+            item.add_marker(pytest.mark.browser)
+    items.sort(key=lambda item: folder in item.path.parents)
+
+
+@pytest.fixture(scope="session")
+def captures() -> Path:
+    """Folder with one folder of device captures per protocol."""
+    folder = SHARED / "captures"
+    if not folder.is_dir():
+        pytest.skip(f"no captures: {folder} is not there")
+    return folder
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[..., ServerProcess]]:
+    """Start a server: serve(*sources, arguments=()) → ServerProcess."""
+    yield from _serving(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """A server with its twin, for the tests of one module."""
+    for start in _serving(tmp_path_factory.mktemp("data")):
+        yield start("twin:xbus")
+
+
+def _serving(folder: Path) -> Iterator[Callable[..., ServerProcess]]:
+    running: list[ServerProcess] = []
+
+    def start(*sources: str, arguments: tuple[str, ...] = ()) -> ServerProcess:
+        running.append(ServerProcess(*sources, data=folder / f"data{len(running)}", arguments=arguments))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.stop()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """One Chromium for the tests of a module. (Not for the session: Playwright keeps an event loop running in this
+    thread, in which other tests could not run theirs.)"""
+    path = chromium.find()
+    if path is None:
+        reason = "no Chromium: install one, or name it in IMUSCOPE_CHROMIUM (tests/check.py tries to fetch one)"
+        if os.environ.get("CI") or os.environ.get("IMUSCOPE_NEEDS_BROWSER"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    with sync_playwright() as playwright:
+        engine = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        yield engine
+        engine.close()
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
+    """Open a page: open_page(url, width=1440, height=900, dark=True, touch=False, reduced_motion=False) → Page."""
+    complaints: list[str] = []
+    contexts = []
+
+    def start(
+        url: str, *, width: int = 1440, height: int = 900, dark: bool = True, touch: bool = False, still: bool = False
+    ) -> Page:
+        context = browser.new_context(
+            viewport={"width": width, "height": height},
+            color_scheme="dark" if dark else "light",
+            has_touch=touch,
+            is_mobile=touch,
+            reduced_motion="reduce" if still else "no-preference",
+        )
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(20_000)
+        watch(page, url, complaints)
+        page.goto(url)
+        return page
+
+    yield start
+    for context in contexts:
+        context.close()
+    assert not complaints, "\n".join(complaints)
+
+
+@pytest.fixture
+def page(open_page: Callable[..., Page], server: ServerProcess) -> Page:
+    """The page of `server`, wide and dark, once samples are arriving."""
+    page = open_page(server.url)
+    page.wait_for_function("window.imuscope?.store.channels.value.some(c => c.ring.length > 20)")
+    return page
+
+
+def watch(page: Page, url: str, complaints: list[str]) -> None:
+    """Note what may never happen: an error on the console, a script that throws, a request to another host."""
+    home = urlsplit(url).netloc
+
+    def asked(request: Request) -> None:
+        target = urlsplit(request.url)
+        if target.scheme not in ("data", "blob") and target.netloc != home:
+            complaints.append(f"asked another host: {request.url}")
+
+    def complained(message: ConsoleMessage) -> None:
+        # A server that goes down on purpose is reported by the browser itself, which no page can prevent.
+        if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text:
+            complaints.append(f"console: {message.text}")
+
+    def connected(socket: WebSocket) -> None:
+        if urlsplit(socket.url).netloc != home:
+            complaints.append(f"connected to another host: {socket.url}")
+
+    page.on("console", complained)
+    page.on("pageerror", lambda error: complaints.append(f"threw: {error}"))
+    page.on("request", asked)
+    page.on("websocket", connected)

@@ -1,0 +1,108 @@
+"""How do tests and benchmarks run the real server? As a process of its own, on a port the system chooses."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from pathlib import Path
+from types import TracebackType
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+class ServerProcess:
+    """`imuscope serve SOURCE …`, started and waited for until it answers.
+
+    Args:
+        sources: as on the command line; none starts what the command starts by itself.
+        data: the data folder.
+        arguments: further options.
+        timeout_s: time allowed until /healthz answers (a first start compiles).
+    Raises:
+        RuntimeError: the server ended or did not answer; the message holds what it printed.
+    """
+
+    def __init__(self, *sources: str, data: Path, arguments: tuple[str, ...] = (), timeout_s: float = 60) -> None:
+        command = [sys.executable, "-m", "server.cli", "serve", *sources]
+        command += ["--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
+        # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
+        self.process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+        )
+        self.lines: list[str] = []
+        self._address = threading.Event()
+        self.url = ""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        try:
+            self._wait(timeout_s)
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def log(self) -> str:
+        """Everything printed so far."""
+        return "".join(self.lines)
+
+    def stop(self) -> int:
+        """End the process, kindly first. Returns its exit status."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(10)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+        status = self.process.wait()
+        self._reader.join(5)
+        if self.process.stdout:
+            self.process.stdout.close()
+        return status
+
+    def __enter__(self) -> ServerProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.lines.append(line)
+            if not self.url and (found := re.search(r"https?://[\w.:\[\]-]+", line)):
+                self.url = found[0].rstrip("/")
+                self._address.set()
+        self._address.set()
+
+    def _wait(self, timeout_s: float) -> None:
+        deadline = time.monotonic() + timeout_s
+        self._address.wait(timeout_s)
+        while time.monotonic() < deadline:
+            if self.process.poll() is not None:
+                break
+            if self.url and self._answers():
+                return
+            time.sleep(0.02)
+        raise RuntimeError(f"the server did not come up ({' '.join(self.process.args[1:])}):\n{self.log}")  # type: ignore[arg-type]
+
+    def _answers(self) -> bool:
+        try:
+            with urllib.request.urlopen(f"{self.url}/healthz", timeout=2) as answer:
+                return bool(answer.status == 200)
+        except OSError:
+            return False
