@@ -1,0 +1,86 @@
+"""web/build.py: when is the page stale, and what is said when npm fails."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from tests.process import ROOT
+
+
+@pytest.fixture
+def build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module, loaded as hatchling loads it, looking at a small web/ of its own."""
+    spec = importlib.util.spec_from_file_location("page_build", ROOT / "web" / "build.py")
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    web, page = tmp_path / "web", tmp_path / "server" / "page"
+    (web / "src").mkdir(parents=True)
+    page.mkdir(parents=True)
+    for name in ("build.py", "index.html", "package.json", "package-lock.json", "src/main.ts", "src/main.test.ts"):
+        (web / name).write_text(name)
+    (page / "index.html").write_text("page")
+    for name, value in {"WEB": web, "PAGE": page, "STAMP": page / ".sources"}.items():
+        monkeypatch.setattr(module, name, value)
+    return module
+
+
+def test_a_change_of_sources_makes_the_page_stale(build: ModuleType) -> None:
+    assert not build.is_fresh()
+    build.STAMP.write_text(build.digest(build.sources()))
+    assert build.is_fresh()
+    assert build.build() is False  # and Node is not even looked for
+    (build.WEB / "src" / "main.test.ts").write_text("another test")
+    assert build.is_fresh()
+    (build.WEB / "src" / "main.ts").write_text("another page")
+    assert not build.is_fresh()
+
+
+def test_a_renamed_source_makes_the_page_stale(build: ModuleType) -> None:
+    before = build.digest(build.sources())
+    (build.WEB / "src" / "main.ts").rename(build.WEB / "src" / "start.ts")
+    assert build.digest(build.sources()) != before
+
+
+@pytest.mark.parametrize(
+    ("printed", "hint"),
+    [
+        ("npm error code ENOTFOUND\nnpm error network request failed", "NPM_CONFIG_REGISTRY"),
+        ("npm error code UNABLE_TO_GET_ISSUER_CERT_LOCALLY", "NODE_EXTRA_CA_CERTS"),
+        ("npm error code SELF_SIGNED_CERT_IN_CHAIN", "NODE_EXTRA_CA_CERTS"),
+    ],
+)
+def test_a_registry_out_of_reach_is_one_line_with_a_hint(build: ModuleType, printed: str, hint: str) -> None:
+    message = build._npm_failed(printed)
+    assert hint in message
+    assert "\n" not in message
+
+
+def test_certificates_that_pip_knows_are_handed_to_npm(
+    build: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    certificates = tmp_path / "certificates.pem"
+    certificates.write_text("")
+    for name in ("SSL_CERT_FILE", "NODE_EXTRA_CA_CERTS"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PIP_CERT", str(certificates))
+    shown = build._run([sys.executable, "-c", "import os; print(os.environ['NODE_EXTRA_CA_CERTS'])"])
+    assert shown.stdout.strip() == str(certificates)
+
+
+def test_first_load_keeps_its_budget() -> None:
+    page = ROOT / "server" / "page"
+    if not (page / ".sources").is_file():
+        pytest.skip("the page has not been built: python web/build.py")
+    shipped = [path for path in page.rglob("*") if path.is_file() and path.suffix not in {".gz", ".br"}]
+    packed = [path.with_name(path.name + ".gz") for path in shipped]
+    weight = sum(
+        min(path.stat().st_size for path in pair if path.is_file()) for pair in zip(packed, shipped, strict=True)
+    )
+    assert weight <= 250_000, "bytes of the whole page, compressed"
