@@ -1,0 +1,106 @@
+/**
+ * How did the last minute go? Health reports come twice a second; their recent past is kept per device, so that the rail and
+ * the health panel can draw it and say "3 gaps in the last minute". Pure; fed once per report.
+ */
+import type { DeviceHealth } from "../wire/types";
+
+/** One health report, reduced to what is drawn. */
+export interface Moment {
+  readonly time: number;
+  readonly rate: number;
+  readonly gaps: number;
+  readonly lost: number;
+  readonly rejects: number;
+  readonly jitter: number | undefined;
+  readonly drift: number | undefined;
+}
+
+export const MINUTE = 60;
+
+export class Minute {
+  #moments = new Map<string, Moment[]>();
+
+  /** Takes a report in; the same one twice is one. */
+  add(health: DeviceHealth): void {
+    const list = this.#moments.get(health.device) ?? [];
+    const last = list.at(-1);
+    if (last && health.time <= last.time) return;
+    list.push({
+      time: health.time,
+      rate: health.rate,
+      gaps: health.gaps,
+      lost: health.lost,
+      rejects: health.rejects,
+      jitter: health.jitter_ms ?? undefined,
+      drift: health.drift_ppm ?? undefined,
+    });
+    // One report older than the minute is kept, as what the counters stood at when it began.
+    while (list.length > 2 && (list[1]?.time ?? 0) < health.time - MINUTE) list.shift();
+    this.#moments.set(health.device, list);
+  }
+
+  /** Reports of the last minute, oldest first. */
+  of(device: string): readonly Moment[] {
+    return this.#moments.get(device) ?? [];
+  }
+
+  /** How far a counter went within the last minute; a counter that fell was restarted and counts from 0. */
+  since(device: string, key: "gaps" | "lost" | "rejects"): number {
+    const list = this.of(device);
+    const [first, last] = [list[0], list.at(-1)];
+    if (!first || !last) return 0;
+    return last[key] >= first[key] ? last[key] - first[key] : last[key];
+  }
+
+  forget(device: string): void {
+    this.#moments.delete(device);
+  }
+}
+
+/** A bar of a sparkline: height 0..1 and whether something was wrong in it; undefined where nothing is known. */
+export interface Bar {
+  readonly height: number;
+  readonly bad: boolean;
+}
+
+/**
+ * The minute before `now` in `n` bars: the mean rate of each, scaled by the minute's best; marked where samples were lost.
+ * Bars before the first report are undefined, bars after the last report have height 0.
+ */
+export function rateBars(moments: readonly Moment[], now: number, n: number): readonly (Bar | undefined)[] {
+  const best = Math.max(1e-9, ...moments.map((m) => m.rate));
+  const bars: (Bar | undefined)[] = new Array<Bar | undefined>(n).fill(undefined);
+  let bar = -1;
+  let [sum, count, bad] = [0, 0, false];
+  const close = (): void => {
+    if (count > 0 && bar >= 0 && bar < n) bars[bar] = { height: sum / count / best, bad };
+  };
+  moments.forEach((moment, i) => {
+    const at = Math.floor(((moment.time - (now - MINUTE)) / MINUTE) * n);
+    if (at !== bar) {
+      close();
+      [bar, sum, count, bad] = [at, 0, 0, false];
+    }
+    sum += moment.rate;
+    count += 1;
+    const before = moments[i - 1];
+    bad ||= before !== undefined && moment.lost > before.lost;
+  });
+  close();
+  return filled(bars);
+}
+
+/** Reports come every half second: a bar between two known ones repeats the one before; past a second and a half it is loss. */
+function filled(bars: (Bar | undefined)[]): readonly (Bar | undefined)[] {
+  const patience = Math.ceil((1.5 / MINUTE) * bars.length);
+  let [last, since]: [Bar | undefined, number] = [undefined, 0];
+  return bars.map((bar) => {
+    if (bar) {
+      [last, since] = [bar, 0];
+      return bar;
+    }
+    if (!last) return undefined;
+    since += 1;
+    return since <= patience ? { height: last.height, bad: false } : { height: 0, bad: true };
+  });
+}
