@@ -1,0 +1,38 @@
+# imuscope in a container: built with nothing but Python, run without root, without a home, with a read-only root.
+#
+#   docker build -t imuscope .
+#   docker run --rm --read-only -v imuscope:/data -p 8080:8080 \
+#       --device /dev/ttyUSB0 --group-add "$(stat -c %g /dev/ttyUSB0)" imuscope /dev/ttyUSB0
+#
+# --device       hands the serial port in; --group-add gives the group that owns it (dialout), since nobody here is root.
+# a port that comes and goes: -v /dev:/dev --device-cgroup-rule 'c 188:* rmw' (188: USB serial, 166: ttyACM) instead.
+# UDP and TCP    sources that the robot sends to need their port too: -p 5005:5005/udp, or --network host.
+# The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
+# /data          recordings; without a volume there they end with the container.
+
+FROM python:3.13-slim-bookworm AS build
+ENV UV_COMPILE_BYTECODE=1 UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=/app \
+    PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
+RUN pip install uv
+WORKDIR /source
+# What we build on changes seldom: a layer of its own.
+COPY pyproject.toml uv.lock ./
+RUN uv sync --frozen --no-dev --no-install-project
+COPY . .
+RUN uv sync --frozen --no-dev --no-editable
+# Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
+ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
+RUN cd / && /app/bin/python -c "import protocols.registry" && ls /app/numba/*/*.nbi > /dev/null
+
+FROM python:3.13-slim-bookworm
+COPY --from=build /app /app
+RUN install -d -o 10001 -g 10001 /data
+ENV PATH=/app/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 \
+    NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic NUMBA_CACHE_LOCATOR_CLASSES=protocols.jit.ShippedCache
+USER 10001:10001
+WORKDIR /
+VOLUME /data
+EXPOSE 8080
+HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
+    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8080/healthz', timeout=2)"]
+ENTRYPOINT ["imuscope", "serve", "--host", "0.0.0.0", "--port", "8080", "--data", "/data"]
