@@ -1,0 +1,231 @@
+"""Which sentences of text are in these bytes, and what do they say?
+
+A sensor's port carries NMEA 0183 sentences between, or instead of, its own frames (MT0101P 2020.A, 5.3.5):
+
+    $ HCHDM , 123.45 , M * 2 5 CR LF
+    │ └─┬─┘   └──┬───┘   └┬┘ └─┬─┘
+    │   │        │        │    line end; a lone LF is taken too
+    │   │        │        exclusive-or of all between $ and *, two hexadecimal digits
+    │   │        fields, any width, may be empty
+    │   address: talker and sentence, or P and a maker's own
+    start; ! for encapsulated ones
+
+Framing is ours: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
+whose checksum is wrong, or that breaks off, is found too, with an empty name: what is lost is counted. Meaning comes
+from two places: `SENTENCES` below for what an MTi sends and nobody else, pynmeagps for the rest.
+
+Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
+"ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM", XSVEL mixes 3
+and 4 decimals).
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import operator
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from protocols.schema import Field, Message
+
+LONGEST = 192  # the standard says 82; $PSONCMS needs 132
+_BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printable, no other start
+_ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
+_SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
+_STARTS = re.compile(rb"[$!]")
+
+SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
+UNCHECKED = frozenset({"PRDID", "HEHDT"})  # printed without a checksum in that table; taken with and without
+
+
+def _number(name: str, unit: str, doc: str = "") -> Field:
+    return Field(name, "f8", unit=unit, doc=doc)
+
+
+def _word(name: str, doc: str, choices: Mapping[int, str] | None = None) -> Field:
+    return Field(name, "ascii", doc=doc, choices=choices or {})
+
+
+def _vector(name: str, unit: str) -> tuple[Field, ...]:
+    return tuple(_number(name + axis, unit) for axis in "XYZ")
+
+
+SENTENCES: Mapping[str, Message] = {
+    row.name: row
+    for row in (
+        Message(
+            3,
+            "PHTRO",
+            (
+                _number("pitch", "°"),
+                _word("pitchSide", "M: bow up, P: bow down"),
+                _number("roll", "°"),
+                _word("rollSide", "B: port down; the other letter is garbled in the document, T: port up"),
+            ),
+            doc="Pitch and roll.",
+            source=SOURCE,
+        ),
+        Message(
+            4,
+            "PRDID",
+            (
+                _number("pitch", "°", "Bow up is positive."),
+                _number("roll", "°", "Port up is positive."),
+                _number("headingT", "°"),
+            ),
+            doc="Pitch, roll and true heading.",
+            source=SOURCE,
+        ),
+        Message(
+            6,
+            "PSONCMS",
+            (
+                *(_number(f"q{i}", "") for i in range(4)),
+                *_vector("acc", "m/s²"),
+                *_vector("gyr", "rad/s"),
+                *_vector("mag", "a.u."),
+                _number("temp", "°C"),
+            ),
+            doc="Quaternion, acceleration, rate of turn, magnetic field, temperature.",
+            source=SOURCE,
+        ),
+        Message(
+            11,
+            "PTCF",
+            (
+                _number("heading", "°"),
+                _word("headingRef", "T: true north"),
+                _number("roll", "°"),
+                _number("pitch", "°"),
+                _number("rollRate", "°/s"),
+                _number("pitchRate", "°/s"),
+            ),
+            doc="Heading, roll, pitch and their rates.",
+            source=SOURCE,
+        ),
+        Message(12, "XSVEL", _vector("vel", "m/s"), doc="Velocity.", source=SOURCE),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One sentence in a stretch of bytes.
+
+    Args:
+        offset, size: where, within the bytes given; line end included.
+        protocol: "nmea" or the name of a binary string.
+        name: address ("GPGGA"); "" when its check failed.
+        line: the text without its line end; of a binary string, its bytes in hex.
+        fields: values by name, {} where the check failed; strings "field_01"… where the meaning is not known.
+    """
+
+    offset: int
+    size: int
+    protocol: str
+    name: str
+    line: str
+    fields: Mapping[str, Any] = field(default_factory=dict)
+
+
+def find(data: bytes | memoryview, *, final: bool) -> tuple[list[Found], int]:
+    """All sentences in `data`, a stretch that held no frame of another protocol.
+
+    Args:
+        final: nothing follows; what is incomplete now will never be whole.
+    Returns:
+        what was found, in order, and from where bytes must be kept because a sentence there may still be incomplete
+        (the length of `data` when none is).
+    """
+    data = bytes(data)
+    found: list[Found] = []
+    at = 0
+    while start := _STARTS.search(data, at):
+        begin = start.start()
+        body = _BODY.match(data, begin)
+        assert body is not None
+        if body.group(2):
+            end = body.end()
+            if sentence := _sentence(data[begin:end], begin):
+                found.append(sentence)
+        else:
+            end = body.end(1)
+            cut_short = end == len(data) or data[end:] == b"\r"
+            if cut_short and end - begin <= LONGEST - 4 and not final:
+                return found, begin
+            if _ADDRESS.match(data, begin):
+                found.append(Found(begin, end - begin, "nmea", "", _text(data[begin:end])))
+        at = max(end, begin + 1)
+    return found, len(data)
+
+
+def _sentence(raw: bytes, offset: int) -> Found | None:
+    """A whole line: checked, and read. None for a line that only began like a sentence."""
+    line = raw.rstrip(b"\r\n")
+    address = _ADDRESS.match(line + b",")
+    if not address:
+        return None
+    name = address.group(1).decode("ascii")
+    total = _SUM.search(line)
+    if total:
+        content = line[1 : total.start()]
+        good = checksum(content) == int(total.group(1), 16)
+    else:
+        content = line[1:]
+        good = name in UNCHECKED
+    if not good:
+        return Found(offset, len(raw), "nmea", "", _text(line))
+    fields = _own(name, content) if name in SENTENCES else _standard(line, content)
+    return Found(offset, len(raw), "nmea", name, _text(line), fields)
+
+
+def checksum(content: bytes) -> int:
+    """Exclusive-or of the bytes between start and asterisk."""
+    return functools.reduce(operator.xor, content, 0)
+
+
+def _own(name: str, content: bytes) -> dict[str, Any]:
+    """Values of a sentence from the table; fields that the line lacks are left out, surplus ones kept."""
+    words = _text(content).split(",")[1:]
+    values: dict[str, Any] = {}
+    for row, word in zip(SENTENCES[name].fields, words, strict=False):
+        values[row.name] = word.strip() if row.dtype == "ascii" else _float(word)
+    for index in range(len(SENTENCES[name].fields), len(words)):
+        values[f"field_{index + 1:02d}"] = words[index]
+    return values
+
+
+def _float(word: str) -> float | None:
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _standard(line: bytes, content: bytes) -> dict[str, Any]:
+    """Values of a standard sentence, as pynmeagps reads them; latitude and longitude in signed degrees."""
+    import pynmeagps  # here, because it takes 60 ms that a start without sentences need not spend
+    from pynmeagps import exceptions
+
+    bad = (exceptions.NMEAMessageError, exceptions.NMEAParseError, exceptions.NMEATypeError, exceptions.NMEAStreamError)
+    try:
+        message = pynmeagps.NMEAReader.parse(line + b"\r\n", validate=0)
+    except (*bad, ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
+        message = None  # the checksum was right, so the sentence stands; its words are kept as they are
+    if message is None:
+        return {f"field_{i:02d}": word for i, word in enumerate(_text(content).split(",")[1:], 1)}
+    return {name: _plain(value) for name, value in vars(message).items() if not name.startswith("_")}
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and words only: times and dates as ISO 8601, an empty field as None."""
+    if isinstance(value, datetime.time | datetime.date):
+        return value.isoformat()
+    return None if value == "" else value
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("ascii", "replace")

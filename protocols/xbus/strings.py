@@ -1,0 +1,145 @@
+"""Which of an MTi's two binary string outputs are in these bytes, and what do they say?
+
+An MTi can send strings that are not Xbus messages (MT0101P 2020.A, 5.3.5 SetStringOutputType). Most are NMEA
+sentences and belong to protocols/nmea.py. Two are not:
+
+    TSS2      :DDDDDSMHHHHQMRRRRSMPPPPE     25 characters; CR LF after it in most makers' versions
+              D heading × 100 · S space · M " " or "-" · H heave, cm · Q status · R roll × 100 · P pitch × 100
+              E heading status
+
+    EM1000    00 90 RR RR PP PP AA AA HH HH     10 bytes; roll, pitch, heave, heading; 0.01° and cm
+              least significant byte first, as in Kongsberg's definition; the Xsens document does not say
+
+Neither has a checksum. TSS2 has 25 characters of which each has a narrow choice: one is believed. EM1000 has four
+fixed bytes (an MTi's heave is always 0) and three ranges: a record is believed when two more follow within `WINDOW`
+bytes, or when one that was believed precedes it as near (`since`). Of random positions one in 10^10 looks like a
+record; three near each other do not happen.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+
+from protocols.nmea import Found
+
+TSS2 = re.compile(
+    rb":(?P<heading>[0-3]\d{4}) (?P<heave>[ -]\d{4})(?P<status>[A-Za-z])"
+    rb"(?P<roll>[ -]\d{4}) (?P<pitch>[ -]\d{4})(?P<flag>[A-Za-z])(?:\r\n)?"
+)
+_DIGIT, _SIGN, _LETTER = b"0123456789", b" -", bytes(range(65, 91)) + bytes(range(97, 123))
+_NUMBER = (_SIGN, *[_DIGIT] * 4)
+_TSS2_PLACES = (b":", *[_DIGIT] * 5, b" ", *_NUMBER, _LETTER, *_NUMBER, b" ", *_NUMBER, _LETTER, b"\r", b"\n")
+_TSS2_SIZE = 25
+EM1000 = struct.Struct("<2xhhhH")
+EM1000_HEAD = b"\x00\x90"
+WINDOW = 600  # strings of several kinds alternate: two more records must come within so many bytes
+_MORE = 2
+
+
+def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> tuple[list[Found], int]:
+    """The binary strings in `data`, a stretch that held no frame of another protocol.
+
+    Args:
+        final: nothing follows.
+        since: bytes between the last EM1000 record found before and the start of `data`. With it, a record that carries
+            on a run is believed at once; without, only by what follows it, so that the last two of a run are not reported.
+    Returns:
+        what was found, in order, and from where bytes must be kept because a string there may still be incomplete.
+    """
+    data = bytes(data)
+    tss2, keep_tss2 = _find_tss2(data, final)
+    em1000, keep_em1000 = _find_em1000(data, final, since)
+    keep = min(keep_tss2, keep_em1000)
+    found = sorted(tss2 + em1000, key=lambda one: one.offset)
+    return [one for one in found if one.offset < keep], keep
+
+
+def _find_tss2(data: bytes, final: bool) -> tuple[list[Found], int]:
+    found: list[Found] = []
+    at = 0
+    while (at := data.find(b":", at)) >= 0:
+        match = TSS2.match(data, at)
+        whole = final or data[at + _TSS2_SIZE : at + _TSS2_SIZE + 2] not in (b"", b"\r")
+        if match and whole and int(match["heading"]) < 36000:
+            found.append(Found(at, len(match.group()), "tss2", "TSS2", match.group().decode().rstrip(), _tss2(match)))
+            at = match.end()
+        elif not final and _may_become_tss2(data[at : at + 27]):
+            return found, at
+        else:
+            at += 1
+    return found, len(data)
+
+
+def _may_become_tss2(tail: bytes) -> bool:
+    """Do these bytes, cut short by the end of the data, begin a string?"""
+    if len(tail) >= len(_TSS2_PLACES):
+        return False
+    return all(byte in allowed for byte, allowed in zip(tail, _TSS2_PLACES, strict=False))
+
+
+def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
+    def signed(name: str) -> int:
+        return int(match[name].replace(b" ", b""))
+
+    return {
+        "heading": int(match["heading"]) / 100,
+        "heave": signed("heave") / 100,
+        "status": match["status"].decode(),
+        "roll": signed("roll") / 100,
+        "pitch": signed("pitch") / 100,
+        "headingStatus": match["flag"].decode(),
+    }
+
+
+def _find_em1000(data: bytes, final: bool, since: int | None) -> tuple[list[Found], int]:
+    found: list[Found] = []
+    last_end = None if since is None or since < 0 else -since  # end of the last record believed
+    at = 0
+    while (at := data.find(EM1000_HEAD[:1], at)) >= 0:
+        if at + EM1000.size > len(data):
+            if not final and _may_become_em1000(data[at:]):
+                return found, at
+            at += 1
+            continue
+        if not _is_em1000(data, at):
+            at += 1
+            continue
+        carries_on = since is not None and last_end is not None and at - last_end <= WINDOW
+        if not carries_on and not _followed(data, at):
+            if not final and len(data) < at + EM1000.size + WINDOW:
+                return found, at
+            at += 1
+            continue
+        record = data[at : at + EM1000.size]
+        roll, pitch, heave, heading = EM1000.unpack(record)
+        fields = {"roll": roll / 100, "pitch": pitch / 100, "heave": heave / 100, "heading": heading / 100}
+        found.append(Found(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
+        at += EM1000.size
+        last_end = at
+    return found, len(data)
+
+
+def _is_em1000(data: bytes, at: int) -> bool:
+    if not data.startswith(EM1000_HEAD, at) or at + EM1000.size > len(data):
+        return False
+    roll, pitch, heave, heading = EM1000.unpack_from(data, at)
+    return bool(heave == 0 and abs(roll) <= 18000 and abs(pitch) <= 9000 and heading < 36000)
+
+
+def _may_become_em1000(tail: bytes) -> bool:
+    head = tail[: len(EM1000_HEAD)]
+    return EM1000_HEAD.startswith(head) and not any(tail[6:8])
+
+
+def _followed(data: bytes, at: int) -> bool:
+    """Do enough records follow, near enough?"""
+    count, at = 0, at + EM1000.size
+    limit = at + WINDOW
+    while count < _MORE and (at := data.find(EM1000_HEAD, at, limit)) >= 0:
+        if _is_em1000(data, at) and at + EM1000.size <= limit:
+            count += 1
+            at += EM1000.size
+        else:
+            at += 1
+    return count >= _MORE
