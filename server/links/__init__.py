@@ -1,11 +1,48 @@
-"""Links: where bytes come from. `open_link(source)` makes the right one; see `server.links.base` for what a link promises.
+"""Links: where bytes come from. What a link promises is in `server.links.base`, how a source is written in
+`server.links.sources`.
 
-    link = open_link("serial:///dev/ttyUSB0?baud=921600")
+    link = open_link("serial:///dev/ttyUSB0?baud=921600", LinkSettings(now_ns=steady_clock()))
     await link.open(progress=print)
-    for chunk in await link.read(): ...
+    while True:
+        for chunk in await link.read():
+            decoder.feed(chunk.data, chunk.arrival_ns)
 """
+
 from __future__ import annotations
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try, steady_clock
+from server.links.file import SPEEDS, FileLink
+from server.links.serial import Line, SerialLink
+from server.links.sources import Source
+from server.links.tcp import TcpLink, TcpListenLink
+from server.links.twin import TwinLink, TwinOptions
+from server.links.udp import UdpLink
 
-__all__ = ["Chunk", "Link", "LinkError", "LinkSettings", "Progress", "Try", "steady_clock"]
+__all__ = ["Chunk", "Link", "LinkError", "LinkSettings", "Progress", "Source", "Try", "open_link", "steady_clock"]
+
+
+def open_link(source: str, settings: LinkSettings | None = None) -> Link:
+    """The link for a source, not connected yet: `await link.open()` does that.
+
+    Raises:
+        LinkError: kind "bad-source", with the field, the value and what is allowed.
+    """
+    settings = settings or LinkSettings(now_ns=steady_clock())
+    parsed = Source.parse(source)
+    match parsed.kind:
+        case "serial":
+            return SerialLink(source, settings, parsed.place, Line.of(parsed))
+        case "tcp":
+            parsed.allow(())
+            return TcpLink(source, settings, *parsed.address(listening=False))
+        case "tcp-listen":
+            parsed.allow(())
+            return TcpListenLink(source, settings, *parsed.address(listening=True))
+        case "udp":
+            parsed.allow(())
+            return UdpLink(source, settings, *parsed.address(listening=True))
+        case "file":
+            parsed.allow(("speed", "loop"))
+            return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEEDS), parsed.switch("loop"))
+        case "twin":
+            return TwinLink(source, settings, TwinOptions.of(parsed))

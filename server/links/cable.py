@@ -1,0 +1,118 @@
+"""What happens to bytes between a simulated device and the host's port: everything that a real cable does to them.
+
+    device ─> [drop] ─> [corrupt] ─> [line at baud] ─> [adapter's bursts] ─> [wrong rate] ─> host
+               a frame   one bit      takes its time     16 ms timer           other bytes
+
+Pure: time is passed in, chance comes from a seed, so that a fault found once is found again. Frames are cut at Xbus
+headers (FA FF MID LEN; LEN 255 is followed by two bytes of length) only in order to lose or harm whole ones.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import deque
+from dataclasses import dataclass
+
+from server.links.uart import as_heard
+
+FULL_NS = 500_000_000  # a device whose line is so far behind drops what it cannot send, as a real output buffer does
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What goes wrong on the way.
+
+    Args:
+        drop: share of frames that are lost, 0..1.
+        corrupt: share of frames of which one bit is flipped, 0..1.
+        burst_ms: the adapter hands over only so often; 0 at once.
+        baud: the line's rate; a receiver set to another one hears noise. None: no line, bytes are there at once.
+    """
+
+    drop: float = 0.0
+    corrupt: float = 0.0
+    burst_ms: float = 0.0
+    baud: int | None = None
+
+
+class Cable:
+    """One direction of a cable. `overflowed` counts the bytes that the line had no time for."""
+
+    def __init__(self, faults: Faults, seed: int = 0) -> None:
+        self.faults = faults
+        self.overflowed = 0
+        self._chance = random.Random(seed)
+        self._under_way: deque[tuple[int, bytes]] = deque()  # when it arrives, what
+        self._free_ns = 0  # when the line has sent everything before
+        self._kept = b""  # the beginning of a frame whose end has not been sent yet
+
+    def send(self, data: bytes, now_ns: int) -> None:
+        """The sender puts bytes on the line."""
+        frames, self._kept = frames_of(self._kept + data)
+        for frame in frames:
+            if self._chance.random() < self.faults.drop:
+                continue
+            if self._chance.random() < self.faults.corrupt:
+                harmed = bytearray(frame)
+                harmed[self._chance.randrange(len(harmed))] ^= 1 << self._chance.randrange(8)
+                frame = bytes(harmed)
+            self._queue(frame, now_ns)
+
+    def _queue(self, frame: bytes, now_ns: int) -> None:
+        start_ns = max(now_ns, self._free_ns)
+        if start_ns - now_ns > FULL_NS:
+            self.overflowed += len(frame)
+            return
+        if self.faults.baud:
+            start_ns += math.ceil(len(frame) * 10e9 / self.faults.baud)
+        self._free_ns = start_ns
+        if self.faults.burst_ms:
+            period_ns = round(self.faults.burst_ms * 1e6)
+            start_ns = -(-start_ns // period_ns) * period_ns
+        self._under_way.append((start_ns, frame))
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next bytes arrive, None when nothing is under way."""
+        return self._under_way[0][0] if self._under_way else None
+
+    def arrived(self, now_ns: int, receiver_baud: int | None = None) -> bytes:
+        """What has arrived by now at a receiver that is set to `receiver_baud`."""
+        out = bytearray()
+        while self._under_way and self._under_way[0][0] <= now_ns:
+            out += self._under_way.popleft()[1]
+        data = bytes(out)
+        if self.faults.baud and receiver_baud and receiver_baud != self.faults.baud:
+            data = as_heard(data, self.faults.baud, receiver_baud)
+        return data
+
+
+def frames_of(data: bytes) -> tuple[list[bytes], bytes]:
+    """Cut at Xbus frames.
+
+    Returns:
+        The pieces (whole frames, and whatever stands between them), and the rest that is not a whole frame yet.
+    """
+    pieces: list[bytes] = []
+    at = 0
+    while at < len(data):
+        start = data.find(b"\xfa\xff", at)
+        if start < 0:
+            if data.endswith(b"\xfa"):
+                pieces.append(data[at:-1])
+                return [piece for piece in pieces if piece], data[-1:]
+            pieces.append(data[at:])
+            at = len(data)
+            break
+        if start > at:
+            pieces.append(data[at:start])
+        head = data[start : start + 6]
+        if len(head) < 4 or (head[3] == 255 and len(head) < 6):
+            return pieces, data[start:]
+        size = 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
+        if start + size > len(data):
+            return pieces, data[start:]
+        pieces.append(data[start : start + size])
+        at = start + size
+    return [piece for piece in pieces if piece], b""

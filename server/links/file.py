@@ -1,0 +1,148 @@
+"""A capture (raw bytes of any protocol we know) played as if the device were there.
+
+The pace comes from the device's own clock, see `server.links.pace`. `speed=4` plays four times as fast; `loop=1` begins
+again at the end, which the session sees as what it is: a device clock that starts anew.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from protocols.events import Decoder
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from server.links.hearing import hear
+from server.links.network import progress_line
+from server.links.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
+from server.links.pump import Inbox, closed
+
+FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
+SPEEDS = (0.01, 1000.0)
+
+
+class FileLink(Link):
+    """A file of raw bytes.
+
+    Args:
+        speed: factor on the device's own pace.
+        loop: begin again at the end; else reading ends with LinkError "ended".
+    """
+
+    kind = "file"
+
+    def __init__(self, source: str, settings: LinkSettings, path: str, speed: float = 1.0, loop: bool = False) -> None:
+        super().__init__(source, settings)
+        self.path = Path(path)
+        self.speed = speed
+        self.loop = loop
+        self._protocol = ""
+        self._inbox: Inbox | None = None
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        head = self._head()
+        heard = hear(head)
+        self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
+        progress_line(progress, self.path.name, heard.words)
+        self.notices = [] if self._protocol else [f"{self.path.name}: {_blind_words()}"]
+        self._stop.clear()
+        self._inbox = Inbox(self.settings.now_ns)
+        self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
+        self._thread.start()
+
+    def _head(self) -> bytes:
+        """The first block, to judge the protocol by."""
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(BLOCK_BYTES)
+        except IsADirectoryError:
+            raise LinkError("not-found", f"{self.path} is a folder.", "Give one capture in it.") from None
+        except FileNotFoundError:
+            raise LinkError(
+                "not-found", f"There is no file {self.path}.", f"This server runs in {os.getcwd()}."
+            ) from None
+        except PermissionError:
+            hint = f"`chmod a+r {self.path}`, or start the server as a user who may read it."
+            raise LinkError("denied", f"No permission to read {self.path}.", hint) from None
+        except OSError as error:
+            raise LinkError("refused", f"{self.path} cannot be read: {error.strerror}.", "Is the disk there?") from None
+        if not head:
+            raise LinkError("ended", f"{self.path} is empty.", "Give a capture with something in it.")
+        return head
+
+    def _run(self, inbox: Inbox) -> None:
+        """The thread: play, as often as asked."""
+        try:
+            while not self._stop.is_set():
+                self._play_once(inbox)
+                if not self.loop:
+                    inbox.fail(
+                        LinkError("ended", f"{self.path.name} has been played to its end.", "Retry plays it again.")
+                    )
+                    return
+        except OSError as error:
+            inbox.fail(
+                LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Is the disk there?")
+            )
+
+    def _play_once(self, inbox: Inbox) -> None:
+        from protocols import registry
+
+        decoder: Decoder | None = registry.PROTOCOLS[self._protocol].decoder() if self._protocol else None
+        with self.path.open("rb") as file:
+            pace = Pace(file, decoder)
+            for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
+                inbox.put(Chunk(piece.data, self.settings.now_ns()))
+                inbox.flush()
+                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.01):
+                    pass
+        inbox.flush()
+
+    def _told(self, pace: Pace) -> Iterator[Piece]:
+        """The pieces; what is not as in the capture is said in a notice."""
+        for piece in pace:
+            if piece.blind or pace.skipped_ns:
+                notices = [f"{self.path.name}: {_blind_words()}"] if piece.blind else []
+                if pace.skipped_ns:
+                    notices.append(f"Pauses of {pace.skipped_ns / 1e9:.0f} s in {self.path.name} are skipped.")
+                self.notices = notices
+            yield piece
+
+    def _wait_for(self, inbox: Inbox) -> Callable[[float], bool]:
+        """Sleep until a piece is due, waking the loop on the way for what has been put already."""
+
+        def wait(seconds: float) -> bool:
+            flush_s = inbox.flush()
+            if flush_s is not None and flush_s < seconds:
+                if self._stop.wait(flush_s):
+                    return True
+                inbox.flush()
+                seconds -= flush_s
+            return self._stop.wait(seconds)
+
+        return wait
+
+    async def read(self) -> list[Chunk]:
+        if self._inbox is None:
+            raise closed(self.source)
+        return await self._inbox.take()
+
+    async def write(self, data: bytes) -> None:
+        raise LinkError("refused", "A file cannot be written to as a device.", "Connect the device itself, or a twin.")
+
+    async def close(self) -> None:
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        if self._inbox is not None:
+            self._inbox.fail(closed(self.source))
+            self._inbox = None
+
+
+def _blind_words() -> str:
+    return f"no device clock is known in it, so it is played at {BLIND_RATE} B/s, a full line at 115 200 Bd."

@@ -1,0 +1,40 @@
+"""Words that TCP and UDP links share: how an address is written, and why a port cannot be listened on."""
+
+from __future__ import annotations
+
+import errno
+import time
+
+from server.links.base import LinkError, Progress, Try
+
+
+def place_of(host: str, port: int) -> str:
+    """ "192.168.1.5:4001", "[fe80::1]:4001"."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def heading(host: str, port: int) -> str:
+    """Where a listener listens, for a person: an empty address means every one of this machine."""
+    return f"port {port}" if host in ("", "0.0.0.0", "::") else place_of(host, port)
+
+
+def progress_line(progress: Progress | None, what: str, outcome: str) -> None:
+    """Report one attempt, if anyone listens."""
+    if progress is not None:
+        progress(Try(what=what, outcome=outcome, time=time.time()))
+
+
+def listen_error(kind: str, host: str, port: int, error: OSError) -> LinkError:
+    """Why a port cannot be listened on."""
+    where = heading(host, port)
+    if error.errno == errno.EADDRINUSE:
+        hint = "Choose another port, or stop the program that has this one (`ss -lnptu` shows it)."
+        return LinkError("busy", f"{where.capitalize()} is in use by another program.", hint)
+    if error.errno == errno.EACCES:
+        return LinkError(
+            "denied", f"No permission to listen on {where}.", "Ports below 1024 belong to root: choose a higher one."
+        )
+    if error.errno == errno.EADDRNOTAVAIL or error.errno is None or error.errno < 0:
+        hint = f"Leave the host out to listen on every address: {kind}://:{port}."
+        return LinkError("not-found", f"This machine has no address {host}.", hint)
+    return LinkError("refused", f"Cannot listen on {where}: {error.strerror}.", "Try another port.")

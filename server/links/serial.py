@@ -1,0 +1,271 @@
+"""How does a serial port become a link?
+
+pyserial opens and configures the port, and that is all it does here: its own read costs twice the processor time of
+`os.read` in a waiting thread (`server.links.pump`), and its exceptions hide the reason that a person needs.
+
+    baud, bits, parity, stop ──> capacity = baud / (1 start + bits + parity + stop)   bytes/s
+
+## A port that is gone
+
+A pulled plug shows in three ways, by driver: `read` fails with EIO or ENODEV, poll reports a hang-up, or `read` returns
+nothing although the port was reported readable. The last one also happens once in a while to a healthy port (somebody
+else flushed it in between), so it counts only when a hang-up goes with it or when it repeats at once.
+
+## The latency timer
+
+An FTDI adapter holds bytes back until 62 have gathered or its latency timer (16 ms as delivered) has run out, which
+turns a 400 Hz stream into bursts and blurs every arrival time. Linux shows the timer in sysfs and root may set it; a
+value over 1 ms is reported as a notice with both fixes, for now and for good.
+
+Sources: termios(3), tty_ioctl(4); Linux drivers/usb/serial/ftdi_sio.c (attribute latency_timer); the measurements of
+xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client issue 53.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import glob
+import os
+import select
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import serial
+
+from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.pump import GONE, READ_BYTES, PumpedLink, closed, write_all
+from server.links.scan import find_baud
+from server.links.sources import Source
+
+PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
+FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")
+MAX_BAUD = 12_000_000  # the fastest USB adapters (FT2232H)
+EMPTY_READS = 3  # reads of nothing, one right after another, that mean the port is gone
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """How bits travel on the line. `baud` None: find out by listening."""
+
+    baud: int | None = None
+    bits: int = 8
+    parity: str = "none"
+    stop: float = 1
+    flow: str = "none"
+
+    @classmethod
+    def of(cls, source: Source) -> Line:
+        """The options of a serial source.
+
+        Raises:
+            LinkError: kind "bad-source".
+        """
+        source.allow(("baud", "bits", "parity", "stop", "flow"))
+        return cls(
+            baud=source.whole("baud", 0, 50, MAX_BAUD, "Bd") or None,
+            bits=source.whole("bits", 8, 5, 8),
+            parity=source.choice("parity", "none", tuple(PARITIES)),
+            stop=float(source.choice("stop", "1", ("1", "1.5", "2"))),
+            flow=source.choice("flow", "none", FLOWS),
+        )
+
+    def capacity(self, baud: int) -> float:
+        """Bytes/s that the line can carry at `baud`."""
+        return baud / (1 + self.bits + (self.parity != "none") + self.stop)
+
+
+class SerialLink(PumpedLink):
+    """A serial port.
+
+    Args:
+        place: path of the port.
+        line: how bits travel; without a baud `open` listens at each rate until a protocol is recognised.
+    """
+
+    kind = "serial"
+
+    def __init__(self, source: str, settings: LinkSettings, place: str, line: Line) -> None:
+        super().__init__(source, settings)
+        self.place = place
+        self.line = line
+        self._port: Any = None  # serial.Serial, which has no types
+        self._empty_reads = 0
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        # Opening asks the adapter over USB, which may take its time: not on the loop.
+        self._port = await asyncio.to_thread(open_port, self.place, self.line)
+        try:
+            self.baud = self.line.baud or await find_baud(self._port, self.place, progress)
+        except (OSError, serial.SerialException) as error:
+            await self.close()
+            raise gone(self.place, error) from None
+        except BaseException:
+            await self.close()
+            raise
+        self.capacity = self.line.capacity(self.baud)
+        self.notices = latency_notices(self.place, self.settings.sys_root)
+        self._empty_reads = 0
+        self._start(self._port.fileno(), self._on_readable)
+
+    def _on_readable(self) -> None:
+        assert self._inbox is not None
+        fd = self._port.fd
+        try:
+            data = os.read(fd, READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            raise gone(self.place, error) from None
+        arrival_ns = self.settings.now_ns()
+        if data:
+            self._empty_reads = 0
+            self._inbox.put(Chunk(data, arrival_ns))
+            return
+        self._empty_reads += 1
+        if self._empty_reads >= EMPTY_READS or hung_up(fd):
+            raise gone(self.place)
+
+    async def write(self, data: bytes) -> None:
+        if self._port is None:
+            raise closed(self.source)
+        try:
+            await write_all(self._port.fd, data)
+        except TimeoutError:
+            hint = "Check the flow control: the other side holds the line, or its wires are not connected."
+            raise LinkError("refused", f"{self.place} took no bytes for 5 s.", hint) from None
+        except OSError as error:
+            raise gone(self.place, error) from None
+
+    async def _free(self) -> None:
+        port, self._port = self._port, None
+        if port is not None:
+            await asyncio.to_thread(port.close)  # waits until the last bytes are out
+
+
+def open_port(place: str, line: Line) -> Any:
+    """Open and configure a port, for this program alone.
+
+    Returns:
+        serial.Serial, non-blocking; at 115 200 Bd when the line names no rate.
+    Raises:
+        LinkError: in words that a person can act on.
+    """
+    try:
+        return serial.Serial(
+            place,
+            line.baud or 115_200,
+            bytesize=line.bits,
+            parity=PARITIES[line.parity],
+            stopbits=line.stop,
+            rtscts=line.flow == "rtscts",
+            xonxoff=line.flow == "xonxoff",
+            dsrdtr=line.flow == "dsrdtr",
+            timeout=0,
+            exclusive=True,
+        )
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise cannot_open(place, line, error) from None
+
+
+def cannot_open(place: str, line: Line, error: Exception) -> LinkError:
+    """Why a port could not be opened, and what to do about it."""
+    number = getattr(error, "errno", None)
+    if number in (errno.EACCES, errno.EPERM):
+        return denied(place)
+    if number in (errno.EBUSY, errno.EAGAIN):
+        who = holder(place)
+        hint = f"Close {who}." if who else "Close the program that has it (minicom, ModemManager, another imuscope?)."
+        return LinkError("busy", f"{place} is in use by {who or 'another program'}.", hint)
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return LinkError("not-found", f"There is no port {place}.", present_ports())
+    if number == errno.ENOTTY or (number is None and "onfigure" in str(error)):
+        return LinkError("refused", f"{place} is not a serial port.", present_ports())
+    rate = f" at {line.baud} Bd" if line.baud else ""
+    hint = "Does the adapter support this rate, and these data bits, parity and stop bits?"
+    return LinkError("refused", f"{place} could not be opened{rate}: {error}.", hint)
+
+
+def denied(place: str) -> LinkError:
+    """The refusal that every new Linux user meets, with the group to join by name."""
+    group = group_of(place)
+    hint = f"{join_group(group)} In a container, add the group when it is started (`--group-add {group}`)."
+    return LinkError("denied", f"No permission to open {place}: it belongs to the group {group}.", hint)
+
+
+def join_group(group: str) -> str:
+    """How to join a group, as a hint."""
+    return f"Run `sudo usermod -aG {group} $USER`, then log out and in again."
+
+
+def group_of(place: str) -> str:
+    """Name of the group that owns a port; "dialout", Debian's choice, where it cannot be found out."""
+    try:
+        import grp  # not on Windows
+
+        gid = os.stat(place).st_gid
+        # A port that belongs to root's group opens to nobody: joining it would be the wrong advice.
+        return grp.getgrgid(gid).gr_name if gid != 0 else "dialout"
+    except (ImportError, OSError, KeyError):
+        return "dialout"
+
+
+def holder(place: str) -> str:
+    """The program that has `place` open, as "minicom (process 1234)"; "" when it cannot be seen."""
+    try:
+        target = os.path.realpath(place)
+        for link in glob.iglob("/proc/[0-9]*/fd/*"):
+            try:
+                if os.readlink(link) != target:
+                    continue
+                pid = link.split("/")[2]
+                if int(pid) == os.getpid():
+                    return "this server"
+                return f"{Path('/proc', pid, 'comm').read_text().strip()} (process {pid})"
+            except OSError:
+                continue
+    except OSError:
+        pass
+    return ""
+
+
+def present_ports() -> str:
+    """What is plugged in, as a hint."""
+    from serial.tools import list_ports
+
+    names = sorted(port.device for port in list_ports.comports())
+    there = f"Present now: {', '.join(names)}." if names else "No serial port is present now."
+    return f"Is it plugged in? {there}"
+
+
+def hung_up(fd: int) -> bool:
+    """True when the driver says that the port is gone."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return any(event & (select.POLLHUP | select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
+
+
+def gone(place: str, error: Exception | None = None) -> LinkError:
+    """The port was there and is not any more."""
+    number = getattr(error, "errno", None)
+    why = f" ({os.strerror(number)})" if number is not None and number not in GONE else ""
+    return LinkError("gone", f"{place} is gone{why}.", "Was it unplugged? It is opened again as soon as it is back.")
+
+
+def latency_notices(place: str, sys_root: Path = Path("/sys")) -> list[str]:
+    """A notice with its fix when a USB adapter's latency timer is over 1 ms, else nothing."""
+    tty = os.path.basename(os.path.realpath(place))
+    timer = sys_root / "bus/usb-serial/devices" / tty / "latency_timer"
+    try:
+        milliseconds = int(timer.read_text())
+    except (OSError, ValueError):
+        return []  # not a USB adapter, or one without a timer
+    if milliseconds <= 1:
+        return []
+    return [
+        f"The USB adapter of {place} delivers in bursts of up to {milliseconds} ms: its latency timer is "
+        f"{milliseconds} ms. For now: `echo 1 | sudo tee {timer}`. For good, a file /etc/udev/rules.d/99-latency.rules "
+        'with `ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"`.'
+    ]

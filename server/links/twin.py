@@ -1,0 +1,284 @@
+"""A device that is not there: simulated bytes behind a real pseudo-terminal, opened by the serial link like any other.
+
+    XbusDevice ──> Cable ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
+       ^                      │
+       └────────── Cable <────┘            all of the left side is one thread, the bench
+
+So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
+
+    twin:xbus                       an MTi-630 at 100 Hz, 115 200 Bd
+    ?product=MTi-7                  another product
+    ?rate=400                       samples/s
+    ?baud=921600                    rate of the line; bytes take their time, and a port at another rate hears noise
+    ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
+    ?burst_ms=16                    a USB adapter with its latency timer at 16 ms
+    ?drift_ppm=50                   the device clock runs fast by so much
+    ?jump_s=20                      every 20 s the device restarts and its clock begins anew
+    ?unplug_s=30 ?away_s=5          after 30 s it is unplugged, and back 5 s later
+    ?seed=1                         another noise, another sequence of faults
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import select
+import termios
+import threading
+import time
+import tty
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
+from server.links.cable import Cable, Faults
+from server.links.pump import closed
+from server.links.serial import Line, SerialLink
+from server.links.sources import Source
+
+TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
+PROTOCOLS = ("xbus",)
+OPTIONS = (
+    *("product", "rate", "baud", "drop", "corrupt", "burst_ms"),
+    *("drift_ppm", "jump_s", "unplug_s", "away_s", "seed"),
+)
+
+_away_until: dict[str, float] = {}  # source → monotonic time at which an unplugged twin is back
+
+
+class Device(Protocol):
+    """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own."""
+
+    def advance(self, now_ns: int) -> bytes:
+        """Everything the device sends up to that device time."""
+
+    def receive(self, data: bytes, now_ns: int) -> bytes:
+        """Bytes from the host; what the device answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class TwinOptions:
+    """What the query of a twin source may say; see the module docstring."""
+
+    protocol: str = "xbus"
+    product: str = "MTi-630"
+    rate: float = 100.0
+    faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
+    drift_ppm: float = 0.0
+    jump_s: float = 0.0
+    unplug_s: float = 0.0
+    away_s: float = 5.0
+    seed: int = 0
+
+    @classmethod
+    def of(cls, source: Source) -> TwinOptions:
+        """Read a twin source.
+
+        Raises:
+            LinkError: kind "bad-source".
+        """
+        source.allow(OPTIONS)
+        if source.place not in PROTOCOLS:
+            allowed = ", ".join(PROTOCOLS)
+            raise LinkError("bad-source", f"There is no twin of {source.place!r}.", f"Twins exist of: {allowed}.")
+        return cls(
+            protocol=source.place,
+            product=source.options.get("product", "MTi-630"),
+            rate=source.number("rate", 100, 1, 2000, "Hz"),
+            faults=Faults(
+                drop=source.number("drop", 0, 0, 1),
+                corrupt=source.number("corrupt", 0, 0, 1),
+                burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
+                baud=source.whole("baud", 115_200, 4800, 4_000_000, "Bd"),
+            ),
+            drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
+            jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
+            unplug_s=source.number("unplug_s", 0, 0, 86_400, "s"),
+            away_s=source.number("away_s", 5, 0, 3600, "s"),
+            seed=source.whole("seed", 0, 0, 2**31),
+        )
+
+
+def make_device(options: TwinOptions, start_ns: int) -> Device:
+    """A freshly switched-on device."""
+    from protocols.xbus.device import XbusDevice
+
+    return XbusDevice(product=options.product, rate=options.rate, seed=options.seed, start_ns=start_ns)
+
+
+class Bench(threading.Thread):
+    """The left side of the drawing: a device, both directions of its cable, and the master of a pseudo-terminal.
+
+    Args:
+        make: a freshly switched-on device whose clock stands at the given ns.
+        now_ns: a clock that does not step.
+    Attributes:
+        slave: path of the port at which the device is found.
+    """
+
+    def __init__(
+        self, make: Callable[[int], Device], options: TwinOptions, now_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        super().__init__(name=f"twin {options.protocol}", daemon=True)
+        self._make = make
+        self._options = options
+        self._now_ns = now_ns
+        self._to_host = Cable(options.faults, options.seed)
+        self._to_device = Cable(Faults(baud=options.faults.baud), options.seed)
+        self._stop_read, self._stop_write = os.pipe()
+        self._master, self._slave_fd = os.openpty()
+        # Without this the terminal would echo what the device says back to the device until the port is opened.
+        tty.setraw(self._slave_fd)
+        os.set_blocking(self._master, False)
+        self.slave = os.ttyname(self._slave_fd)
+        self._stopped = False
+
+    def run(self) -> None:
+        options = self._options
+        born_ns = self._now_ns()
+        unplug_ns = born_ns + round(options.unplug_s * 1e9) if options.unplug_s else None
+        restart_ns, device = born_ns, self._make(0)
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        poll.register(self._stop_read, select.POLLIN)
+        while not self._stopped:
+            now_ns = self._now_ns()
+            if unplug_ns is not None and now_ns >= unplug_ns:
+                break
+            if options.jump_s and now_ns - restart_ns >= options.jump_s * 1e9:
+                restart_ns, device = now_ns, self._make(0)
+            clock_ns = round((now_ns - restart_ns) * (1 + options.drift_ppm / 1e6))
+            self._to_host.send(device.advance(clock_ns), now_ns)
+            heard = self._to_device.arrived(now_ns, self._host_baud())
+            if heard:
+                self._to_host.send(device.receive(heard, clock_ns), now_ns)
+            self._put(self._to_host.arrived(now_ns, self._host_baud()))
+            self._take(poll, now_ns)
+        self._unplug()
+
+    def _take(self, poll: select.poll, now_ns: int) -> None:
+        """Wait until something is due, taking what the host sends meanwhile."""
+        due = [at for at in (self._to_host.next_ns, self._to_device.next_ns) if at is not None]
+        wait_ns = min([now_ns + TICK_NS, *due]) - self._now_ns()
+        for fd, event in poll.poll(max(wait_ns, 0) / 1e6):
+            if fd == self._master and event & select.POLLIN:
+                try:
+                    self._to_device.send(os.read(self._master, 4096), now_ns)
+                except OSError as error:
+                    if error.errno not in (errno.EIO, errno.EAGAIN):  # EIO: nobody has the port open
+                        raise
+
+    def _put(self, data: bytes) -> None:
+        """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads."""
+        if data:
+            try:
+                os.write(self._master, data)
+            except BlockingIOError:
+                self._to_host.overflowed += len(data)
+
+    def _host_baud(self) -> int | None:
+        """The rate that the host has set, as the terminal knows it."""
+        try:
+            return _RATES.get(termios.tcgetattr(self._master)[4])
+        except termios.error:
+            return None
+
+    def _unplug(self) -> None:
+        os.close(self._master)
+        self._master = -1
+
+    def release(self) -> None:
+        """The host has the port open: let go of our own handle on it, so that the cable can be pulled."""
+        if self._slave_fd >= 0:
+            os.close(self._slave_fd)
+            self._slave_fd = -1
+
+    def stop(self) -> None:
+        """End the thread and free everything."""
+        self._stopped = True
+        os.write(self._stop_write, b"\0")
+        if self.is_alive():
+            self.join()
+        elif self._master >= 0:
+            self._unplug()
+        self.release()
+        os.close(self._stop_read)
+        os.close(self._stop_write)
+
+
+_RATES = {value: int(name[1:]) for name, value in vars(termios).items() if name[0] == "B" and name[1:].isdigit()}
+
+
+class TwinLink(Link):
+    """A twin with its cable and port.
+
+    Args:
+        make: makes the device; tests give their own.
+        baud: how the host opens the port; None: as the twin's line is, 0: by listening.
+    """
+
+    kind = "twin"
+
+    def __init__(
+        self,
+        source: str,
+        settings: LinkSettings,
+        options: TwinOptions,
+        make: Callable[[int], Device] | None = None,
+        baud: int | None = None,
+    ) -> None:
+        super().__init__(source, settings)
+        self.options = options
+        self._make = make or (lambda start_ns: make_device(options, start_ns))
+        self._open_baud = options.faults.baud if baud is None else baud or None
+        self._bench: Bench | None = None
+        self._serial: SerialLink | None = None
+        self._opened_s = 0.0
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        if time.monotonic() < _away_until.get(self.source, 0.0):
+            raise LinkError("not-found", f"{self.source} is unplugged.", "It comes back by itself in a few seconds.")
+        # Making the device may compile and load; not on the loop, and before the port exists.
+        device = await asyncio.to_thread(self._make, 0)
+        self._bench = Bench(_once(device, self._make), self.options)
+        self._bench.start()
+        self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
+        try:
+            await self._serial.open(progress)
+        except BaseException:
+            await self.close()
+            raise
+        self._bench.release()
+        self.baud, self.capacity, self.notices = self._serial.baud, self._serial.capacity, self._serial.notices
+
+    async def read(self) -> list[Chunk]:
+        if self._serial is None:
+            raise closed(self.source)
+        try:
+            return await self._serial.read()
+        except LinkError as error:
+            if error.kind == "gone" and self.options.unplug_s:
+                _away_until[self.source] = time.monotonic() + self.options.away_s
+            raise
+
+    async def write(self, data: bytes) -> None:
+        if self._serial is None:
+            raise closed(self.source)
+        await self._serial.write(data)
+
+    async def close(self) -> None:
+        if self._serial is not None:
+            await self._serial.close()
+            self._serial = None
+        if self._bench is not None:
+            self._bench.stop()
+            self._bench = None
+
+
+def _once(first: Device, make: Callable[[int], Device]) -> Callable[[int], Device]:
+    """`make`, with the first device already made."""
+    ready = [first]
+    return lambda start_ns: ready.pop() if ready else make(start_ns)

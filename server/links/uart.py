@@ -1,0 +1,56 @@
+"""What does a receiver hear that is set to the wrong rate?
+
+An asynchronous line idles high. A byte is one low start bit, eight data bits with the lowest first, one high stop bit:
+
+    ‾‾‾\\_S_/0\\1/2\\3/4\\5/6\\7/‾P‾‾‾\\_S_/…
+
+A receiver waits for the falling edge and then samples the middle of each bit by its own clock. At another rate it
+samples other bits than were meant, and resynchronises on whatever falling edge comes next: the bytes it reports are a
+function of the true ones, not random ones. This file computes that function, so that a simulated device on a
+pseudo-terminal has a rate as a real one does, and a search for the rate can be tested without a cable.
+"""
+
+from __future__ import annotations
+
+BITS = 10  # start, eight data bits, stop
+
+
+def as_heard(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
+    """The bytes that a receiver at `heard_baud` reports when `data` is sent back to back at `sent_baud`."""
+    if sent_baud == heard_baud or not data:
+        return data
+    line = 0
+    for index, byte in enumerate(data):
+        line |= (1 << 9 | byte << 1) << (BITS * index)  # bit 0 of each ten is the start bit, 0
+    size = BITS * len(data)
+    heard = bytearray()
+    step = sent_baud / heard_baud  # the receiver's bit, in bits of the sender
+    at: float = 0.0
+    while True:
+        start = _falling_edge(line, size, at)
+        if start is None:
+            return bytes(heard)
+        byte = 0
+        for bit in range(8):
+            byte |= _level(line, size, start + (1.5 + bit) * step) << bit
+        heard.append(byte)
+        at = start + 9.5 * step  # the middle of the stop bit: from here on a new start bit is looked for
+
+
+def _level(line: int, size: int, at: float) -> int:
+    index = int(at)
+    return (line >> index) & 1 if index < size else 1  # idle is high
+
+
+def _falling_edge(line: int, size: int, at: float) -> int | None:
+    """The next bit from `at` on that is low after a high one (or after the line was taken as idle)."""
+    index = int(at)
+    before = _level(line, size, at) if index else 1
+    index = index + 1 if index else 0
+    while index < size:
+        level = (line >> index) & 1
+        if before and not level:
+            return index
+        before = level
+        index += 1
+    return None

@@ -1,0 +1,123 @@
+"""UDP: datagrams that come to a port of ours.
+
+Each datagram is one chunk, so a protocol that frames by datagram (IDTP) sees its boundaries. Answers go to whoever sent
+last, since UDP has no connection. Two senders on one port would be one scrambled stream: that is said in a notice.
+
+Linux counts the datagrams that found the receive buffer full (SO_RXQ_OVFL); they are lost before any program could see
+them, and the count is shown. The buffer asked for holds seconds of a 2 kHz stream; the kernel grants up to
+net.core.rmem_max.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+
+from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.network import heading, listen_error, place_of, progress_line
+from server.links.pump import PumpedLink
+
+BUFFER_BYTES = 4 << 20
+MAX_DATAGRAM = 65_535
+AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and stopping stays prompt
+SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; the socket module does not name it
+OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices, not one that changed its address
+_ANCILLARY = socket.CMSG_SPACE(4)
+
+
+class UdpLink(PumpedLink):
+    """A UDP port.
+
+    Attributes:
+        address: where it really listens, once open.
+        lost: datagrams that the kernel dropped because its buffer was full.
+    """
+
+    kind = "udp"
+
+    def __init__(self, source: str, settings: LinkSettings, host: str, port: int) -> None:
+        super().__init__(source, settings)
+        self.host, self.port = host, port
+        self.address: tuple[str, int] = (host, port)
+        self.lost = 0
+        self._socket: socket.socket | None = None
+        self._peer: tuple[str, int] | None = None
+        self._heard_ns: dict[tuple[str, int], int] = {}
+        self._look_again_ns = 0
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        receiver = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+            receiver.bind((self.host, self.port))
+        except OSError as error:
+            receiver.close()
+            raise listen_error(self.kind, self.host, self.port, error) from None
+        receiver.setblocking(False)
+        with contextlib.suppress(OSError):  # not Linux: such losses then show only as counter gaps
+            receiver.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+        self._socket, self._peer, self.lost = receiver, None, 0
+        self._heard_ns.clear()
+        self.address = receiver.getsockname()[:2]
+        self.notices = [f"Waiting for datagrams on {heading(*self.address)}."]
+        progress_line(progress, place_of(*self.address), "waiting for datagrams")
+        self._start(receiver.fileno(), self._on_readable)
+
+    def _on_readable(self) -> None:
+        assert self._socket is not None
+        assert self._inbox is not None
+        for _ in range(AT_ONCE):
+            try:
+                data, extra, _, sender = self._socket.recvmsg(MAX_DATAGRAM, _ANCILLARY)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                raise LinkError(
+                    "gone", f"UDP {heading(*self.address)} failed: {error.strerror}.", "It is opened again."
+                ) from None
+            arrival_ns = self.settings.now_ns()
+            self._notice(sender, extra, arrival_ns)
+            if data:
+                self._inbox.put(Chunk(data, arrival_ns))
+
+    def _notice(self, sender: tuple[str, int], extra: list[tuple[int, int, bytes]], now_ns: int) -> None:
+        """Keep track of who sends and what was lost; cheap while nothing changes."""
+        lost = self.lost
+        for level, kind, value in extra:
+            if level == socket.SOL_SOCKET and kind == SO_RXQ_OVFL:
+                lost = struct.unpack("=I", value[:4])[0]
+        if sender == self._peer and lost == self.lost and (len(self._heard_ns) == 1 or now_ns < self._look_again_ns):
+            return
+        if self._peer is not None and sender != self._peer:
+            self._heard_ns[self._peer] = now_ns
+        self._heard_ns[sender] = now_ns
+        self._heard_ns = {who: at for who, at in self._heard_ns.items() if now_ns - at < OTHER_SENDER_NS}
+        self._peer, self.lost, self._look_again_ns = sender, lost, now_ns + OTHER_SENDER_NS
+        names = sorted(place_of(*who[:2]) for who in self._heard_ns)
+        notices = [f"Datagrams come from {' and '.join(names)}."]
+        if len(names) > 1:
+            notices.append("Their bytes are mixed into one stream: give each device a port of its own.")
+        if lost:
+            notices.append(
+                f"{lost} datagrams were lost in this host's receive buffer: it was busy, or the buffer is small "
+                "(`sudo sysctl net.core.rmem_max=8388608`)."
+            )
+        self.notices = notices
+
+    async def write(self, data: bytes) -> None:
+        if self._socket is None or self._peer is None:
+            hint = "UDP answers go to whoever sent last: start the device first."
+            raise LinkError("refused", "No device has sent anything yet, so there is nobody to answer.", hint)
+        try:
+            self._socket.sendto(data, self._peer)
+        except OSError as error:
+            where = place_of(*self._peer[:2])
+            raise LinkError("refused", f"Cannot send to {where}: {error.strerror}.", "Is the network up?") from None
+
+    async def _free(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
