@@ -2,6 +2,8 @@ import { describe, expect, it } from "vitest";
 import {
   apply,
   axesOf,
+  eulerOf,
+  fromEnu,
   FRAMES,
   headingOf,
   horizonOf,
@@ -95,5 +97,22 @@ describe("the world", () => {
     near(metresFrom([52, 6], 52.001, 6), [0, 111.31949], 1e-3);
     const [east] = metresFrom([0, 179.9999], 0, -179.9999);
     expect(east).toBeCloseTo(22.26, 1);
+  });
+});
+
+describe("another frame's numbers", () => {
+  it("fromEnu undoes inEnu", () => {
+    for (const frame of FRAMES) near(fromEnu(inEnu(euler(10, 20, 30), frame), frame), euler(10, 20, 30));
+  });
+  it("reads back what was written, and keeps the horizon where it is", () => {
+    for (const angles of [[10, 20, 30], [-170, -80, 179], [0, 0, -90]] as const) {
+      const { roll, pitch, yaw } = eulerOf(euler(...angles));
+      near([roll, pitch, yaw], angles, 1e-9);
+    }
+    const enu = euler(5, 10, 40);
+    const ned = eulerOf(fromEnu(enu, "NED"));
+    expect(ned.yaw).toBeCloseTo(50);
+    expect(ned.pitch).toBeCloseTo(-10); // nose down, in both
+    expect(Math.abs(ned.roll)).toBeCloseTo(175); // z of the sensor points up, which NED calls upside down
   });
 });

@@ -138,3 +138,18 @@ export function metresFrom(origin: readonly [number, number], lat: number, lon: 
   const turn = ((lon - origin[1] + 540) % 360) - 180; // over the date line
   return [turn * metresPerDegree * Math.cos(origin[0] * DEGREE), (lat - origin[0]) * metresPerDegree];
 }
+
+/** A rotation whose rows are in ENU, written in `frame`: the inverse of `inEnu`, which is its own kind of swap. */
+export function fromEnu(m: Matrix, frame: Frame): Matrix {
+  const [a, b, c, d, e, f, g, h, i] = m;
+  if (frame === "NED") return [d, e, f, a, b, c, -g, -h, -i];
+  if (frame === "NWU") return [d, e, f, -a, -b, -c, g, h, i];
+  return m;
+}
+
+/** Roll, pitch and yaw in ° of a rotation (ZYX intrinsic); at pitch ±90° roll is 0 and yaw takes the rest. */
+export function eulerOf(m: Matrix): { readonly roll: number; readonly pitch: number; readonly yaw: number } {
+  const pitch = Math.asin(Math.max(-1, Math.min(1, -m[6]))) / DEGREE;
+  if (Math.abs(m[6]) > 1 - 1e-12) return { roll: 0, pitch, yaw: Math.atan2(-m[1], m[4]) / DEGREE };
+  return { roll: Math.atan2(m[7], m[8]) / DEGREE, pitch, yaw: Math.atan2(m[3], m[0]) / DEGREE };
+}

@@ -1,0 +1,129 @@
+/**
+ * How does it lie? Horizon, turning body and the three numerals of the selected device, in the frame a person chose or the one
+ * the device speaks. Live it shows the newest sample at the pace of the screen; paused it follows the cursor. A device
+ * that sends no attitude gets words that say which output to switch on, and no empty instrument.
+ */
+import { effect } from "@preact/signals";
+import type { Channel } from "../data/store";
+import { frame as chosenFrame } from "../data/view";
+import { channelsOf, type Deps, reading, sampleAt } from "../panels/deps";
+import { surface } from "../ui/canvas";
+import { el, every, Live, type Panel, unit } from "../ui/dom";
+import { number } from "../ui/format";
+import { drawBody } from "./body";
+import { mountGnss, positionOf } from "./gnss";
+import { drawHorizon } from "./horizon";
+import { eulerOf, type Frame, FRAMES, fromEnu, headingOf, horizonOf, inEnu, pitchSign } from "./maths";
+import { type Source, sourceOf } from "./source";
+
+/** Mounts into `host`, which becomes the attitude row; rebuilt when the device's channels change. */
+export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
+  let shown: readonly Channel[] | undefined;
+  let parts: readonly Panel[] = [];
+  const clear = (): void => {
+    for (const part of parts) part.dispose();
+    parts = [];
+  };
+  return {
+    update(now) {
+      const channels = channelsOf(deps);
+      if (!shown || channels.length !== shown.length || channels.some((channel, i) => channel !== shown?.[i])) {
+        shown = channels;
+        clear();
+        const source = sourceOf(channels);
+        const position = positionOf(channels);
+        host.classList.toggle("with-gnss", position !== undefined);
+        parts = [source ? mountInstruments(host, deps, source) : mountNone(host)];
+        if (position) parts = [...parts, mountGnss(host, deps, position)];
+      }
+      for (const part of parts) part.update(now);
+    },
+    dispose: clear,
+  };
+}
+
+function mountNone(host: HTMLElement): Panel {
+  const words = el("p", {}, "Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon appears here.");
+  const box = el("div", { class: "none" }, el("h2", {}, "This device sends no orientation"), words);
+  host.append(box);
+  return { update: () => undefined, dispose: () => box.remove() };
+}
+
+function numeral(list: HTMLElement, name: string, axis: string, note: Node | string): Live {
+  const live = new Live();
+  const title = el("dt", {}, el("b", axis ? { class: axis } : {}, name), el("span", {}, note));
+  const value = el("dd", { "data-numeral": name.toLowerCase() }, live.node, unit("°"));
+  list.append(el("div", {}, title, value));
+  return live;
+}
+
+/** The switch of frames; pressing the one the device speaks returns to "as it is sent". */
+function frameSwitch(native: Frame): { readonly node: HTMLElement; dispose(): void } {
+  const group = el("div", { class: "seg small", role: "group", "aria-label": "Frame of the numbers" });
+  const buttons = FRAMES.map((name) => {
+    const button = el("button", { type: "button" }, name);
+    button.title = name === native ? `${name}: as the device sends it` : `${name}: converted from ${native}`;
+    button.addEventListener("click", () => {
+      chosenFrame.value = name === native ? undefined : name;
+    });
+    group.append(button);
+    return button;
+  });
+  const dispose = effect(() => {
+    const shown = chosenFrame.value ?? native;
+    FRAMES.forEach((name, i) => buttons[i]?.setAttribute("aria-pressed", String(name === shown)));
+  });
+  return { node: group, dispose };
+}
+
+function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel {
+  const horizonCanvas = el("canvas", { role: "img", "aria-label": "Artificial horizon" });
+  const bodyCanvas = el("canvas", { role: "img", "aria-label": "Sensor body with its x, y and z axes" });
+  const [frameName, pitchNote] = [new Live(), new Live()];
+  const horizonCell = el("div", { class: "hor" }, horizonCanvas);
+  const cap = el("div", { class: "cap" }, el("span", {}, "Body in ", frameName.node), el("span", {}, "seen from SSW"));
+  const bodyCell = el("div", { class: "body3" }, cap, bodyCanvas);
+  const list = el("dl");
+  const heading = numeral(list, "Heading", "", "of x, clockwise from north");
+  const roll = numeral(list, "Roll", "x", "about x");
+  const pitch = numeral(list, "Pitch", "y", pitchNote.node);
+  const choice = frameSwitch(source.frame);
+  const top = el("div", { class: "frame" }, choice.node, el("span", { class: "from" }, source.words));
+  const numsCell = el("div", { class: "nums" }, top, list);
+  host.append(horizonCell, bodyCell, numsCell);
+
+  let drawn = "";
+  const redraw = (): void => {
+    drawn = "";
+  };
+  const [horizonOn, bodyOn] = [surface(horizonCanvas, redraw), surface(bodyCanvas, redraw)];
+  const textDue = every(12);
+  return {
+    update(now) {
+      const i = sampleAt(source.channel, reading(deps));
+      const frame = chosenFrame.value ?? source.frame;
+      const { ring } = source.channel;
+      const key = `${ring.revision} ${i} ${frame} ${document.documentElement.dataset["theme"]}`;
+      const sent = i < 0 ? undefined : source.at(i);
+      const enu = sent && inEnu(sent, source.frame);
+      if (key !== drawn) {
+        drawn = key;
+        drawHorizon(horizonOn, enu && horizonOf(enu, source.frame));
+        drawBody(bodyOn, enu, frame);
+      }
+      if (!textDue(now)) return;
+      const angles = enu && eulerOf(fromEnu(enu, frame));
+      heading.set(number(enu && headingOf(enu), 1));
+      roll.set(number(angles?.roll, 1));
+      pitch.set(number(angles?.pitch, 1));
+      frameName.set(frame);
+      pitchNote.set(`about y, ${pitchSign(frame)}`);
+    },
+    dispose() {
+      horizonOn.dispose();
+      bodyOn.dispose();
+      choice.dispose();
+      for (const cell of [horizonCell, bodyCell, numsCell]) cell.remove();
+    },
+  };
+}

@@ -1,0 +1,45 @@
+/** What a panel is given when it is mounted. */
+import { cursor, view } from "../data/view";
+import type { Channel, Store } from "../data/store";
+import type { DeviceInfo } from "../wire/types";
+import type { Minute } from "./minute";
+import { type Reading, readingAt } from "./reading";
+
+export interface Deps {
+  readonly store: Store;
+  readonly minute: Minute;
+}
+
+/** The moment that panels read now. */
+export function reading(deps: Deps): Reading {
+  return readingAt(view.value, cursor.value, deps.store.serverNow());
+}
+
+/** Channels of the selected device. */
+export function channelsOf(deps: Deps): readonly Channel[] {
+  const device = view.value.device;
+  return deps.store.channels.value.filter((channel) => channel.info.device === device);
+}
+
+export function selected(deps: Deps): DeviceInfo | undefined {
+  const id = view.value.device;
+  return deps.store.devices.value.find((device) => device.id === id);
+}
+
+/** Index of the sample that `at` reads in a channel; -1 when there is none. */
+export function sampleAt(channel: Channel, at: Reading): number {
+  if (at.time === Number.POSITIVE_INFINITY) return channel.ring.length - 1;
+  return channel.ring.indexAt(at.time, view.value.timeBase);
+}
+
+/** Seconds since anything arrived from the device; undefined before the first byte. */
+export function ageOf(deps: Deps, device: string): number | undefined {
+  let newest: number | undefined;
+  for (const { info, ring } of deps.store.channels.value) {
+    if (info.device !== device || ring.length === 0) continue;
+    const arrival = ring.arrival(ring.length - 1);
+    if (newest === undefined || arrival > newest) newest = arrival;
+  }
+  newest ??= deps.store.health.value.get(device)?.last_arrival ?? undefined;
+  return newest === undefined ? undefined : Math.max(0, deps.store.serverNow() - newest);
+}

@@ -1,0 +1,82 @@
+/**
+ * In which order do the values stand, and in which groups? Pure: channels in, groups of rows out.
+ *
+ * Quantities with axes come first, in the order an engineer reads them; what changes slowly is one group of single lines at the
+ * end; a record (GNSS) is a group of its own. Tables with several rows at one time (satellites) are only counted here.
+ */
+import type { ChannelInfo, ColumnInfo } from "../wire/types";
+
+const ORDER: readonly string[] = [
+  "Acceleration",
+  "FreeAcceleration",
+  "AccelerationHR",
+  "RateOfTurn",
+  "RateOfTurnHR",
+  "MagneticField",
+  "EulerAngles",
+  "Quaternion",
+  "RotationMatrix",
+  "VelocityXYZ",
+  "DeltaV",
+  "DeltaQ",
+  "PositionEcef",
+];
+
+export interface ValueRow {
+  readonly channel: ChannelInfo;
+  /** Index among the channel's columns; -1 for a table of rows. */
+  readonly column: number;
+  readonly info: ColumnInfo | undefined;
+  readonly label: string;
+  /** "x", "y", "z" for an axis colour, "n" for none, "" for a plain line with its unit and no statistics. */
+  readonly colour: "x" | "y" | "z" | "n" | "";
+}
+
+export interface ValueGroup {
+  readonly title: string;
+  readonly unit: string;
+  readonly frame: string;
+  readonly rows: readonly ValueRow[];
+}
+
+function rank(channel: ChannelInfo): number {
+  const at = ORDER.indexOf(channel.name);
+  return at < 0 ? ORDER.length : at;
+}
+
+function rowsOf(channel: ChannelInfo, plain: boolean): readonly ValueRow[] {
+  return channel.columns.map((info, column) => ({
+    channel,
+    column,
+    info,
+    label: info.label || info.name,
+    colour: plain ? "" : info.axis === "x" || info.axis === "y" || info.axis === "z" ? info.axis : "n",
+  }));
+}
+
+/** The groups of the values table for the channels of one device. */
+export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[] {
+  const groups: ValueGroup[] = [];
+  const slow: ValueRow[] = [];
+  const records: ValueGroup[] = [];
+  for (const channel of [...channels].sort((a, b) => rank(a) - rank(b))) {
+    const { title, frame } = channel;
+    if (channel.kind === "rows") {
+      slow.push({ channel, column: -1, info: undefined, label: title, colour: "" });
+    } else if (["vector", "euler", "quaternion", "matrix"].includes(channel.kind)) {
+      groups.push({ title, unit: channel.unit || commonUnit(channel), frame, rows: rowsOf(channel, false) });
+    } else if (channel.columns.length === 1) {
+      for (const row of rowsOf(channel, true)) slow.push({ ...row, label: title });
+    } else {
+      records.push({ title, unit: "", frame, rows: rowsOf(channel, true) });
+    }
+  }
+  const tail = slow.length > 0 ? [{ title: "Slow data", unit: "", frame: "", rows: slow }] : [];
+  return [...groups, ...tail, ...records];
+}
+
+/** The unit that all columns share; "" when they differ. */
+function commonUnit(channel: ChannelInfo): string {
+  const first = channel.columns[0]?.unit ?? "";
+  return channel.columns.every((column) => column.unit === first) ? first : "";
+}

@@ -1,0 +1,156 @@
+/**
+ * What are the numbers? The table of every channel of the selected device: newest value or value at the cursor, mean and σ over
+ * the window. Text nodes are written in the frame loop, numbers 12 times a second; statistics in turn, a little in every frame,
+ * because a long window of a fast device is millions of samples. Nothing moves when digits do.
+ */
+import type { Channel } from "../data/store";
+import { view } from "../data/view";
+import { every, el, Live, type Panel, unit } from "../ui/dom";
+import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
+import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./deps";
+import { groupsOf, type ValueRow } from "./layout";
+import type { Reading } from "./reading";
+
+/** What statistics may take of one frame's 16 ms, in ms; one line is done in any case. */
+const STATS_MS = 0.7;
+
+interface Line {
+  readonly row: ValueRow;
+  readonly channel: Channel;
+  readonly now: Live;
+  readonly mean: Live | undefined;
+  readonly sd: Live | undefined;
+}
+
+export interface ValuesDeps extends Deps {
+  /** True while the newest value is old: the head then says how old. */
+  readonly held: () => boolean;
+}
+
+export function mountValues(host: HTMLElement, deps: ValuesDeps): Panel {
+  const when = new Live();
+  const word = new Live();
+  const caption = el("span", { class: "when" }, when.node);
+  host.querySelector("[data-when]")?.append(caption);
+  const body = el("tbody");
+  const head = el("tr", {}, el("td"), el("th", { class: "num", scope: "col" }, word.node));
+  head.append(el("th", { class: "num", scope: "col" }, "mean"), el("th", { class: "num", scope: "col" }, "σ"));
+  const columns = el("colgroup", {}, el("col"), el("col", { class: "now" }), el("col", { class: "mean" }), el("col", { class: "sd" }));
+  const label = el("caption", { class: "vh" }, "Values of the selected device");
+  const table = el("table", { class: "vals" }, label, columns, el("thead", {}, head), body);
+  const box = el("div", { class: "valbox" }, table);
+  host.append(box);
+
+  let shown: readonly Channel[] = [];
+  let lines: readonly Line[] = [];
+  let turn = 0;
+  const numbersDue = every(12);
+  const statsDue = every(3);
+  return {
+    update(frame) {
+      if (turn < lines.length) turn = writeSomeStats(lines, turn, reading(deps));
+      else if (statsDue(frame)) turn = 0;
+      if (!numbersDue(frame)) return;
+      const channels = channelsOf(deps);
+      if (channels.length !== shown.length || channels.some((channel, i) => channel !== shown[i])) {
+        shown = channels;
+        lines = build(body, channels);
+      }
+      const at = reading(deps);
+      word.set(at.word);
+      when.set(headline(deps, at));
+      for (const line of lines) line.now.set(valueText(line, at));
+    },
+    dispose() {
+      box.remove();
+      caption.remove();
+    },
+  };
+}
+
+function headline(deps: ValuesDeps, at: Reading): string {
+  if (at.word === "now" && deps.held()) {
+    const old = age(ageOf(deps, view.value.device ?? ""));
+    return `held, ${old.value} ${old.unit} old`;
+  }
+  if (at.word !== "now") return `at ${clock(at.time, 3)}`;
+  const window = span(view.value.span);
+  return `${window.value} ${window.unit} window`;
+}
+
+function build(body: HTMLTableSectionElement, channels: readonly Channel[]): readonly Line[] {
+  const byId = new Map(channels.map((channel) => [channel.info.id, channel]));
+  const lines: Line[] = [];
+  body.replaceChildren();
+  for (const group of groupsOf(channels.map((channel) => channel.info))) {
+    const title = el("th", { colspan: "4", scope: "rowgroup" }, group.title);
+    if (group.unit) title.append(unit(group.unit));
+    if (group.frame) title.append(el("span", { class: "dim" }, ` ${group.frame}`));
+    body.append(el("tr", { class: "g" }, title));
+    for (const row of group.rows) {
+      const channel = byId.get(row.channel.id);
+      if (channel) lines.push(addLine(body, row, channel));
+    }
+  }
+  return lines;
+}
+
+function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel): Line {
+  const now = new Live();
+  const help = row.info?.doc || row.channel.doc;
+  const name = el("th", { scope: "row", class: row.colour || "plain", ...(help ? { title: help } : {}) }, row.label);
+  if (row.colour !== "") {
+    const [mean, sd] = [new Live(), new Live()];
+    const cells = [now, mean, sd].map((live) => el("td", { class: "num" }, live.node));
+    body.append(el("tr", {}, name, ...cells));
+    return { row, channel, now, mean, sd };
+  }
+  const words = row.info && Object.keys(row.info.choices).length > 0;
+  const cell = el("td", { class: words ? "num words" : "num", colspan: "3" }, now.node);
+  const shownUnit = row.info?.unit ?? (row.column < 0 ? "rows" : "");
+  if (shownUnit) cell.append(unit(shownUnit));
+  body.append(el("tr", {}, name, cell));
+  return { row, channel, now, mean: undefined, sd: undefined };
+}
+
+function valueText(line: Line, at: Reading): string {
+  const { row, channel } = line;
+  const i = sampleAt(channel, at);
+  if (i < 0) return NONE;
+  if (!row.info) return number(rowsAt(channel, i), 0);
+  const value = channel.ring.value(row.column, i);
+  const choice = row.info.choices[String(value)];
+  if (choice !== undefined) return choice;
+  if (row.info.bits.length > 0) return `0x${(value >>> 0).toString(16).toUpperCase().padStart(8, "0")}`;
+  return number(value, decimalsOf(row.info, row.info.unit || row.channel.unit));
+}
+
+/** How many rows of a table share the time of the row at `i`. */
+function rowsAt(channel: Channel, i: number): number {
+  const { ring } = channel;
+  const arrival = ring.arrival(i);
+  let n = 0;
+  while (i - n >= 0 && ring.arrival(i - n) === arrival) n += 1;
+  return n;
+}
+
+/** Statistics of as many lines as fit in the time a frame has to spare; gives where to go on. */
+function writeSomeStats(lines: readonly Line[], from: number, at: Reading): number {
+  const until = performance.now() + STATS_MS;
+  let turn = from;
+  do {
+    const line = lines[turn];
+    if (line) writeStats(line, at);
+    turn += 1;
+  } while (turn < lines.length && performance.now() < until);
+  return turn;
+}
+
+function writeStats(line: Line, at: Reading): void {
+  const { row, channel, mean, sd } = line;
+  if (!mean || !sd || !row.info) return;
+  const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
+  const stats = channel.ring.stats(row.column, at.from, at.to, view.value.timeBase);
+  mean.set(stats.n > 0 ? number(stats.mean, decimals) : NONE);
+  sd.set(stats.n > 1 ? number(stats.sigma, decimals) : NONE);
+}
