@@ -1,0 +1,178 @@
+"""How old are samples when a page gets them? From the write on a pseudo-terminal to typed arrays in the page's worker.
+
+    feed ── write, stamp ──> pty ──> server ──> WebSocket ──> worker: postMessage(typed arrays), stamp
+
+The page is the real one, drawing all it draws, in headless Chromium with software rendering; its worker is asked to
+note when it hands samples over, and the packet counter says which write they were. With more than one client each is a
+page of its own, so on a small machine this measures the machine too. The yardstick beside it: the same bytes read back
+from a pseudo-terminal by a bare loop, i.e. what the kernel and this machine's scheduling alone cost.
+
+Budget: p99 at most 25 ms at 2 kHz, for one to four clients.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import pty
+import select
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, Worker, sync_playwright
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests import chromium  # noqa: E402
+from tests.bench import feed as feeding  # noqa: E402
+from tests.bench.report import percentile, report  # noqa: E402
+from tests.process import ServerProcess  # noqa: E402
+
+SETTLE_S = 4.0
+
+# In the worker: note the wall clock (ms) and the packet counter of every live sample handed to the page.
+NOTE = """() => {
+  const ids = new Set(), hand = self.postMessage.bind(self);
+  self.noted = [];
+  self.postMessage = (message, options) => {
+    const now = performance.timeOrigin + performance.now();
+    if (message.kind === "text" && message.text.op === "channels")
+      for (const channel of message.text.channels) if (channel.name === "PacketCounter") ids.add(channel.id);
+    if (message.kind === "frames")
+      for (const frame of message.frames)
+        if (ids.has(frame.channel) && !frame.history)
+          for (const count of frame.columns[0]) self.noted.push([now, count]);
+    hand(message, options);
+  };
+}"""
+CLOCK = "() => performance.timeOrigin + performance.now()"
+
+
+def clock_offset_s(worker: Worker) -> float:
+    """The worker's clock minus ours, by the quickest of some round trips."""
+    trips = []
+    for _ in range(20):
+        before = time.time()
+        theirs = worker.evaluate(CLOCK) / 1000
+        after = time.time()
+        trips.append((after - before, theirs - (before + after) / 2))
+    return float(min(trips)[1])
+
+
+def delays_ms(noted: list[tuple[float, int]], written: list[float], offset: float) -> list[float]:
+    """Milliseconds from write to worker, the settling time left out."""
+    start, found, turn, last = written[0] + SETTLE_S, [], 0, 0
+    for at, count in noted:
+        if count < last - 30_000:
+            turn += 1
+        last = count
+        index = count + 65_536 * turn
+        if index < len(written) and written[index] >= start:
+            found.append(1000 * (at / 1000 - offset - written[index]))
+    return found
+
+
+def product(browser: Browser, clients: int, rate: float, seconds: float) -> dict[str, Any]:
+    """The whole way, with `clients` pages."""
+    command = [sys.executable, str(ROOT / "tests/bench/feed.py"), str(rate), str(SETTLE_S + seconds)]
+    with (
+        tempfile.TemporaryDirectory() as data,
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as feed,
+        contextlib.ExitStack() as contexts,
+    ):
+        assert feed.stdin
+        assert feed.stdout
+        terminal = feed.stdout.readline().strip()
+        server = contexts.enter_context(ServerProcess(f"serial://{terminal}?baud=2000000", data=Path(data)))
+        workers = []
+        for _ in range(clients):
+            context = contexts.enter_context(browser.new_context(viewport={"width": 1440, "height": 900}))
+            page = context.new_page()
+            page.goto(server.url)
+            page.wait_for_function("window.imuscope?.store.connection.value === 'open'")
+            workers.append(page.workers[0])
+        for worker in workers:
+            worker.evaluate(NOTE)
+        offsets = [clock_offset_s(worker) for worker in workers]
+        feed.stdin.write("go\n")
+        feed.stdin.flush()
+        written = json.loads(feed.stdout.readline())["written"]
+        time.sleep(0.5)
+        noted = [worker.evaluate("() => self.noted") for worker in workers]
+        feed.terminate()
+    each = [delays_ms(rows, written, offset) for rows, offset in zip(noted, offsets, strict=True)]
+    expected = sum(at >= written[0] + SETTLE_S for at in written)
+    every = [delay for delays in each for delay in delays]
+    return {
+        "clients": clients,
+        "samples": len(every),
+        "missing": clients * expected - len(every),
+        "p50_ms": percentile(every, 0.5),
+        "p99_ms": percentile(every, 0.99),
+        "worst_client_p99_ms": max(percentile(delays, 0.99) for delays in each),
+    }
+
+
+def bare(rate: float, seconds: float) -> dict[str, float]:
+    """The yardstick: the same frames through a pseudo-terminal into a loop that only reads."""
+    frames = [feeding.frame(index, rate) for index in range(round(rate * seconds))]
+    size = len(frames[0])
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    written: list[float] = []
+    arrived: list[float] = []
+
+    def read() -> None:
+        count = 0
+        while count < size * len(frames):
+            select.select([slave], [], [])
+            count += len(os.read(slave, 65_536))
+            now = time.time()
+            arrived.extend([now] * (count // size - len(arrived)))
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    began = time.monotonic()
+    for index, data in enumerate(frames):
+        time.sleep(max(0.0, began + index / rate - time.monotonic()))
+        written.append(time.time())
+        os.write(master, data)
+    reader.join(5)
+    os.close(master)
+    os.close(slave)
+    delays = [1000 * (after - before) for before, after in zip(written, arrived, strict=False)]
+    return {"p50_ms": percentile(delays, 0.5), "p99_ms": percentile(delays, 0.99)}
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Latency from a pseudo-terminal to the page's worker.")
+    parser.add_argument("--clients", type=int, nargs="*", default=[1, 2, 4])
+    parser.add_argument("--rate", type=float, default=2000)
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    options = parser.parse_args()
+    path = chromium.find()
+    if path is None:
+        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        rows = [product(browser, clients, options.rate, options.seconds) for clients in options.clients]
+        browser.close()
+    yardstick = bare(options.rate, min(5.0, options.seconds))
+    figures = {"rate_hz": options.rate, "runs": rows, "yardstick": yardstick, "budget": {"p99_ms": 25}}
+    figures["ratio"] = max(row["p99_ms"] for row in rows) / yardstick["p99_ms"]
+    report("latency", figures, extra_versions={"chromium": chromium.version(path)})
+
+
+if __name__ == "__main__":
+    main()

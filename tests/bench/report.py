@@ -1,0 +1,74 @@
+"""What does a benchmark print, and what stands beside its figures when they are kept?
+
+One JSON line on standard output; with `--save` the same, indented, in tests/bench/results/NAME.json, together with what
+a reader needs to judge it: the kind of machine, the date, the versions of what was measured.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results"
+PACKAGES = ("numpy", "numba", "uvicorn", "websockets", "fastapi")
+
+
+def percentile(values: Sequence[float], share: float) -> float:
+    """The smallest value that at least `share` (0..1) of the values do not exceed."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, max(0, round(share * len(ordered) + 0.5) - 1))] if ordered else float("nan")
+
+
+def machine() -> dict[str, Any]:
+    """The kind of machine, without its name."""
+    model = platform.processor() or platform.machine()
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                model = line.split(":", 1)[1].strip()
+    return {"cpu": model, "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}", "gpu": None}
+
+
+def versions(extra: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Versions of what takes part."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return {**found, **(extra or {})}
+
+
+def report(name: str, figures: Mapping[str, Any], *, extra_versions: Mapping[str, str] | None = None) -> None:
+    """Print one JSON line; keep it when the command line says `--save`."""
+    rounded = _rounded({"bench": name, **figures})
+    print(json.dumps(rounded), flush=True)
+    if "--save" in sys.argv:
+        RESULTS.mkdir(exist_ok=True)
+        kept = {
+            **rounded,
+            "date": datetime.now(UTC).date().isoformat(),
+            "machine": machine(),
+            "versions": versions(extra_versions),
+        }
+        (RESULTS / f"{name}.json").write_text(json.dumps(kept, indent=2, ensure_ascii=False) + "\n")
+
+
+def _rounded(value: Any) -> Any:
+    """Four significant digits are more than a noisy machine can promise."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    if isinstance(value, Mapping):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(item) for item in value]
+    return value
