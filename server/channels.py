@@ -304,7 +304,7 @@ def _suffix_axis(name: str) -> Axis:
     """accX, accY, accZ of a record keep their axis' colour."""
     if len(name) > 1 and name[-1] in "XYZ" and name[-2].islower():
         return cast(Axis, name[-1].lower())
-    return name if name in _XYZ else ""  # type: ignore[return-value]
+    return name if name in _XYZ else ""
 
 
 def _column(field: Field, name: str, dtype: Dtype, axis: Axis) -> ColumnInfo:

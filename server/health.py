@@ -1,0 +1,68 @@
+"""How is this device doing? Rates over the last second, counts since the session began.
+
+A meter keeps what came within the last second, so a rate is a count of true arrivals and not a smoothed guess: it falls
+to 0 one second after the last sample, which is also when the page calls a device lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from server.wire import MessageHealth
+
+WINDOW_S = 1.0
+
+
+class Meter:
+    """Counts of something, and their rate over the last second."""
+
+    __slots__ = ("_recent", "_recent_sum", "total")
+
+    def __init__(self) -> None:
+        self.total = 0
+        self._recent: deque[tuple[float, int]] = deque()
+        self._recent_sum = 0
+
+    def add(self, count: int, now: float) -> None:
+        self.total += count
+        self._recent.append((now, count))
+        self._recent_sum += count
+        self._forget(now)
+
+    def rate(self, now: float) -> float:
+        """Per second, over the second before `now` (s)."""
+        self._forget(now)
+        return self._recent_sum / WINDOW_S
+
+    def _forget(self, now: float) -> None:
+        while self._recent and self._recent[0][0] <= now - WINDOW_S:
+            self._recent_sum -= self._recent.popleft()[1]
+
+
+class Figures:
+    """The counts of one session."""
+
+    def __init__(self) -> None:
+        self.bytes = Meter()
+        self.messages: dict[str, Meter] = {}
+        self.gaps = 0
+        self.lost = 0
+        self.rejects = 0
+        self.last_arrival: float | None = None
+
+    def heard(self, size: int, arrival: float) -> None:
+        """`size` bytes came."""
+        self.bytes.add(size, arrival)
+        self.last_arrival = arrival
+
+    def samples(self, message: str, count: int, now: float) -> None:
+        """`count` samples of a message were decoded."""
+        meter = self.messages.get(message)
+        if meter is None:
+            meter = self.messages[message] = Meter()
+        meter.add(count, now)
+
+    def report(self, now: float) -> list[MessageHealth]:
+        """Every message, the most frequent first."""
+        found = [MessageHealth(name, meter.rate(now), meter.total) for name, meter in self.messages.items()]
+        return sorted(found, key=lambda one: -one.count)

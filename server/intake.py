@@ -1,0 +1,276 @@
+"""How do the bytes of one device become channels, events and figures?
+
+    chunks ─feed─> decoder ─drain─> Batch ──> device time → host time ──> channels ──> hub
+                                    Text  ──> its numbers are a channel too (an NMEA sentence)
+                                    Reply ──> an event, and who the device is
+                                    Gap, Step, Reject ──> sentences (server/incidents.py) and counts
+
+`feed` only appends, so that the reader of a 2 kHz device costs little; `drain` decodes what has come, once per flush of
+the hub. All batches of a drain are mapped to host time together. A gap lies between the frame before and the frame
+after it *in the stream*, whichever layouts those two have, so their times are looked up by offset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.clocks import HostClock
+from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step, Text
+from protocols.schema import Field, Message
+from server.channels import Channels
+from server.health import Figures
+from server.hub import Hub
+from server.incidents import Blame, Incidents
+from server.links.base import Chunk
+
+FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
+_WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
+_ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
+
+
+@dataclass(slots=True)
+class Identity:
+    """Who a device said it is; "" while unknown."""
+
+    product: str = ""
+    serial_number: str = ""
+    firmware: str = ""
+
+    def learn(self, reply: Reply) -> bool:
+        """Take what an answer tells; True when something is new."""
+        before = (self.product, self.serial_number, self.firmware)
+        values = reply.values
+        product = values.get("product_code")
+        if isinstance(product, str) and product.strip():
+            self.product = product.strip().strip("\x00")
+        number = values.get("device_id64") or values.get("device_id") or values.get("master_device_id")
+        if isinstance(number, int | np.integer) and int(number) > 0:
+            self.serial_number = f"{int(number):08X}"
+        if reply.message.name.startswith("Firmware") and "major" in values:
+            parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
+            self.firmware = ".".join(str(part) for part in parts)
+        return before != (self.product, self.serial_number, self.firmware)
+
+
+class Intake:
+    """The data side of a session.
+
+    Args:
+        hub: where samples and events go.
+        device: DeviceInfo.id.
+        decoder: of the stream's protocol, fresh.
+        figures: counts that go on over reconnections.
+        channels: of the device; go on over reconnections, so that a channel keeps its id.
+        identify: called when an answer told who the device is.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        device: str,
+        decoder: Decoder,
+        *,
+        figures: Figures,
+        channels: Channels,
+        incidents: Incidents,
+        identify: Callable[[Identity], None] = lambda identity: None,
+        byte_time_ns: float = 0,
+        link_kind: str = "",
+        capacity: float | None = None,
+    ) -> None:
+        self._hub = hub
+        self._decoder = decoder
+        self._figures = figures
+        self._channels = channels
+        self._incidents = incidents
+        self._identify = identify
+        self._link_kind = link_kind
+        self._capacity = capacity
+        self._has_size = byte_time_ns > 0
+        self._sizes: dict[int, tuple[Message, int]] = {}
+        self._text_rows: dict[tuple[str, ...], Message] = {}
+        self._last_time: float | None = None  # host time of the last frame of the previous drain
+        self._fed = False
+        self._rejects_before = 0  # since the last frame that was good
+        self.clock = HostClock(byte_time_ns)
+        self.identity = Identity()
+        self.samples = 0
+
+    @property
+    def buffered(self) -> int:
+        return self._decoder.buffered
+
+    def feed(self, chunk: Chunk) -> None:
+        """Append bytes."""
+        self._decoder.feed(chunk.data, chunk.arrival_ns)
+        self._fed = True
+
+    def drain(self, *, stalled: bool = False) -> None:
+        """Decode all that is complete and hand it to the hub."""
+        if not (self._fed or stalled):
+            return
+        self._fed = False
+        events = self._decoder.drain(stalled=stalled)
+        if not events:
+            return
+        batches = [event for event in events if isinstance(event, Batch) and len(event)]
+        times = self._host_times(batches)
+        self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *self._text_batches(events)]))
+        for batch in batches:
+            self._figures.samples(batch.message.name, len(batch), self._hub.now())
+            self.samples += len(batch)
+        self._tell(events, batches, times)
+
+    # ── time ──
+
+    def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
+        """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock."""
+        timed = [(batch, batch.time_ns) for batch in batches if batch.time_ns is not None]
+        if len(timed) == 1:
+            batch, device = timed[0]
+            self.clock.add(device, batch.arrival_ns, self._frame_size(batch.message))
+        elif timed:
+            size: Any = 0
+            if self._has_size:
+                size = np.concatenate([np.full(len(batch), self._frame_size(batch.message)) for batch, _ in timed])
+            order = np.argsort(np.concatenate([batch.offset for batch, _ in timed]), kind="stable")
+            device = np.concatenate([device for _, device in timed])
+            arrival = np.concatenate([batch.arrival_ns for batch, _ in timed])
+            self.clock.add(device[order], arrival[order], size[order] if self._has_size else 0)
+        return [
+            np.full(len(batch), np.nan) if batch.time_ns is None else self.clock.host(batch.time_ns)
+            for batch in batches
+        ]
+
+    def _frame_size(self, message: Message) -> int:
+        """Bytes of a frame of this layout on the wire, 0 when the link's speed is unknown anyway."""
+        if not self._has_size:
+            return 0
+        known = self._sizes.get(id(message))
+        if known is None or known[0] is not message:
+            if len(self._sizes) > 256:
+                self._sizes.clear()
+            size = sum(_field_bytes(field) + _ITEM_OVERHEAD for field in message.fields) + _FRAME_OVERHEAD
+            known = self._sizes[id(message)] = (message, size)
+        return known[1]
+
+    # ── text as numbers ──
+
+    def _text_batches(self, events: Sequence[Event]) -> list[tuple[Batch, NDArray[np.float64]]]:
+        """The numbers in sentences, one batch per kind of sentence: columns that plots can show."""
+        rows: dict[tuple[str, ...], list[tuple[Text, list[float]]]] = {}
+        for event in events:
+            if isinstance(event, Text) and event.fields and event.name:
+                numbers = {key: float(value) for key, value in event.fields.items() if _is_number(value)}
+                if numbers:
+                    key = (event.protocol, event.name, *numbers)
+                    rows.setdefault(key, []).append((event, list(numbers.values())))
+        out = []
+        for key, found in rows.items():
+            table = np.array([values for _, values in found])
+            batch = Batch(
+                message=self._text_message(key),
+                device="",
+                arrival_ns=np.array([text.arrival_ns for text, _ in found], np.int64),
+                offset=np.array([text.offset for text, _ in found], np.int64),
+                time_ns=None,
+                columns={name: table[:, i] for i, name in enumerate(key[2:])},
+            )
+            out.append((batch, np.full(len(found), np.nan)))
+        return out
+
+    def _text_message(self, key: tuple[str, ...]) -> Message:
+        if key not in self._text_rows:
+            if len(self._text_rows) > 256:
+                self._text_rows.clear()
+            protocol, name, *columns = key
+            title = f"{protocol.upper()} {name}"
+            fields = tuple(Field(column, "f8") for column in columns)
+            self._text_rows[key] = Message(0, name, fields, title=title)
+        return self._text_rows[key]
+
+    # ── events ──
+
+    def _tell(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
+        offsets, hosts = _stream_order(batches, times)
+        rejects = []
+        for event in events:
+            if isinstance(event, Batch):
+                continue
+            if isinstance(event, Text):
+                self._figures.samples(f"{event.protocol} {event.name}", 1, self._hub.now())
+                self._incidents.text(event)
+            elif isinstance(event, Reject):
+                rejects.append(event)
+            elif isinstance(event, Gap):
+                self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
+            elif isinstance(event, Step):
+                self._incidents.step(event, event.arrival_ns / 1e9)
+            else:
+                self._reply(event)
+        if rejects:
+            self._figures.rejects += len(rejects)
+            self._incidents.rejects(rejects)
+        if len(hosts):
+            self._last_time = float(hosts[-1])
+            self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
+        else:
+            self._rejects_before += len(rejects)
+
+    def _reply(self, reply: Reply) -> None:
+        self._figures.samples(reply.message.name, 1, self._hub.now())
+        self._incidents.reply(reply)
+        if self.identity.learn(reply):
+            self._identify(self.identity)
+
+    def _gap(self, gap: Gap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
+        self._figures.gaps += 1
+        self._figures.lost += gap.missing
+        at = int(np.searchsorted(offsets, gap.offset))
+        after = float(hosts[at]) if at < len(hosts) else gap.arrival_ns / 1e9
+        before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
+        self._incidents.gap(gap, after if before is None else min(before, after), after, self._blame(rejects))
+
+    def _blame(self, rejects: int) -> Blame:
+        """Who lost samples, as far as this end can tell."""
+        if rejects:
+            frames = f"{rejects} damaged frame{'s' if rejects > 1 else ''}"
+            return Blame("wire", f"{frames} came in between, so bytes were damaged on the wire.")
+        if self._link_kind == "udp":
+            return Blame("network", "the network did not deliver them.")
+        if self._capacity and self._figures.bytes.rate(self._hub.now()) >= FULL * self._capacity:
+            return Blame("link", "the link is full, so the device could not send them. Lower a rate or raise the baud.")
+        words = "no damaged bytes came, so they were lost before this host: in the device, the adapter or the cable."
+        return Blame("device", words)
+
+
+def _stream_order(
+    batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Offset and host time (arrival where there is no device time) of every sample, in the order of the stream."""
+    if not batches:
+        return np.zeros(0, np.int64), np.zeros(0)
+    arrivals = [batch.arrival_ns / 1e9 for batch in batches]
+    hosts = [np.where(np.isnan(time), arrival, time) for time, arrival in zip(times, arrivals, strict=True)]
+    if len(batches) == 1:
+        return batches[0].offset, hosts[0]
+    offsets = np.concatenate([batch.offset for batch in batches])
+    order = np.argsort(offsets, kind="stable")
+    return offsets[order], np.concatenate(hosts)[order]
+
+
+def _field_bytes(field: Field) -> int:
+    if field.fields:
+        return sum(_field_bytes(sub) for sub in field.fields)
+    size = _WIRE_BYTES.get(field.dtype) or (np.dtype(field.dtype).itemsize if field.dtype else 0)
+    return size * math.prod(max(extent, 1) for extent in field.shape)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
