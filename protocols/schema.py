@@ -70,6 +70,8 @@ class Field:
         title: name for a person where `name` is terse ("Magnetic field"); "" means `name`.
         frame: coordinate frame of a vector, or both frames of a rotation ("ENU", "ENU from body").
         id: number in the document where the field has one (an Xsens data identifier), else -1.
+        column_major: a matrix that travels column by column; the shown one is row by row, as is its `axes`.
+        pad: the byte that fills an "ascii" field up to its length (0x20 or 0); it is no part of the value.
         doc, source: one sentence; section of the document.
     """
 
@@ -88,6 +90,8 @@ class Field:
     title: str = ""
     frame: str = ""
     id: int = -1
+    column_major: bool = False
+    pad: int = 0
     doc: str = ""
     source: str = ""
 

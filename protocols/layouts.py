@@ -1,0 +1,338 @@
+"""How do the rows of a table become bytes, and bytes columns?
+
+A payload is its message's fields, packed, in the order of the table. From the fields follow
+
+    sizes      size_of, fit       how many bytes; which of a message's forms a payload of some size has
+    one frame  unpack, pack       payload → values by name (Python numbers, text, lists) and back
+    many       Layout             frames of one layout, gathered into one array → columns
+
+    frames   [hdr|a a|b b b b|x|cs]  [hdr|a a|b b b b|x|cs] …
+    gathered [a a b b b b x]               one row of bytes per frame; a packed numpy dtype is laid over it
+             [a a b b b b x]
+    columns  a: (n,)   b: (n,)   x: (n,)   native byte order, shown units, converted when first asked for
+
+Wire encodings that numpy lacks:
+
+    fp1220   big-endian int32, value × 2^20
+    fp1632   48 bits, value × 2^32, sent as its 4 low bytes and then its 2 high bytes, each big-endian:
+             b3 b2 b1 b0 b5 b4                    (MT0101P 2020.A, section 5.3.5)
+    bytes    opaque; a column of them is uint8 (n, size)
+    ascii    one byte a character (read as Latin-1, so that any byte survives); padding is not part of the value
+
+Values here are wire values: unscaled numbers, fixed point as the exact float64. Only columns carry shown units.
+
+Rules for editing: a field whose shape begins with -1 takes what the payload has left, so it stands last.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.schema import Field
+
+Array = NDArray[Any]
+
+_FP1632 = np.dtype([("low", ">u4"), ("high", ">i2")])
+_SPECIAL = {"fp1220": np.dtype(">i4"), "fp1632": _FP1632, "bytes": np.dtype("u1"), "ascii": np.dtype("S1")}
+_FIXED_POINT = {"fp1220": (20, 4), "fp1632": (32, 6)}  # fraction bits, bytes
+
+
+class EncodeError(ValueError):
+    """A value that does not fit its field. The text names the field, what was given and what is allowed."""
+
+
+# -- sizes -------------------------------------------------------------------------------------------------------------
+
+
+def element(field: Field) -> np.dtype[Any]:
+    """The packed dtype of one element of `field`, as it travels."""
+    if field.fields:
+        return np.dtype([(part.name, element(part), part.shape) for part in field.fields])
+    return _SPECIAL.get(field.dtype) or np.dtype(field.dtype)
+
+
+def size_of(field: Field) -> int:
+    """Bytes of `field` on the wire; of one element where its shape begins with -1."""
+    return element(field).itemsize * math.prod(n for n in field.shape if n != -1)
+
+
+def is_open(field: Field) -> bool:
+    """Does the field take as many elements as there are?"""
+    return bool(field.shape) and field.shape[0] == -1
+
+
+def fit(fields: Sequence[Field], size: int) -> tuple[Field, ...] | None:
+    """`fields` with the open one given its count, for a payload of exactly `size` bytes; None where that cannot be."""
+    rest = size - sum(size_of(field) for field in fields if not is_open(field))
+    if not fields or not is_open(fields[-1]):
+        return tuple(fields) if rest == 0 else None
+    last = fields[-1]
+    count, over = divmod(rest, size_of(last))
+    if over or count < 0:
+        return None
+    return (*fields[:-1], replace(last, shape=(count, *last.shape[1:])))
+
+
+# -- one frame ---------------------------------------------------------------------------------------------------------
+
+
+def unpack(fields: Sequence[Field], payload: bytes, at: int = 0, *, exact: bool = False) -> dict[str, Any]:
+    """Wire values by name.
+
+    Args:
+        fields: as returned by `fit`; the payload must hold them from `at` on.
+        exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many spellings.
+    """
+    values = {}
+    for field in fields:
+        values[field.name] = _read(field, payload, at, exact)
+        at += size_of(field)
+    return values
+
+
+def _read(field: Field, payload: bytes, at: int, exact: bool) -> Any:
+    size = size_of(field)
+    raw = payload[at : at + size]
+    if field.dtype == "bytes":
+        return raw
+    if field.dtype == "ascii":
+        return _text(field, raw)
+    if field.fields:
+        step = element(field).itemsize
+        records = [unpack(field.fields, payload, at + i, exact=exact) for i in range(0, size, step)]
+        return records if field.shape else records[0]
+    numbers = _numbers(field, raw)
+    if exact and field.dtype[1:2] == "f":
+        width = len(raw) // max(len(numbers), 1)
+        for i, number in enumerate(numbers):
+            if not math.isfinite(number):
+                numbers[i] = {f"f{8 * width}": raw[i * width : (i + 1) * width].hex()}
+    return numbers if field.shape else numbers[0]
+
+
+def _numbers(field: Field, raw: bytes) -> list[Any]:
+    if field.dtype == "fp1220":
+        return [float(v) / 2**20 for (v,) in struct.iter_unpack(">i", raw)]
+    if field.dtype == "fp1632":
+        return [float(high << 32 | low) / 2**32 for low, high in struct.iter_unpack(">Ih", raw)]
+    found: list[Any] = np.frombuffer(raw, field.dtype).tolist()
+    return found
+
+
+def _text(field: Field, raw: bytes) -> str:
+    """The text without its padding, or with it where the padding is not the usual one and would be lost."""
+    value = raw.rstrip(bytes([field.pad])) if field.shape else raw
+    return value.decode("latin-1")
+
+
+def pack(fields: Sequence[Field], values: Mapping[str, Any]) -> bytes:
+    """Payload bytes of wire values; the inverse of `unpack`.
+
+    Raises:
+        EncodeError: a value is missing, unknown, of the wrong count or out of its range.
+    """
+    unknown = [name for name in values if name not in {field.name for field in fields}]
+    if unknown:
+        names = ", ".join(field.name for field in fields) or "none"
+        raise EncodeError(f"no field is called {unknown[0]!r}; there are: {names}")
+    return b"".join(_write(field, values) for field in fields)
+
+
+def _write(field: Field, values: Mapping[str, Any]) -> bytes:
+    if field.name not in values:
+        raise EncodeError(f"{field.name} is missing")
+    value = values[field.name]
+    if field.dtype == "bytes":
+        return _write_bytes(field, value)
+    if field.dtype == "ascii":
+        return _write_text(field, value)
+    elements: Any = value if field.shape else [value]
+    if not isinstance(elements, (list, tuple)):
+        raise EncodeError(f"{field.name} is a list, given {value!r}")
+    if field.shape and not is_open(field) and len(elements) != math.prod(field.shape):
+        raise EncodeError(f"{field.name} has {math.prod(field.shape)} values, given {len(elements)}")
+    if field.fields:
+        return b"".join(pack(field.fields, _record(field, record)) for record in elements)
+    return b"".join(_write_number(field, number) for number in elements)
+
+
+def _record(field: Field, value: Any) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise EncodeError(f"{field.name} is a record of {', '.join(f.name for f in field.fields)}, given {value!r}")
+    return value
+
+
+def _write_bytes(field: Field, value: Any) -> bytes:
+    if not isinstance(value, (bytes, bytearray)):
+        raise EncodeError(f"{field.name} is bytes, given {value!r}")
+    size = None if is_open(field) else size_of(field)
+    if size is not None and len(value) != size:
+        raise EncodeError(f"{field.name} has {size} bytes, given {len(value)}")
+    return bytes(value)
+
+
+def _write_text(field: Field, value: Any) -> bytes:
+    try:
+        raw = str(value).encode("latin-1")
+    except UnicodeEncodeError:
+        raise EncodeError(f"{field.name} is ASCII text, given {value!r}") from None
+    if is_open(field):
+        return raw
+    if len(raw) > size_of(field):
+        raise EncodeError(f"{field.name} has at most {size_of(field)} characters, given {len(raw)}")
+    return raw.ljust(size_of(field), bytes([field.pad]))
+
+
+def _write_number(field: Field, value: Any) -> bytes:
+    if isinstance(value, Mapping):
+        return _write_spelled(field, value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise EncodeError(f"{field.name} is a number, given {value!r}")
+    if field.dtype in _FIXED_POINT:
+        return _write_fixed(field, float(value))
+    dtype = np.dtype(field.dtype)
+    if dtype.kind == "f":
+        try:
+            return struct.pack(">d" if dtype.itemsize == 8 else ">f", value)[:: -1 if dtype.byteorder == "<" else 1]
+        except OverflowError:
+            raise EncodeError(f"{field.name} is beyond a {8 * dtype.itemsize}-bit float, given {value!r}") from None
+    limits = np.iinfo(dtype)
+    if int(value) != value or not limits.min <= value <= limits.max:
+        raise EncodeError(f"{field.name} is a whole number from {limits.min} to {limits.max}, given {value!r}")
+    return int(value).to_bytes(dtype.itemsize, "little" if dtype.byteorder == "<" else "big", signed=limits.min < 0)
+
+
+def _write_spelled(field: Field, value: Mapping[str, Any]) -> bytes:
+    """A float given as its bytes: {"f32": "7fc00000"}."""
+    size = size_of(replace(field, shape=()))
+    try:
+        raw = bytes.fromhex(value[f"f{8 * size}"])
+    except (KeyError, TypeError, ValueError):
+        raw = b""
+    if np.dtype(field.dtype if field.dtype not in _SPECIAL else "u1").kind != "f" or len(raw) != size:
+        raise EncodeError(f"{field.name} is a number, given {dict(value)!r}")
+    return raw
+
+
+def _write_fixed(field: Field, value: float) -> bytes:
+    fraction, size = _FIXED_POINT[field.dtype]
+    limit = 2.0 ** (8 * size - 1 - fraction)
+    number = round(value * 2**fraction) if math.isfinite(value) else None
+    if number is None or not -limit * 2**fraction <= number < limit * 2**fraction:
+        raise EncodeError(f"{field.name} lies in [{-limit:g}, {limit:g}), given {value!r}")
+    if size == 4:
+        return struct.pack(">i", number)
+    return struct.pack(">Ih", number & 0xFFFFFFFF, number >> 32)
+
+
+# -- many frames -------------------------------------------------------------------------------------------------------
+
+Place = tuple[Field, tuple[tuple[int, int], ...]]
+"""A field and the pieces (offset, size) of a gathered row that hold it: more than one where it was sent in parts."""
+
+
+class Layout:
+    """Where each field of a message lies in a gathered row, and how rows become columns.
+
+    Args:
+        places: the fields, with the shapes that this layout has, and where they lie.
+        size: bytes of a row.
+    """
+
+    def __init__(self, places: Sequence[Place], size: int) -> None:
+        self.size = size
+        self.places = {field.name: (field, pieces) for field, pieces in places}
+
+    @classmethod
+    def of(cls, fields: Sequence[Field]) -> Layout:
+        """The layout of fields that follow each other without gaps; their shapes are closed (see `fit`)."""
+        places: list[Place] = []
+        at = 0
+        for field in fields:
+            places.append((field, ((at, size_of(field)),)))
+            at += size_of(field)
+        return cls(places, at)
+
+    def columns(self, rows: NDArray[np.uint8]) -> Columns:
+        """Columns of gathered frames, (n, size) uint8."""
+        return Columns(self, rows)
+
+
+class Columns(Mapping[str, Array]):
+    """Field name → array of n rows, made when first asked for (see events.Batch)."""
+
+    __slots__ = ("_done", "_layout", "_rows")
+
+    def __init__(self, layout: Layout, rows: NDArray[np.uint8]) -> None:
+        self._layout = layout
+        self._rows = rows
+        self._done: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        column = self._done.get(name)
+        if column is None:
+            field, pieces = self._layout.places[name]
+            column = self._done[name] = _column(field, pieces, self._rows)
+        return column
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._layout.places)
+
+    def __len__(self) -> int:
+        return len(self._layout.places)
+
+
+def _column(field: Field, pieces: tuple[tuple[int, int], ...], rows: NDArray[np.uint8]) -> Array:
+    n = len(rows)
+    if len(pieces) != 1:
+        return np.concatenate([rows[:, at : at + size] for at, size in pieces], axis=1)
+    at, size = pieces[0]
+    if field.dtype == "bytes":
+        return rows[:, at : at + size]
+    if size == 0:
+        return np.empty((n, *field.shape), native(field))
+    dtype = np.dtype(
+        {"names": ["x"], "formats": [(element(field), field.shape)], "offsets": [at], "itemsize": len(rows[0])}
+    )
+    return shown(field, rows.view(dtype)["x"][:, 0]) if n else np.empty((0, *field.shape), native(field))
+
+
+def native(field: Field) -> np.dtype[Any]:
+    """The dtype of one element of a column: native byte order; float64 where the shown value is not the wire's."""
+    if field.fields:
+        return np.dtype([(part.name, native(part), part.shape) for part in field.fields])
+    if field.dtype == "ascii":
+        return np.dtype("S1")
+    if field.dtype in _FIXED_POINT or field.scale != 1 or field.bias != 0:
+        return np.dtype(np.float64)
+    return element(field).newbyteorder("=")
+
+
+def shown(field: Field, wire: Array) -> Array:
+    """Wire values, any shape of elements, in native order and shown units."""
+    if field.fields:
+        out = np.empty(wire.shape, native(field))
+        for part in field.fields:
+            out[part.name] = shown(part, wire[part.name])
+        return out
+    if field.dtype == "fp1632":
+        value = wire["high"].astype(np.float64)
+        value += wire["low"] * 2.0**-32
+    elif field.dtype == "fp1220":
+        value = wire * 2.0**-20
+    else:
+        value = wire.astype(native(field))
+    if field.scale != 1:
+        value *= field.scale
+    if field.bias != 0:
+        value += field.bias
+    if field.column_major:
+        value = np.ascontiguousarray(value.swapaxes(-1, -2))
+    return value

@@ -1,0 +1,324 @@
+"""Bytes of an MTi in, events out: MTData2 as columns, everything else by name.
+
+    chunks ──> Stream ──> frames ──┬─ MTData2 ──> walk ──> one Batch for each layout (sequence of items)
+                  │                └─ others ───> form ──> Reply
+                  ├─> Text, Reject
+                  └─ counters and clocks of the MTData2 frames, in stream order over all layouts ──> Gap, Step, times
+
+## Time
+
+A message may carry SampleTimeFine (0.1 ms), SampleTimeCoarse (s) or UtcTime. The best that the stream has shown so far,
+in this order, is its clock; from the first message with a better one on that is the clock (a Step of kind "sync"
+says so), and a message without it has no device time. UtcTime counts only while its flags call UTC valid.
+
+SampleTimeFine wraps at 2^32 or after a day (864 000 000 ticks), which the product decides: the rule is taken from the
+product code when it passes by, else found from the data. A GNSS solution carries an older time than its neighbours.
+
+## Loss
+
+PacketCounter counts every MTData2 message of a device, whatever it carries; numbers that are missing are a Gap.
+
+Source: MT0101P 2020.A, section 5.3.6.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.clocks import Counter, Unwrap
+from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step
+from protocols.framing import BODY, ID, LENGTH, OFFSET, Bytes, Ints
+from protocols.layouts import Layout, Place, unpack
+from protocols.schema import Direction, Message
+from protocols.xbus.frames import (
+    COARSE,
+    COUNTER,
+    FINE,
+    GOOD,
+    MTDATA2,
+    UTC_AT,
+    WALKED,
+    gather,
+    items,
+    walk,
+)
+from protocols.xbus.items import RAW_BLOB, is_known, item
+from protocols.xbus.messages import MTDATA2_ROW, form
+from protocols.xbus.stream import Cut, Stream
+
+TICK_NS = 100_000
+WRAP = 2**32
+WRAP_DAY = 864_000_000
+DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
+
+_CLOCKS = {"": 0, "UtcTime": 1, "SampleTimeCoarse": 2, "SampleTimeFine": 3}
+_UTC, _COARSE, _FINE = 1, 2, 3
+_LAYOUTS = 1024  # layouts remembered; a device has a handful
+
+
+class DataLayout:
+    """What one sequence of (identifier, size) means: the message with its fields, and where they lie in a payload."""
+
+    def __init__(self, payload: bytes) -> None:
+        found, size = items(payload)
+        self.bad: list[tuple[int, int]] = []  # known identifiers of a wrong size: (offset in the payload, bytes)
+        places: dict[str, Place] = {}
+        blob_open = False
+        for identifier, at, length in found:
+            field = item(identifier, length)
+            if field.dtype == "bytes" and is_known(identifier) and identifier != RAW_BLOB:
+                self.bad.append((at - 3, length + 3))
+            place: Place = (field, ((at, length),))
+            if identifier == RAW_BLOB:
+                if blob_open:
+                    place = _joined(places[field.name], at, length)
+                blob_open = length == 255
+            places.pop(field.name, None)  # of a repeated identifier the last one counts
+            places[field.name] = place
+        self.layout = Layout(list(places.values()), size)
+        fields = tuple(field for field, _ in places.values())
+        names = [name for name in reversed(_CLOCKS) if name in places]
+        clock = names[0] if names else ""
+        self.message: Message = replace(MTDATA2_ROW, fields=fields, time=clock, tick_ns=TICK_NS if clock else 0)
+
+
+def _joined(place: Place, at: int, length: int) -> Place:
+    """A blob and the item that continues it."""
+    field, pieces = place
+    return replace(field, shape=(field.shape[0] + length,)), (*pieces, (at, length))
+
+
+class XbusDecoder(Decoder):
+    """See events.Decoder. Message numbers are unique over both directions, so one decoder reads either.
+
+    Args:
+        direction: whose side is listened to; kept for those who ask, because the tables tell the rest.
+    """
+
+    def __init__(self, *, direction: Direction = "to_host") -> None:
+        self.direction = direction
+        self._stream = Stream()
+        self._layouts: dict[bytes, DataLayout] = {}
+        self._counter = Counter(1 << 16)
+        self._fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
+        self._coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
+        self._clock = 0  # the best clock shown so far
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their frame is incomplete."""
+        return self._stream.buffered
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame and no text."""
+        return self._stream.skipped
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._stream.feed(data, arrival_ns)
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        """Everything complete, by offset; a batch stands where its first frame began."""
+        cut = self._stream.drain(stalled=stalled)
+        events: list[Event] = [*cut.rejects, *cut.texts]
+        table, arrivals = cut.table, cut.arrival_ns
+        if not table.shape[1]:
+            return sorted(events, key=_offset) if len(events) > 1 else events
+        is_data = table[ID] == MTDATA2
+        if not is_data.all():
+            replies = self._replies(cut, np.flatnonzero(~is_data))
+            events += replies
+            table, arrivals = np.ascontiguousarray(table[:, is_data]), arrivals[is_data]
+            if not table.shape[1]:
+                self._learn(replies)
+                return sorted(events, key=_offset)
+            events += self._data(cut, table, arrivals, replies)
+        else:
+            events += self._data(cut, table, arrivals, [])
+        return sorted(events, key=_offset) if len(events) > 1 else events
+
+    # -- replies -------------------------------------------------------------------------------------------------------
+
+    def _replies(self, cut: Cut, which: NDArray[np.intp]) -> list[Reply]:
+        replies = []
+        for i in which.tolist():
+            offset, size, body, length, mid = cut.table[:5, i].tolist()
+            message, _ = form(mid, length)
+            values = unpack(message.fields, cut.data[body : body + length])
+            replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
+        return replies
+
+    def _learn(self, replies: list[Reply]) -> None:
+        """What a reply says about the clock."""
+        for reply in replies:
+            if reply.message.name == "ProductCode":
+                day = DAY_PRODUCTS.match(str(reply.values.get("product_code", "")))
+                self._fine.set_wrap(WRAP_DAY if day else WRAP)
+
+    # -- data ----------------------------------------------------------------------------------------------------------
+
+    def _data(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
+        """Batches, gaps and steps of MTData2 frames."""
+        n = table.shape[1]
+        walked = np.empty((WALKED, n), np.int64)
+        order = np.empty(n, np.int64)
+        bounds = np.empty(n + 1, np.int64)
+        body = table[BODY]
+        groups = walk(cut.array, body, table[LENGTH], walked, order, bounds)
+        offsets = table[OFFSET] + cut.start
+        events: list[Event] = []
+        times, timed = self._times(cut, walked, offsets, arrivals, replies, events)
+        self._gaps(walked[COUNTER], offsets, arrivals, times, timed, events)
+        if (walked[GOOD] < table[LENGTH]).any():
+            self._bad_tails(table, walked[GOOD], cut.start, arrivals, events)
+        for g in range(groups):
+            which: Any = order[bounds[g] : bounds[g + 1]] if groups > 1 else slice(None)
+            starts = body[which]
+            layout = self._layout(cut.data, int(starts[0]), int(walked[GOOD, which][0]))
+            self._batches(
+                cut.array, starts, layout, arrivals[which], offsets[which], times[which], timed[which], events
+            )
+            for at, size in layout.bad:
+                places = zip((starts + (cut.start + at)).tolist(), arrivals[which].tolist(), strict=True)
+                events += [Reject(place, size, "bad_item", arrival) for place, arrival in places]
+        return events
+
+    def _layout(self, data: bytes, start: int, size: int) -> DataLayout:
+        payload = data[start : start + size]
+        at = 0
+        key = b""
+        while at < size:
+            key += payload[at : at + 3]
+            at += 3 + payload[at + 2]
+        layout = self._layouts.get(key)
+        if layout is None:
+            if len(self._layouts) >= _LAYOUTS:
+                self._layouts.clear()
+            layout = self._layouts[key] = DataLayout(payload)
+        return layout
+
+    @staticmethod
+    def _batches(
+        array: Bytes,
+        starts: Ints,
+        layout: DataLayout,
+        arrivals: Ints,
+        offsets: Ints,
+        times: Ints,
+        timed: NDArray[np.bool_],
+        events: list[Event],
+    ) -> None:
+        """One batch; two where only some of the frames have a device time."""
+        rows = np.empty((len(starts), layout.layout.size), np.uint8)
+        gather(array, starts, rows)
+        if timed.all():
+            events.append(Batch(layout.message, "", arrivals, offsets, times, layout.layout.columns(rows)))
+            return
+        for part, has_time in ((timed, True), (~timed, False)):
+            if part.any():
+                time = times[part] if has_time else None
+                columns = layout.layout.columns(rows[part])
+                events.append(Batch(layout.message, "", arrivals[part], offsets[part], time, columns))
+
+    @staticmethod
+    def _bad_tails(table: Ints, good: Ints, start: int, arrivals: Ints, events: list[Event]) -> None:
+        """The item that did not fit in its payload, and with it the rest of the payload."""
+        for i in np.flatnonzero(good < table[LENGTH]).tolist():
+            at = int(table[BODY, i] + good[i])
+            events.append(Reject(start + at, int(table[LENGTH, i] - good[i]), "bad_item", int(arrivals[i])))
+
+    # -- time and loss -------------------------------------------------------------------------------------------------
+
+    def _times(
+        self, cut: Cut, walked: Ints, offsets: Ints, arrivals: Ints, replies: list[Reply], events: list[Event]
+    ) -> tuple[Ints, NDArray[np.bool_]]:
+        """Device time of each frame, ns, and whether it has one."""
+        fine = walked[FINE]
+        if int(fine.min()) >= 0 and self._clock in (0, _FINE) and not replies:
+            self._clock = _FINE
+            return self._unwrap(self._fine, TICK_NS, fine, offsets, arrivals, events), np.ones(len(fine), bool)
+        utc = _utc_ns(cut.data, walked[UTC_AT])
+        has = np.where(fine >= 0, _FINE, np.where(walked[COARSE] >= 0, _COARSE, np.where(utc >= 0, _UTC, 0)))
+        used = np.maximum.accumulate(np.maximum(has, self._clock))
+        before = np.concatenate(([self._clock], used[:-1]))
+        for i in np.flatnonzero((used > before) & (before > 0)).tolist():
+            events.append(Step(int(offsets[i]), "sync", 0, int(arrivals[i])))
+        self._clock = int(used[-1])
+        timed = (has == used) & (used > 0)
+        times = np.where(utc >= 0, utc, 0)
+        for clock, raw, unwrap, tick in (
+            (_FINE, fine, self._fine, TICK_NS),
+            (_COARSE, walked[COARSE], self._coarse, 1_000_000_000),
+        ):
+            for which in _stretches(np.flatnonzero(timed & (has == clock)), offsets, replies, self._learn):
+                times[which] = self._unwrap(unwrap, tick, raw[which], offsets[which], arrivals[which], events)
+            replies = []
+        return times, timed
+
+    @staticmethod
+    def _unwrap(unwrap: Unwrap, tick_ns: int, raw: Ints, offsets: Ints, arrivals: Ints, events: list[Event]) -> Ints:
+        ticks = unwrap.ticks(raw)
+        for i, kind, by in unwrap.steps:
+            events.append(Step(int(offsets[i]), kind, by * tick_ns, int(arrivals[i])))
+        return ticks * tick_ns
+
+    def _gaps(
+        self, raw: Ints, offsets: Ints, arrivals: Ints, times: Ints, timed: NDArray[np.bool_], events: list[Event]
+    ) -> None:
+        counted = raw >= 0
+        whole = bool(counted.all())
+        missing = self._counter.missing(raw if whole else raw[counted])
+        if not missing.any():
+            return
+        rows = np.arange(len(raw)) if whole else np.flatnonzero(counted)
+        for k in np.flatnonzero(missing).tolist():
+            i = int(rows[k])
+            time = int(times[i]) if timed[i] else None
+            events.append(Gap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
+
+
+def _stretches(
+    rows: NDArray[np.intp], offsets: Ints, replies: list[Reply], learn: Callable[[list[Reply]], None]
+) -> Iterator[NDArray[np.intp]]:
+    """`rows` cut where a reply came between them; each reply is learned from before what follows it."""
+    for reply in replies:
+        before = rows[offsets[rows] < reply.offset]
+        if len(before):
+            yield before
+            rows = rows[len(before) :]
+        learn([reply])
+    if len(rows):
+        yield rows
+
+
+def _utc_ns(data: bytes, places: Ints) -> Ints:
+    """UtcTime at `places` in `data`, ns since the Unix epoch; -1 where there is none or its flags do not call it UTC."""
+    out = np.full(len(places), -1, np.int64)
+    which = np.flatnonzero(places >= 0)
+    if not len(which):
+        return out
+    raw = np.frombuffer(data, np.uint8)[places[which][:, None] + np.arange(12)].astype(np.int64)
+    ns = (raw[:, 0] << 24) | (raw[:, 1] << 16) | (raw[:, 2] << 8) | raw[:, 3]
+    year, month = (raw[:, 4] << 8) | raw[:, 5], raw[:, 6]
+    day, hour, minute, second, flags = (raw[:, i] for i in range(7, 12))
+    valid = (flags & 4 != 0) & (year >= 1970) & (year < 2262) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
+    valid &= (hour < 24) & (minute < 60) & (second <= 60) & (ns <= 1_000_000_000)
+    months = (year[valid] - 1970) * 12 + month[valid] - 1
+    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64) + day[valid] - 1
+    seconds = ((days * 24 + hour[valid]) * 60 + minute[valid]) * 60 + second[valid]
+    out[which[valid]] = seconds * 1_000_000_000 + ns[valid]
+    return out
+
+
+def _offset(event: Event) -> int:
+    """Where an event stands in the stream. A gap or a step comes before the frame at its offset."""
+    if isinstance(event, Batch):
+        return 2 * int(event.offset[0]) + 1
+    return 2 * event.offset

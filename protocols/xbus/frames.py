@@ -1,0 +1,259 @@
+"""Xbus frames: how a message is delimited, found in a stream, and built; and how MTData2 is cut into items.
+
+    standard   FA  BID  MID  LEN           DATA (0..254 bytes)   CS
+    extended   FA  BID  MID  FF   EXT LEN  DATA (0..8185 bytes)  CS
+               0   1    2    3    4 5      4 or 6
+
+BID is the bus identifier: 0xFF for a device that is its own master, but it can be configured, so any is accepted. MID
+is the message. EXT LEN is big-endian and holds 255..2048 by the document; devices' own software accepts 8185 and
+extended headers with shorter payloads, and so do we. CS makes all bytes after FA sum to 0 modulo 256. A frame whose BID
+and MID are both 0 is no frame (a run of zeros after a stray FA would often checksum).
+
+An MTData2 payload is a sequence of items, each its own little frame without a checksum:
+
+    ID (2)  SIZE (1)  SIZE bytes  |  ID  SIZE  ...
+
+so two payloads have the same layout exactly when their sequences of (ID, SIZE) agree. `walk` follows the items of many
+frames at once, stops at the first item that does not fit (what came before it stays good), and sorts the frames into
+groups of equal layout, from which columns are made without looking at the items again. It also picks up the counter and
+the clock of each frame, because these make sense in stream order only, across layouts.
+
+Source: MT0101P 2020.A sections 5.1 and 5.3.6; the limits are explained in its errata (accept 8185, send 2048).
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from protocols.checksums import check_sum8, sum8
+from protocols.framing import (
+    BAD_CHECKSUM,
+    BAD_ID,
+    BAD_SIZE,
+    BODY,
+    FRAME,
+    ID,
+    LENGTH,
+    OFFSET,
+    SENDER,
+    SIZE,
+    STATUS,
+    TRUNCATED,
+    Bytes,
+    Ints,
+)
+from protocols.jit import BYTES, FLAG, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled
+
+PREAMBLE = 0xFA
+EXTENDED = 0xFF
+MASTER = 0xFF
+MAX_STANDARD = 254
+MAX_SENT = 2048  # what the document allows: no device need take more
+MAX_ACCEPTED = 8185  # what the vendor's own reader takes; bounds how long a false length can hold a stream up
+MAX_FRAME = MAX_ACCEPTED + 7
+
+MTDATA2 = 0x36
+
+UTC_TIME, PACKET_COUNTER, SAMPLE_TIME_FINE, SAMPLE_TIME_COARSE = 0x1010, 0x1020, 0x1060, 0x1070
+
+
+@compiled(PAIR, BYTES, INT, FLAG, TABLE)
+def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int]:
+    """Find candidates in `data[at:]`; see protocols/framing.py for the table and the rule."""
+    end = len(data)
+    n = 0
+    while at < end and n < table.shape[1]:
+        if int(data[at]) != PREAMBLE:
+            at += 1
+            continue
+        left = end - at
+        body = at + 4
+        length = 0
+        size = 0  # 0: the header is not complete
+        status = FRAME
+        if left >= 3 and int(data[at + 1]) == 0 and int(data[at + 2]) == 0:
+            status = BAD_ID
+        elif left >= 4 and int(data[at + 3]) != EXTENDED:
+            length = int(data[at + 3])
+            size = length + 5
+        elif left >= 6:
+            length = int(data[at + 4]) * 256 + int(data[at + 5])
+            body = at + 6
+            size = length + 7
+            if length > MAX_ACCEPTED:
+                status = BAD_SIZE
+        if status == FRAME:
+            if size == 0 or size > left:
+                if not final:
+                    break
+                status = TRUNCATED
+            elif sum8(data, at + 1, at + size) != 0:
+                status = BAD_CHECKSUM
+        table[OFFSET, n] = at
+        table[SIZE, n] = size
+        table[BODY, n] = body
+        table[LENGTH, n] = length
+        table[ID, n] = int(data[at + 2]) if left >= 3 else -1
+        table[SENDER, n] = int(data[at + 1]) if left >= 2 else -1
+        table[STATUS, n] = status
+        n += 1
+        at += size if status == FRAME else 1
+    return n, at
+
+
+GROUP, GOOD, COUNTER, FINE, COARSE, UTC_AT = range(6)
+WALKED = 6
+
+
+@compiled(FLAG, BYTES, INT, INT, INT)
+def same_items(data: Bytes, a: int, b: int, length: int) -> bool:
+    """Do the item sequences at `a` and `b`, both `length` bytes long, have the same identifiers and sizes?"""
+    i = 0
+    while i < length:
+        if (
+            int(data[a + i]) != int(data[b + i])
+            or int(data[a + i + 1]) != int(data[b + i + 1])
+            or int(data[a + i + 2]) != int(data[b + i + 2])
+        ):
+            return False
+        i += 3 + int(data[a + i + 2])
+    return True
+
+
+@compiled(INT, BYTES, INT)
+def _u4(data: Bytes, at: int) -> int:
+    return int(data[at]) << 24 | int(data[at + 1]) << 16 | int(data[at + 2]) << 8 | int(data[at + 3])
+
+
+@compiled(INT, BYTES, INTS, INTS, TABLE, INTS, INTS)
+def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: Ints) -> int:
+    """Follow the items of n MTData2 payloads and group those of equal layout.
+
+    Args:
+        body, length: (n,) where each payload begins in `data`, and its length.
+        out: (WALKED, n), written. GROUP: number of the layout, by first appearance. GOOD: bytes up to the first bad
+            item. COUNTER, FINE, COARSE: PacketCounter, SampleTimeFine, SampleTimeCoarse, -1 where absent; of repeated
+            ones the last.
+            UTC_AT: where the value of UtcTime is in `data`, or -1.
+        order: (n,), written: the frames sorted by group, in stream order within each.
+        bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
+    Returns:
+        How many groups there are.
+    """
+    n = len(body)
+    slots = 4
+    while slots < 2 * n:
+        slots *= 2
+    first_of = np.full(slots, -1, np.int64)  # an open-addressed table: slot → first frame of a layout
+    groups = 0
+    latest = -1  # most frames have the layout of the one before or the one before that: look there first
+    earlier = -1
+    for f in range(n):
+        start = int(body[f])
+        stop = start + int(length[f])
+        counter = -1
+        fine = -1
+        coarse = -1
+        utc_at = -1
+        mark = 0
+        at = start
+        while at + 3 <= stop:
+            ident = int(data[at]) << 8 | int(data[at + 1])
+            size = int(data[at + 2])
+            if at + 3 + size > stop:
+                break
+            mark = (mark * 1000003 + (ident << 8 | size) + 1) % 2147483647
+            if ident >> 12 == 1:
+                if ident == PACKET_COUNTER and size == 2:
+                    counter = int(data[at + 3]) << 8 | int(data[at + 4])
+                elif ident == SAMPLE_TIME_FINE and size == 4:
+                    fine = _u4(data, at + 3)
+                elif ident == SAMPLE_TIME_COARSE and size == 4:
+                    coarse = _u4(data, at + 3)
+                elif ident == UTC_TIME and size == 12:
+                    utc_at = at + 3
+            at += 3 + size
+        good = at - start
+        out[GOOD, f] = good
+        out[COUNTER, f] = counter
+        out[FINE, f] = fine
+        out[COARSE, f] = coarse
+        out[UTC_AT, f] = utc_at
+        if latest >= 0 and out[GOOD, latest] == good and same_items(data, int(body[latest]), start, good):
+            out[GROUP, f] = out[GROUP, latest]
+            continue
+        if earlier >= 0 and out[GOOD, earlier] == good and same_items(data, int(body[earlier]), start, good):
+            out[GROUP, f] = out[GROUP, earlier]
+            latest, earlier = earlier, latest
+            continue
+        slot = mark & (slots - 1)
+        while True:
+            first = first_of[slot]
+            if first < 0:
+                first_of[slot] = f
+                out[GROUP, f] = groups
+                groups += 1
+                break
+            if out[GOOD, first] == good and same_items(data, int(body[first]), start, good):
+                out[GROUP, f] = out[GROUP, first]
+                break
+            slot = (slot + 1) & (slots - 1)
+        earlier = latest
+        latest = f
+    for g in range(groups + 1):
+        bounds[g] = 0
+    for f in range(n):
+        bounds[out[GROUP, f] + 1] += 1
+    for g in range(groups):
+        bounds[g + 1] += bounds[g]
+    for f in range(n):
+        g = out[GROUP, f]
+        order[bounds[g]] = f
+        bounds[g] += 1
+    for g in range(groups, 0, -1):
+        bounds[g] = bounds[g - 1]
+    bounds[0] = 0
+    return groups
+
+
+@compiled(NOTHING, BYTES, INTS, ROWS)
+def gather(data: Bytes, starts: Ints, rows: Bytes) -> None:
+    """Copy `rows.shape[1]` bytes from each of `starts` into the rows of one array."""
+    for f in range(len(starts)):
+        start = int(starts[f])
+        for i in range(rows.shape[1]):
+            rows[f, i] = data[start + i]
+
+
+def build(mid: int, payload: bytes = b"", bid: int = MASTER, *, extended: bool | None = None) -> bytes:
+    """One frame.
+
+    Args:
+        extended: None lets the payload's size choose the header; True asks for the extended one.
+    Raises:
+        ValueError: the payload is longer than MAX_ACCEPTED, or the numbers are not bytes.
+    """
+    if not 0 <= mid <= 0xFF or not 0 <= bid <= 0xFF:
+        raise ValueError(f"message and bus identifiers are bytes, given {mid} and {bid}")
+    if len(payload) > MAX_ACCEPTED:
+        raise ValueError(f"a payload has at most {MAX_ACCEPTED} bytes, given {len(payload)}")
+    if extended or len(payload) > MAX_STANDARD:
+        body = struct.pack(">BBBH", bid, mid, EXTENDED, len(payload)) + payload
+    else:
+        body = struct.pack(">BBB", bid, mid, len(payload)) + payload
+    return bytes([PREAMBLE]) + body + bytes([check_sum8(body)])
+
+
+def items(payload: bytes) -> tuple[list[tuple[int, int, int]], int]:
+    """The items of one MTData2 payload, as (identifier, offset of the value, size), and how many bytes they cover."""
+    found: list[tuple[int, int, int]] = []
+    at = 0
+    while at + 3 <= len(payload):
+        identifier, size = struct.unpack_from(">HB", payload, at)
+        if at + 3 + size > len(payload):
+            break
+        found.append((identifier, at + 3, size))
+        at += 3 + size
+    return found, at
