@@ -1,0 +1,83 @@
+"""What does an error look like? Everywhere the same: {kind, message, hint}, from a wrong path to a fault of ours."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, Response
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+
+from server.links.base import LinkError
+
+log = logging.getLogger("imuscope.api")
+
+
+class ProblemBody(BaseModel):
+    """The one shape of errors."""
+
+    kind: str = Field(description="one word for programs", examples=["not-found"])
+    message: str = Field(description="one sentence for a person")
+    hint: str = Field(description="what to do next; may be empty")
+
+
+class ApiError(Exception):
+    """An error that a route answers with."""
+
+    def __init__(self, status: int, kind: str, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.status = status
+        self.body = ProblemBody(kind=kind, message=message, hint=hint)
+
+
+KINDS = {400: "bad-request", 404: "not-found", 405: "not-allowed", 413: "too-large", 415: "not-json"}
+LINK_STATUS = {"bad-source": 400, "busy": 409, "not-found": 404, "denied": 403}
+
+
+def problem(status: int, kind: str, message: str, hint: str = "", headers: Any = None) -> JSONResponse:
+    """An error response."""
+    body = ProblemBody(kind=kind, message=message, hint=hint)
+    return JSONResponse(body.model_dump(), status, headers={"cache-control": "no-store", **(headers or {})})
+
+
+def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """For OpenAPI: these statuses have the one shape."""
+    return {status: {"model": ProblemBody} for status in statuses}
+
+
+def install(app: FastAPI) -> None:
+    """Have every error of the application answered in the one shape."""
+
+    @app.exception_handler(ApiError)
+    async def _(_: Request, error: ApiError) -> Response:
+        return problem(error.status, error.body.kind, error.body.message, error.body.hint)
+
+    @app.exception_handler(LinkError)
+    async def _(_: Request, error: LinkError) -> Response:
+        return problem(LINK_STATUS.get(error.kind, 502), error.kind, error.message, error.hint)
+
+    @app.exception_handler(HTTPException)
+    async def _(request: Request, error: HTTPException) -> Response:
+        kind = KINDS.get(error.status_code, "error")
+        message = {
+            404: f"There is nothing at {request.url.path:.200}.",
+            405: f"{request.method} is not possible at {request.url.path:.200}.",
+        }.get(error.status_code, str(error.detail))
+        hint = "The routes are listed at /openapi.json." if error.status_code in (404, 405) else ""
+        return problem(error.status_code, kind, message, hint, error.headers)
+
+    @app.exception_handler(RequestValidationError)
+    async def _(_: Request, error: RequestValidationError) -> Response:
+        found = error.errors()
+        parts = [f"{'.'.join(str(part) for part in one['loc'][1:]) or 'body'}: {one['msg']}" for one in found[:4]]
+        return problem(422, "bad-request", "; ".join(parts) + ".", "The shapes are listed at /openapi.json.")
+
+    @app.exception_handler(Exception)
+    async def _(request: Request, error: Exception) -> Response:
+        log.exception("%s %s failed", request.method, request.url.path, exc_info=error)
+        return problem(
+            500, "fault", "A fault in imuscope; nothing was changed that it knows of.", "The log has details."
+        )

@@ -1,0 +1,132 @@
+"""The WebSocket: what server/wire.py specifies, carried out for one browser.
+
+Two tasks per browser: one reads its requests, one takes from its outbox and sends. Sending waits for the socket, never
+for anything else, and nothing else waits for it. A socket that does not take a byte for `STUCK_S` is closed: progress
+is seen in the transport's buffer, so that a slow link that crawls is not taken for a dead one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from typing import Any
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+
+from server import wire
+from server.hub import Hub
+from server.outbox import Outbox
+
+log = logging.getLogger("imuscope.live")
+router = APIRouter()
+
+STUCK_S = 5.0
+HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 MB/s at most, for all browsers together
+
+
+class Sender:
+    """Sends one outbox, and knows when the last byte moved."""
+
+    def __init__(self, socket: WebSocket, hub: Hub) -> None:
+        self._socket = socket
+        self._hub = hub
+        self._wake = asyncio.Event()
+        self.outbox = Outbox(self._wake.set)
+        self._transport: asyncio.WriteTransport | None = socket.scope.get("extensions", {}).get("imuscope.transport")
+        self._sending_since: float | None = None
+        self._waiting = 0
+
+    async def run(self, pace: asyncio.Lock) -> None:
+        """Send for ever. `pace` is shared: history is made for one browser at a time, so it never fills the loop."""
+        outbox = self.outbox
+        while True:
+            message = outbox.take()
+            if message is None and outbox.wants_history:
+                async with pace:
+                    message = outbox.take_history(self._hub.now())
+                    await asyncio.sleep(HISTORY_PAUSE_S)
+            if message is None:
+                if outbox.idle:
+                    self._wake.clear()
+                    await self._wake.wait()
+                continue
+            self._sending_since = self._hub.now()
+            if isinstance(message, str):
+                await self._socket.send_text(message)
+            else:
+                await self._socket.send_bytes(message)
+            self._sending_since = None
+
+    def is_stuck(self, now: float) -> bool:
+        """Has no byte moved for `STUCK_S`? To be asked about once a second."""
+        if self._sending_since is None:
+            return False
+        waiting = self._transport.get_write_buffer_size() if self._transport is not None else self._waiting
+        if waiting < self._waiting:
+            self._sending_since = now
+        self._waiting = waiting
+        return now - self._sending_since > STUCK_S
+
+
+async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
+    """Serve the browser's requests until it goes."""
+    while True:
+        message: dict[str, Any] = dict(await socket.receive())
+        if message["type"] == "websocket.disconnect":
+            return
+        try:
+            text = message.get("text")
+            if text is None:
+                raise wire.WireError("A browser sends text frames only.", "Binary frames carry samples to the browser.")
+            request = wire.decode_text(text)
+        except wire.WireError as error:
+            outbox.say(wire.encode_text(wire.Problem("bad-request", str(error), error.hint)))
+            continue
+        if isinstance(request, wire.Ping):
+            outbox.say(wire.encode_text(wire.Pong(request.t, hub.now())))
+        else:
+            hub.subscribe(outbox, request)
+
+
+async def _watch(sender: Sender, hub: Hub) -> None:
+    """Return when the browser is stuck."""
+    while not sender.is_stuck(hub.now()):
+        await asyncio.sleep(1.0)
+
+
+@router.websocket("/ws")
+async def live(socket: WebSocket) -> None:
+    """Everything that is live; see server/wire.py."""
+    hub: Hub = socket.app.state.hub
+    pace: asyncio.Lock = socket.app.state.history_pace
+    if wire.SUBPROTOCOL not in socket.scope.get("subprotocols", []):
+        await socket.accept()
+        hint = "Reload the page; it may be older or newer than this server."
+        problem = wire.Problem("bad-subprotocol", f"This server speaks {wire.SUBPROTOCOL}.", hint)
+        await socket.send_text(wire.encode_text(problem))
+        await socket.close(1002, "subprotocol")
+        return
+    await socket.accept(wire.SUBPROTOCOL)
+    sender = Sender(socket, hub)
+    hub.attach(sender.outbox)
+    tasks = [
+        asyncio.create_task(_listen(socket, hub, sender.outbox), name="browser listens"),
+        asyncio.create_task(sender.run(pace), name="browser is sent"),
+        asyncio.create_task(_watch(sender, hub), name="browser is watched"),
+    ]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        if tasks[2] in done:
+            log.warning("a browser took no byte for %g s and was disconnected", STUCK_S)
+            transport = socket.scope.get("extensions", {}).get("imuscope.transport")
+            if transport is not None:
+                transport.abort()
+        for task in done:
+            with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+                task.result()
+    finally:
+        hub.detach(sender.outbox)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,48 @@
+"""Serial ports: which there are, and what is heard on each."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter, Request
+from pydantic import BaseModel, ConfigDict, Field
+
+from server.api.devices import AllSessions
+from server.api.errors import responses
+from server.ports import PortInfo, list_ports, scan
+from server.sessions import Sessions
+
+router = APIRouter(prefix="/api/ports", tags=["ports"])
+
+
+class ScanPorts(BaseModel):
+    """Which ports to listen on."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    ports: list[str] | None = Field(None, max_length=64, description="paths; null for every port that is present")
+
+
+def _in_use(sessions: Sessions) -> list[str]:
+    """Paths that sessions have open, or are trying to open."""
+    serial = [info.source for info in sessions.infos if info.link == "serial"]
+    return [source.removeprefix("serial://").partition("?")[0] for source in serial]
+
+
+@router.get("")
+async def get_ports(sessions: AllSessions) -> list[PortInfo]:
+    """The serial ports of this host, untouched."""
+    return await asyncio.to_thread(list_ports, _in_use(sessions))
+
+
+@router.post("/scan", responses=responses(422))
+async def scan_ports(sessions: AllSessions, request: Request, body: ScanPorts | None = None) -> list[PortInfo]:
+    """Listen on every free port, at one rate after another; takes some seconds. Ports of sessions are left alone.
+
+    One scan at a time: a second one waits for the first, as a port can only be listened to by one.
+    """
+    lock: asyncio.Lock = request.app.state.scan_lock
+    async with lock:
+        known = {info.device for info in await asyncio.to_thread(list_ports)}
+        wanted = None if body is None or body.ports is None else [port for port in body.ports if port in known]
+        return await scan(wanted, _in_use(sessions))

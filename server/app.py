@@ -1,0 +1,69 @@
+"""The server, put together: configuration in, ASGI application out. Nothing is decided here."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+from starlette.types import ASGIApp
+
+from server import speech as default_speech
+from server.api import build, devices, errors, live, page, ports
+from server.auth import Access, Guard
+from server.config import Config
+from server.hub import Hub
+from server.links import open_link
+from server.links.base import LinkSettings, steady_clock
+from server.session import Speech
+from server.sessions import OpenLink, Sessions
+from server.version import VERSION
+
+DEFAULT_SOURCES = ("twin:xbus",)
+
+
+def create_app(
+    config: Config,
+    access: Access,
+    *,
+    open_link: OpenLink = open_link,
+    speech: Speech | None = None,
+    now_ns: Callable[[], int] | None = None,
+) -> ASGIApp:
+    """The application, guarded.
+
+    Args:
+        open_link, speech, now_ns: links, protocols and clock; tests pass their own.
+    """
+    now_ns = now_ns or steady_clock()
+    hub = Hub(lambda: now_ns() / 1e9, history_s=config.history_s, budget=config.memory_mb * 1024 * 1024)
+    sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        sessions.start()
+        for source in config.sources or DEFAULT_SOURCES:
+            sessions.add(source, config.protocol)
+        yield
+        await sessions.close()
+
+    app = FastAPI(
+        title="imuscope",
+        version=VERSION,
+        summary="Live view of inertial sensors. Samples come over the WebSocket at /ws (see server/wire.py).",
+        lifespan=lifespan,
+        docs_url=None,  # these two pages load scripts from other hosts
+        redoc_url=None,
+        responses=errors.responses(401, 403, 500),
+    )
+    app.state.hub = hub
+    app.state.sessions = sessions
+    app.state.protocols = default_speech.protocols
+    app.state.files = page.Files()
+    app.state.scan_lock = asyncio.Lock()
+    app.state.history_pace = asyncio.Lock()
+    errors.install(app)
+    for module in (devices, ports, build, live, page):  # the page last: it takes every path that is left
+        app.include_router(module.router)
+    return Guard(app, access)

@@ -1,0 +1,258 @@
+"""Who may see, who may change, and how is a foreign page kept out?
+
+Three dangers, three checks, all before a route is reached:
+
+    a stranger on the network      token, needed when the server listens beyond loopback, when the request did not come
+                                   from this machine, or when a proxy forwarded it
+    a foreign page in the          Origin must be this server (or listed), for everything that changes something and for
+    visitor's browser              every WebSocket; bodies are JSON, which no form and no "simple" request can send
+    a foreign name that resolves   Host must be an address, a name of this machine, or listed, for everything but the
+    to this machine (rebinding)    page's own files
+
+A view token sees, a control token also changes things. A token travels as `Authorization: Bearer …`, as `?token=…`, or
+as the cookie that `GET /?token=…` sets before it redirects to the bare address, so that it does not stay in the
+address bar, in the history or in a log. Loopback without a proxy needs none: who can open that port is on the machine.
+
+The page's own files and `/healthz` are open: they hold nothing of the devices.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import json
+import platform
+import secrets
+from collections.abc import Mapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Literal
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from server.config import Config, is_loopback
+from server.wire import Problem
+
+Role = Literal["view", "control"]
+PROTECTED = ("/api", "/ws", "/openapi.json", "/viser", "/rerun")
+FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+MOST_BODY = 1024 * 1024
+COOKIE_AGE_S = 90 * 24 * 3600
+
+
+class RefusedError(Exception):
+    """A request that is not served: status and problem."""
+
+    def __init__(self, status: int, kind: str, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.status = status
+        self.problem = Problem(kind, message, hint)
+
+
+class Access:
+    """The rules, without any framework: headers in, a role or a refusal out.
+
+    Args:
+        config: addresses, tokens and allow-lists. Missing tokens are made up when the server listens beyond loopback.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        needed = not config.is_loopback
+        self.control_token = config.control_token or (secrets.token_urlsafe(18) if needed else "")
+        self.view_token = config.view_token or (secrets.token_urlsafe(18) if needed else "")
+        names = {"localhost", config.host, platform.node(), platform.node().partition(".")[0] + ".local"}
+        self._hosts = {name.lower() for name in (*names, *config.allowed_hosts) if name}
+        self._origins = {origin.lower().rstrip("/") for origin in config.allowed_origins}
+
+    def role_of(self, token: str) -> Role | None:
+        """What a token allows. Compared in constant time."""
+        found: Role | None = None
+        for role, right in (("view", self.view_token), ("control", self.control_token)):
+            if right and hmac.compare_digest(token.encode(), right.encode()):
+                found = "control" if role == "control" else "view"
+        return found
+
+    def check(
+        self,
+        path: str,
+        method: str,
+        headers: Mapping[str, str],
+        *,
+        client: str,
+        query_token: str = "",
+        websocket: bool = False,
+    ) -> Role:
+        """The role of a request to a protected path.
+
+        Args:
+            method: upper case; "GET" for a WebSocket.
+            headers: names in lower case.
+            client: address of the peer, "" when unknown.
+        Raises:
+            RefusedError: with the reason and what to do.
+        """
+        changes = method not in SAFE_METHODS
+        self._check_host(headers.get("host", ""))
+        if changes or websocket:
+            self._check_origin(headers.get("origin"), headers.get("host", ""))
+        role = self._check_token(headers, client, query_token)
+        if changes:
+            self._check_body(headers)
+            if role != "control":
+                raise RefusedError(
+                    403, "view-only", "This token may look, not change.", "Open the page with a control token."
+                )
+        return role
+
+    def _check_host(self, host: str) -> None:
+        name = _host_name(host)
+        if name in self._hosts or _is_address(name):
+            return
+        hint = "Use the address, or add the name to allowed_hosts in the configuration file."
+        raise RefusedError(403, "bad-host", f"This server is not called {name!r:.80}.", hint)
+
+    def _check_origin(self, origin: str | None, host: str) -> None:
+        if origin is None:
+            return  # not a browser: a browser always says where a WebSocket or a change comes from
+        parts = urlsplit(origin.lower())
+        if origin.lower() in self._origins or (parts.scheme in ("http", "https") and parts.netloc == host.lower()):
+            return
+        hint = "If it should be, add it to allowed_origins in the configuration file."
+        raise RefusedError(403, "bad-origin", f"The page {origin!r:.120} may not use this server.", hint)
+
+    def _check_token(self, headers: Mapping[str, str], client: str, query_token: str) -> Role:
+        token = _bearer(headers) or query_token or self._cookie(headers)
+        if token:
+            role = self.role_of(token)
+            if role is not None:
+                return role
+        forwarded = [name for name in FORWARDING if name in headers]
+        if self.config.is_loopback and is_loopback(client or "127.0.0.1") and not forwarded:
+            return "control"
+        if token:
+            raise RefusedError(401, "bad-token", "This token is not valid.", "Use the address that the server printed.")
+        if forwarded and not self.control_token:
+            hint = "Set control_token (and view_token) in the configuration file before putting a proxy in front."
+            raise RefusedError(
+                401, "no-token", "A request through a proxy needs a token, and this server has none.", hint
+            )
+        hint = "Open the address that the server printed when it started; it carries the token."
+        raise RefusedError(401, "no-token", "This server asks for a token.", hint)
+
+    @staticmethod
+    def _check_body(headers: Mapping[str, str]) -> None:
+        length = headers.get("content-length", "0")
+        has_body = length != "0" or "transfer-encoding" in headers
+        if has_body and headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+            raise RefusedError(415, "not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
+        if not length.isdigit() or int(length) > MOST_BODY:
+            raise RefusedError(413, "too-large", f"A body may have at most {MOST_BODY} bytes.")
+        if "transfer-encoding" in headers:
+            raise RefusedError(411, "no-length", "A body needs a length.", "Send it with Content-Length.")
+
+    @property
+    def cookie_name(self) -> str:
+        """Cookies know no ports: two servers on one host must not overwrite each other's."""
+        return f"imuscope_{self.config.port}"
+
+    def _cookie(self, headers: Mapping[str, str]) -> str:
+        try:
+            morsel = SimpleCookie(headers.get("cookie", "")).get(self.cookie_name)
+        except CookieError:
+            return ""
+        return morsel.value if morsel is not None else ""
+
+
+def _bearer(headers: Mapping[str, str]) -> str:
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else ""
+
+
+def _host_name(host: str) -> str:
+    """robot.local:8080 → robot.local; [::1]:8080 → ::1."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0].lower()
+    return host.partition(":")[0].lower().rstrip(".")
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_protected(path: str) -> bool:
+    """Is this path more than the page's own files?"""
+    return any(path == prefix or path.startswith(prefix + "/") for prefix in PROTECTED)
+
+
+class Guard:
+    """The rules as ASGI middleware, around everything."""
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app = app
+        self._access = access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
+        path, method = scope["path"], scope.get("method", "GET")
+        try:
+            if is_protected(path):
+                client = (scope.get("client") or ("", 0))[0]
+                socket = scope["type"] == "websocket"
+                self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
+            elif token and method == "GET" and self._access.role_of(token):
+                await self._remember(scope, send, token)
+                return
+        except RefusedError as refusal:
+            await refuse(scope, receive, send, refusal.status, refusal.problem)
+            return
+        await self._app(scope, receive, send)
+
+    async def _remember(self, scope: Scope, send: Send, token: str) -> None:
+        """Put the token of the printed address into a cookie and go to the address without it."""
+        query = parse_qs(scope["query_string"].decode("latin-1"))
+        del query["token"]
+        rest = "?" + urlencode(query, doseq=True) if query else ""
+        path = "/" + scope["path"].lstrip("/")  # "//elsewhere" would be another host
+        secure = "; Secure" if scope.get("scheme") == "https" else ""
+        cookie = (
+            f"{self._access.cookie_name}={token}; Path=/; HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
+        )
+        headers = [
+            (b"location", (path + rest).encode("ascii", "replace")),
+            (b"set-cookie", cookie.encode("latin-1")),
+            (b"cache-control", b"no-store"),
+            (b"referrer-policy", b"no-referrer"),
+            (b"content-length", b"0"),
+        ]
+        await send({"type": "http.response.start", "status": 303, "headers": headers})
+        await send({"type": "http.response.body", "body": b""})
+
+
+async def refuse(scope: Scope, receive: Receive, send: Send, status: int, problem: Problem) -> None:
+    """Answer with the one shape of errors, also before a WebSocket is accepted."""
+    body = json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}).encode()
+    prefix = "websocket." if scope["type"] == "websocket" else ""
+    if prefix:
+        await receive()  # websocket.connect
+        if "websocket.http.response" not in scope.get("extensions", {}):
+            await send({"type": "websocket.close", "code": 1008, "reason": problem.message[:120]})
+            return
+    headers = [
+        (b"content-type", b"application/json"),
+        (b"content-length", str(len(body)).encode()),
+        (b"cache-control", b"no-store"),
+    ]
+    if status == 401:
+        headers.append((b"www-authenticate", b"Bearer"))
+    await send({"type": prefix + "http.response.start", "status": status, "headers": headers})
+    await send({"type": prefix + "http.response.body", "body": body})

@@ -1,0 +1,60 @@
+"""Where is compiled code kept between runs?
+
+numba looks at NUMBA_CACHE_DIR once, when it is imported, so this is decided first and without importing it:
+
+    data folder/compiled          the usual place; or NUMBA_CACHE_DIR, where that is set already (a container image)
+    a copy of it in a fresh       where that place is there but read-only: numba reads no cache that it cannot write
+    temporary folder
+    nowhere                       nothing can be written: compiled for this run only (protocols/jit.py), a few seconds
+
+A temporary folder is made anew for each run, never found by name: whoever could put files there could run code.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+
+
+def prepare_cache(data: Path) -> tuple[bool, list[str]]:
+    """Settle the place.
+
+    Returns:
+        whether there is no compiled code yet, and sentences that the user should read.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False, []
+    wanted = Path(os.environ.get(VARIABLE) or data / "compiled")
+    if _writable(wanted):
+        os.environ[VARIABLE] = str(wanted)
+        return _is_empty(wanted), []
+    try:
+        copy = Path(tempfile.mkdtemp(prefix="imuscope-"))
+    except OSError:
+        os.environ.pop(VARIABLE, None)
+        return True, [f"{wanted} and the temporary folder cannot be written: compiled code is kept for this run only."]
+    atexit.register(shutil.rmtree, copy, ignore_errors=True)
+    if wanted.is_dir():
+        shutil.copytree(wanted, copy, dirs_exist_ok=True)
+    os.environ[VARIABLE] = str(copy)
+    if _is_empty(copy):
+        return True, [f"{wanted} cannot be written: compiled code is kept for this run only."]
+    return False, []
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _is_empty(folder: Path) -> bool:
+    return next(folder.rglob("*.nbi"), None) is None

@@ -1,0 +1,142 @@
+"""With which settings does this server run? One frozen Config, from the command line over a TOML file over defaults.
+
+    # imuscope.toml
+    host = "0.0.0.0"
+    port = 8080
+    data = "/var/lib/imuscope"
+    sources = ["/dev/ttyUSB0", "tcp://10.0.0.7:4000"]
+    view_token = "…"            # may look
+    control_token = "…"         # may also change things
+    allowed_hosts = ["robot.example"]
+    allowed_origins = ["https://fleet.example"]
+
+A name in the file that is not a setting is an error, because a mistyped token that is silently ignored is worse than a
+server that does not start.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+DEFAULT_HOST = "127.0.0.1"
+DEFAULT_PORT = 8080
+MOST_MEMORY_MB = 65_536
+
+
+class ConfigError(ValueError):
+    """A setting that cannot be used: which one, its value, what is allowed."""
+
+
+def default_data() -> Path:
+    """The user's data folder."""
+    return Path(platformdirs.user_data_dir("imuscope", appauthor=False))
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything that is decided before the server starts.
+
+    Args:
+        host, port: where to listen; port 0 lets the system choose one (it is printed).
+        data: folder for recordings and compiled code.
+        sources: opened at start; none given: the twin of an Xsens MTi.
+        protocol: of those sources; "" to guess.
+        history_s, memory_mb: how far back the server remembers samples, whichever is less.
+        view_token, control_token: "" means that one is made when it is needed.
+        allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
+        allowed_origins: pages of other servers that may use this one.
+    """
+
+    host: str = DEFAULT_HOST
+    port: int = DEFAULT_PORT
+    data: Path = field(default_factory=default_data)
+    sources: tuple[str, ...] = ()
+    protocol: str = ""
+    history_s: float = 600.0
+    memory_mb: int = 256
+    view_token: str = ""
+    control_token: str = ""
+    allowed_hosts: tuple[str, ...] = ()
+    allowed_origins: tuple[str, ...] = ()
+
+    @property
+    def is_loopback(self) -> bool:
+        """True when only this machine can reach the server."""
+        return is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """Is this name or address the machine itself?"""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+def load(toml: Path | None = None, **given: Any) -> Config:
+    """The configuration.
+
+    Args:
+        toml: file to read first.
+        given: settings from the command line; None means "not given".
+    Raises:
+        ConfigError: the file cannot be read, a name is unknown or a value is not allowed.
+    """
+    settings: dict[str, Any] = {}
+    if toml is not None:
+        try:
+            settings = tomllib.loads(toml.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"{toml} cannot be read: {error.strerror}.") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{toml} is not valid TOML: {error}.") from None
+    settings.update({name: value for name, value in given.items() if value is not None})
+    return _checked(settings)
+
+
+def _checked(settings: Mapping[str, Any]) -> Config:
+    default = Config()
+    known = {item.name for item in fields(Config)}
+    changes: dict[str, Any] = {}
+    for name, value in settings.items():
+        if name not in known:
+            raise ConfigError(f"{name} is no setting; there are: {', '.join(sorted(known))}.")
+        changes[name] = _converted(name, value, getattr(default, name))
+    config = replace(default, **changes)
+    if not 0 <= config.port <= 65535:
+        raise ConfigError(f"port {config.port} is outside 0 … 65535.")
+    if not 0 < config.history_s <= 86_400:
+        raise ConfigError(f"history_s {config.history_s:g} is outside 0 … 86 400 s.")
+    if not 1 <= config.memory_mb <= MOST_MEMORY_MB:
+        raise ConfigError(f"memory_mb {config.memory_mb} is outside 1 … {MOST_MEMORY_MB} MB.")
+    for name in ("view_token", "control_token"):
+        token = getattr(config, name)
+        if token and (len(token) < 8 or not token.isascii() or not token.isprintable() or " " in token):
+            raise ConfigError(f"{name} must have at least 8 printable ASCII characters without spaces.")
+    if config.view_token and config.view_token == config.control_token:
+        raise ConfigError("view_token and control_token must differ, otherwise every viewer could control.")
+    return config
+
+
+def _converted(name: str, value: Any, default: Any) -> Any:
+    """`value` as the type of the default."""
+    if isinstance(default, tuple):
+        if isinstance(value, str) or not all(isinstance(item, str) for item in value):
+            raise ConfigError(f"{name} must be a list of strings, not {value!r}.")
+        return tuple(value)
+    if isinstance(default, Path) and isinstance(value, str | Path):
+        return Path(value).expanduser()
+    if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not type(default):
+        raise ConfigError(f"{name} must be {type(default).__name__}, not {value!r}.")
+    return value

@@ -1,0 +1,98 @@
+"""How does the application meet the network? uvicorn, with the few settings that matter here.
+
+permessage-deflate off     samples hardly compress, and it costs five times the CPU
+proxy headers off          who asks is the peer itself; a forwarded request needs a token (server/auth.py)
+little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken waits in its outbox, where the oldest
+                           is dropped, and not in megabytes of kernel buffer, where it would only grow old
+the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable
+from typing import Any, cast
+
+import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.http11 import Request
+
+NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
+MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
+
+
+class LiveProtocol(WebSocketsSansIOProtocol):
+    """uvicorn's WebSocket, telling its transport."""
+
+    def handle_connect(self, event: Request) -> None:
+        super().handle_connect(event)
+        scope = getattr(self, "scope", None)
+        if scope is not None:  # the handshake was a WebSocket's
+            cast(dict[str, Any], scope["extensions"])["imuscope.transport"] = self.transport
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, telling when it serves."""
+
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._on_ready = on_ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if not self.should_exit:
+            self._on_ready()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 lets the system choose.
+
+    Raises:
+        OSError: the address cannot be used.
+    """
+    family, kind, number, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[
+        0
+    ]
+    listener = socket.socket(family, kind, number)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if hasattr(socket, "TCP_NOTSENT_LOWAT"):
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, NOT_SENT_BYTES)
+        if family == socket.AF_INET6 and host in ("::", ""):
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        listener.bind(address)
+        listener.listen(128)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> None:
+    """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns."""
+    config = uvicorn.Config(
+        app,
+        ws=LiveProtocol,
+        ws_per_message_deflate=False,
+        ws_max_size=MOST_FROM_BROWSER,
+        ws_ping_interval=20.0,
+        ws_ping_timeout=20.0,
+        proxy_headers=False,
+        server_header=False,
+        access_log=False,
+        log_config=None,
+        log_level="warning",
+        lifespan="on",
+        timeout_graceful_shutdown=2,
+    )
+    server = Server(config, on_ready)
+    try:
+        asyncio.run(server.serve(sockets=[listener]))
+    except KeyboardInterrupt:
+        pass  # uvicorn raises the signal again after it has shut down cleanly
+    finally:
+        listener.close()
+    if not server.started:
+        raise RuntimeError("The server did not start; the log above has details.")
