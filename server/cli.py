@@ -19,7 +19,7 @@ from server.config import Config, ConfigError, default_data, load
 from server.version import VERSION
 
 COMMANDS = ("serve", "ports", "inspect")
-SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, tcp-listen://:port, udp://:port, a file, twin:xbus"
+SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus, …"
 
 
 class UsageError(Exception):
