@@ -105,7 +105,7 @@ describe("another frame's numbers", () => {
     for (const frame of FRAMES) near(fromEnu(inEnu(euler(10, 20, 30), frame), frame), euler(10, 20, 30));
   });
   it("reads back what was written, and keeps the horizon where it is", () => {
-    for (const angles of [[10, 20, 30], [-170, -80, 179], [0, 0, -90]] as const) {
+    for (const angles of [[10, 20, 30], [-170, -80, 179], [0, 0, -90]] as readonly [number, number, number][]) {
       const { roll, pitch, yaw } = eulerOf(euler(...angles));
       near([roll, pitch, yaw], angles, 1e-9);
     }

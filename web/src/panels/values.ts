@@ -27,11 +27,12 @@ export interface ValuesDeps extends Deps {
   readonly held: () => boolean;
 }
 
-export function mountValues(host: HTMLElement, deps: ValuesDeps): Panel {
+/** Mounts the table into `host`; what the numbers belong to is written into the element with id `headline`. */
+export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: string): Panel {
   const when = new Live();
   const word = new Live();
   const caption = el("span", { class: "when" }, when.node);
-  host.querySelector("[data-when]")?.append(caption);
+  document.getElementById(headlineId)?.append(caption);
   const body = el("tbody");
   const head = el("tr", {}, el("td"), el("th", { class: "num", scope: "col" }, word.node));
   head.append(el("th", { class: "num", scope: "col" }, "mean"), el("th", { class: "num", scope: "col" }, "σ"));

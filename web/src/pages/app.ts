@@ -1,0 +1,89 @@
+/** What the page's components share beyond the store: which sheet is open, the last problem, ports heard, a slow clock. */
+import { computed, effect, signal } from "@preact/signals";
+import { view } from "../data/view";
+import type { Deps } from "../panels/deps";
+import { api, type Outcome, type Port, type Problem } from "../ui/api";
+import { isHeld, type PageState, pageState } from "../ui/state";
+import type { DeviceInfo } from "../wire/types";
+
+export type Overlay = "help" | "add" | undefined;
+/** A panel that lies over the plots while the window is narrow. */
+export type Sheet = "rail" | "side" | undefined;
+
+export const overlay = signal<Overlay>(undefined);
+export const sheet = signal<Sheet>(undefined);
+/** The side panel folded away on a wide window. */
+export const folded = signal(false);
+/** The last request that failed; stays until dismissed. */
+export const problem = signal<Problem | undefined>(undefined);
+export const ports = signal<readonly Port[]>([]);
+export const scanning = signal(false);
+/** Counts half seconds: components that show an age or a countdown read it. */
+export const tick = signal(0);
+
+export interface App extends Deps {
+  readonly device: { readonly value: DeviceInfo | undefined };
+  readonly state: { readonly value: PageState };
+  readonly held: () => boolean;
+}
+
+/** Derives the page's state from the store, keeps a device selected, and feeds the minute behind the sparklines. */
+export function startApp(deps: Deps): App {
+  const { store, minute } = deps;
+  const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
+  // A ring tells by itself whether it holds anything; the slow clock asks again.
+  const seen = computed(() => {
+    void tick.value;
+    const id = view.value.device;
+    return store.channels.value.some(({ info, ring }) => info.device === id && ring.length > 0);
+  });
+  // Without a connection what is on screen stays; only a page that never had one is starting.
+  const greeted = computed(() => store.connection.value === "open" || store.devices.value.length > 0);
+  const state = computed(() => pageState(greeted.value, store.devices.value.length, device.value, seen.value));
+  effect(() => {
+    for (const health of store.health.value.values()) minute.add(health);
+  });
+  effect(() => {
+    const [first] = store.devices.value;
+    const chosen = device.value;
+    if (!chosen && first) view.value = { ...view.peek(), device: first.id };
+  });
+  setInterval(() => {
+    tick.value += 1;
+  }, 500);
+  const held = (): boolean => isHeld(state.value) || store.connection.value !== "open";
+  return { ...deps, device, state, held };
+}
+
+export function select(id: string): void {
+  view.value = { ...view.peek(), device: id };
+  sheet.value = undefined;
+}
+
+/** Shows what went wrong with a request, if anything did. */
+export async function run<T>(request: Promise<Outcome<T>>): Promise<T | undefined> {
+  const outcome = await request;
+  problem.value = outcome.ok ? undefined : outcome.problem;
+  return outcome.ok ? outcome.value : undefined;
+}
+
+export async function loadPorts(): Promise<void> {
+  const outcome = await api.ports();
+  if (outcome.ok) ports.value = outcome.value;
+}
+
+/** Listens on every free port; takes some seconds. */
+export async function scanPorts(): Promise<void> {
+  if (scanning.value) return;
+  scanning.value = true;
+  const found = await run(api.scanPorts());
+  if (found) ports.value = found;
+  scanning.value = false;
+}
+
+/** Adds a device and looks at it. */
+export async function connect(source: string): Promise<void> {
+  const added = await run(api.addDevice(source));
+  if (added?.id !== undefined) select(added.id);
+  void loadPorts();
+}

@@ -1,0 +1,193 @@
+/** The top bar: where we are, and the controls of time. On a phone the same controls stand in the dock at the bottom. */
+import * as actions from "../data/actions";
+import { view } from "../data/view";
+import { number, span } from "../ui/format";
+import { Icon, type IconName, Logo } from "../ui/icons";
+import { SPANS, ZOOM_STEP } from "../ui/keys";
+import { markOf, showsPlots } from "../ui/state";
+import { theme, toggleTheme } from "../ui/theme";
+import { type App, folded, overlay, sheet } from "./app";
+
+export function Bar({ app }: { readonly app: App }) {
+  const quiet = showsPlots(app.state.value) ? "" : "quiet";
+  return (
+    <header class="bar">
+      <div class="brand">
+        <Logo />
+        <span>imuscope</span>
+        <small class="desk">{location.hostname}</small>
+      </div>
+      <nav class="nav" aria-label="Pages">
+        <a href="/" aria-current="page">
+          Live
+        </a>
+      </nav>
+      <Toggle name="rail" label="Devices" icon="list" />
+      <span class="grow" />
+      <div class={`seg desk ${quiet}`} role="group" aria-label="Play state">
+        <button type="button" aria-pressed={view.value.live} title="Follow the newest sample (Space, End)" onClick={() => actions.live()}>
+          <span class={view.value.live ? "dot live" : "dot off"} />
+          Live
+        </button>
+        <button type="button" aria-pressed={!view.value.live} title="Freeze the view; nothing else stops (Space)" onClick={() => actions.pause()}>
+          <Icon name="pause" />
+          Pause
+        </button>
+      </div>
+      <Window class={`desk ${quiet}`} words />
+      <TimeBase class={`desk ${quiet}`} />
+      <Move class={`desk ${quiet}`} />
+      <span class="grow desk" />
+      <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
+        <Icon name="help" />
+      </button>
+      <Theme />
+      <Toggle name="side" label="Values and health" icon="side" />
+      {folded.value && (
+        <button type="button" class="btn icon desk only-wide" aria-label="Show values and health" title="Show values and health" onClick={() => (folded.value = false)}>
+          <Icon name="side" />
+        </button>
+      )}
+      <DeviceName app={app} />
+    </header>
+  );
+}
+
+function Theme() {
+  const other = theme.value === "dark" ? "light" : "dark";
+  return (
+    <button type="button" class="btn icon" aria-label={`Use the ${other} theme`} title={`Use the ${other} theme`} onClick={toggleTheme}>
+      <Icon name={theme.value === "dark" ? "sun" : "moon"} />
+    </button>
+  );
+}
+
+interface ToggleProps {
+  readonly name: "rail" | "side";
+  readonly label: string;
+  readonly icon: IconName;
+}
+
+/** Opens a panel that is folded because the window is narrow. */
+function Toggle({ name, label, icon }: ToggleProps) {
+  const open = sheet.value === name;
+  return (
+    <button
+      type="button"
+      class={`btn icon desk ${name === "rail" ? "only-narrow" : "only-mid"}`}
+      aria-label={label}
+      title={label}
+      aria-expanded={open}
+      aria-controls={name}
+      onClick={() => (sheet.value = open ? undefined : name)}
+    >
+      <Icon name={icon} />
+    </button>
+  );
+}
+
+/** On a phone the devices stand behind the name of the selected one. */
+function DeviceName({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  const mark = device ? markOf(device.status, app.minute.since(device.id, "gaps")) : { dot: "off", word: "none" };
+  const open = sheet.value === "rail";
+  return (
+    <button type="button" class="btn phone devname" aria-expanded={open} aria-controls="rail" onClick={() => (sheet.value = open ? undefined : "rail")}>
+      <span class={`dot ${mark.dot}`} />
+      <span class="vh">{mark.word}: </span>
+      <span class="ell">{device?.name ?? "Devices"}</span>
+      <Icon name="down" />
+    </button>
+  );
+}
+
+/** The length of the window; a length made by zooming stands in the list as well. */
+function Window({ class: name, words = false }: { readonly class: string; readonly words?: boolean }) {
+  const current = view.value.span;
+  const listed = SPANS.some((seconds) => Math.abs(seconds - current) < 1e-6);
+  const all = listed ? SPANS : [...SPANS, current].sort((a, b) => a - b);
+  return (
+    <label class={`select ${name}`} title="Window length ([ and ])">
+      {words ? <span>Window</span> : <span class="vh">Window</span>}
+      <select value={String(current)} onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}>
+        {all.map((seconds) => (
+          <option key={seconds} value={String(seconds)}>
+            {span(seconds).value} {span(seconds).unit}
+          </option>
+        ))}
+      </select>
+      <Icon name="down" />
+    </label>
+  );
+}
+
+function TimeBase({ class: name }: { readonly class: string }) {
+  const device = view.value.timeBase === "device";
+  const choose = (wanted: boolean) => () => {
+    if (wanted !== device) actions.toggleTimeBase();
+  };
+  return (
+    <div class={`seg ${name}`} role="group" aria-label="Time axis">
+      <button type="button" aria-pressed={device} title="When it was measured, by the device's clock (T)" onClick={choose(true)}>
+        Device time
+      </button>
+      <button type="button" aria-pressed={!device} title="When its bytes arrived at the host (T)" onClick={choose(false)}>
+        Arrival time
+      </button>
+    </div>
+  );
+}
+
+interface Step {
+  readonly icon: IconName;
+  readonly label: string;
+  readonly extra: boolean;
+  readonly act: () => void;
+}
+
+const zoomed = number(ZOOM_STEP, 1);
+const STEPS: readonly Step[] = [
+  { icon: "first", label: "To the start of what is in memory (Home)", extra: true, act: () => actions.toStart() },
+  { icon: "back", label: "Back a tenth of the window (←)", extra: false, act: () => actions.pan(-0.1) },
+  { icon: "stepBack", label: "Back one sample (,)", extra: true, act: () => actions.stepSample(-1) },
+  { icon: "stepForward", label: "Forward one sample (.)", extra: true, act: () => actions.stepSample(1) },
+  { icon: "forward", label: "Forward a tenth of the window (→)", extra: false, act: () => actions.pan(0.1) },
+  { icon: "last", label: "To now (End)", extra: true, act: () => actions.live() },
+  { icon: "minus", label: `Zoom out ${zoomed} times (−)`, extra: true, act: () => actions.zoom(ZOOM_STEP) },
+  { icon: "plus", label: `Zoom in ${zoomed} times (+)`, extra: true, act: () => actions.zoom(1 / ZOOM_STEP) },
+  { icon: "fit", label: "Fit all that is in memory (F)", extra: false, act: () => actions.fit() },
+];
+
+/** Moving through time by hand; every one is a key as well. */
+function Move({ class: name }: { readonly class: string }) {
+  return (
+    <div class={`move ${name}`} role="group" aria-label="Move through time">
+      {STEPS.map((step) => (
+        <button type="button" key={step.icon} class={`btn icon ${step.extra ? "extra" : ""}`} aria-label={step.label} title={step.label} onClick={step.act}>
+          <Icon name={step.icon} />
+        </button>
+      ))}
+    </div>
+  );
+}
+
+/** The controls of time for a thumb. */
+export function Dock() {
+  const { live } = view.value;
+  return (
+    <div class="dock" role="group" aria-label="Time controls">
+      <button type="button" class="btn edge icon" aria-label={live ? "Pause" : "Live"} onClick={() => (live ? actions.pause() : actions.live())}>
+        <Icon name={live ? "pause" : "play"} />
+      </button>
+      <Window class="" />
+      <button type="button" class="btn edge" aria-label="Time axis: device or arrival time" onClick={() => actions.toggleTimeBase()}>
+        {view.value.timeBase === "device" ? "Device" : "Arrival"}
+      </button>
+      {STEPS.filter((step) => !step.extra).map((step) => (
+        <button type="button" key={step.icon} class="btn edge icon" aria-label={step.label} onClick={step.act}>
+          <Icon name={step.icon} />
+        </button>
+      ))}
+    </div>
+  );
+}

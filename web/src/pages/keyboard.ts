@@ -1,0 +1,60 @@
+/** Makes keys do what the table in ui/keys.ts says. */
+import * as actions from "../data/actions";
+import { cursor, measure, view } from "../data/view";
+import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
+import { type App, overlay, sheet } from "./app";
+import { showsPlots } from "../ui/state";
+
+export function startKeyboard(app: App): () => void {
+  const onKey = (event: KeyboardEvent): void => {
+    // A dialog has its own keys, and closes on Esc by itself.
+    if (event.defaultPrevented || overlay.value !== undefined) return;
+    const target = event.target instanceof HTMLElement ? event.target : document.body;
+    const type = target instanceof HTMLInputElement ? target.type : "";
+    if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
+    const action = actionFor(event);
+    if (!action) return;
+    if (action.do === "help") overlay.value = "help";
+    else if (action.do === "close") close();
+    else if (showsPlots(app.state.value)) act(action);
+    else return;
+    event.preventDefault();
+  };
+  addEventListener("keydown", onKey);
+  return () => removeEventListener("keydown", onKey);
+}
+
+/** Esc: what lies on top first, then the measuring cursor, then the pinned one. */
+function close(): void {
+  if (sheet.value) sheet.value = undefined;
+  else if (measure.value !== undefined) measure.value = undefined;
+  else if (cursor.value?.kind === "pinned") cursor.value = undefined;
+}
+
+function act(action: KeyAction): void {
+  switch (action.do) {
+    case "playPause":
+      return view.value.live ? actions.pause() : actions.live();
+    case "pan":
+      return actions.pan(action.windows);
+    case "step":
+      return actions.stepSample(action.samples);
+    case "span":
+      return actions.setSpan(nextSpan(view.value.span, action.longer));
+    case "zoom":
+      return actions.zoom(action.factor);
+    case "fit":
+      return actions.fit();
+    case "start":
+      return actions.toStart();
+    case "now":
+      return actions.live();
+    case "timeBase":
+      return actions.toggleTimeBase();
+    case "series":
+      return actions.toggleSeries(action.index, action.alone);
+    case "help":
+    case "close":
+      return undefined;
+  }
+}

@@ -1,0 +1,109 @@
+/** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
+import { mountAttitude } from "../attitude/panel";
+import { AddDevice } from "../forms/add-device";
+import { mountHealth, mountStrip } from "../panels/health";
+import { mountNews } from "../panels/news";
+import { mountValues } from "../panels/values";
+import { mountStack } from "../plots/stack";
+import { Help } from "../ui/help";
+import { Icon } from "../ui/icons";
+import { Mounted } from "../ui/mounted";
+import { showsPlots } from "../ui/state";
+import { type App, folded, overlay, select, sheet } from "./app";
+import { Bar, Dock } from "./bar";
+import { Rail } from "./rail";
+import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
+
+export function LivePage({ app }: { readonly app: App }) {
+  const state = app.state.value;
+  const offline = app.store.connection.value !== "open" && state !== "starting";
+  const classes = ["app", folded.value ? "folded" : "", offline ? "offline" : "", app.held() ? "held" : ""].filter(Boolean).join(" ");
+  return (
+    <div class={classes} data-state={state}>
+      <a class="btn edge skip" href="#plots">
+        Skip to the plots
+      </a>
+      <Bar app={app} />
+      {offline && <OfflineBand app={app} />}
+      {showsPlots(state) && <Mounted class="strip" label="Link health" mount={(host) => mountStrip(host, app)} />}
+      <Rail app={app} />
+      <main class="centre">
+        <ProblemBand />
+        <Centre app={app} />
+      </main>
+      <Side app={app} />
+      {showsPlots(state) && <Dock />}
+      <Overlays />
+    </div>
+  );
+}
+
+function Centre({ app }: { readonly app: App }) {
+  const state = app.state.value;
+  const device = app.device.value;
+  if (state === "starting") return <Starting />;
+  if (state === "empty" || !device) return <Empty />;
+  if (state === "connecting") return <Connecting device={device} />;
+  if (state === "denied") return <Denied device={device} />;
+  if (state === "unreached") return <Unreached app={app} device={device} />;
+  if (state === "silent") return <Silent device={device} />;
+  return (
+    <>
+      <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, app)} />
+      {state !== "live" && <HeldBand app={app} device={device} />}
+      <div class="plots" id="plots" tabIndex={-1}>
+        <Mounted class="plothost" label="Plots" mount={(host) => mountStack(host, { store: app.store })} />
+      </div>
+    </>
+  );
+}
+
+function Side({ app }: { readonly app: App }) {
+  if (!showsPlots(app.state.value)) return null;
+  const fold = (): void => {
+    if (sheet.value === "side") sheet.value = undefined;
+    else folded.value = true;
+  };
+  return (
+    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="Values and health" tabIndex={0}>
+      <div class="head">
+        <h2>Values</h2>
+        <span id="values-when" />
+        <span class="grow" />
+        <button type="button" class="btn icon desk" aria-label="Fold this panel away" title="Fold this panel away" onClick={fold}>
+          <Icon name="side" />
+        </button>
+      </div>
+      <Mounted mount={(host) => mountValues(host, app, "values-when")} />
+      <section class="health" aria-label="Health">
+        <div class="head">
+          <h2>Health</h2>
+          <span>last minute</span>
+        </div>
+        <Mounted mount={(host) => mountHealth(host, app)} />
+      </section>
+      <section class="health" aria-label="Events">
+        <div class="head">
+          <h2>Events</h2>
+          <span>newest first</span>
+        </div>
+        <Mounted mount={(host) => mountNews(host, app)} />
+      </section>
+    </aside>
+  );
+}
+
+function Overlays() {
+  const close = (): void => {
+    overlay.value = undefined;
+  };
+  if (overlay.value === "help") return <Help onClose={close} />;
+  if (overlay.value === "add") {
+    const added = (id: string | undefined): void => {
+      close();
+      if (id !== undefined) select(id);
+    };
+    return <AddDevice onClose={close} onAdded={added} />;
+  }
+  return null;
+}

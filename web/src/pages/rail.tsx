@@ -1,0 +1,226 @@
+/** Which sensors are there? The devices with their state, and what else was heard on this host. */
+import { signal } from "@preact/signals";
+import { view } from "../data/view";
+import { rateBars } from "../panels/minute";
+import { drawBars } from "../panels/sparkline";
+import { api, type Port } from "../ui/api";
+import { surface } from "../ui/canvas";
+import { el, every, type Panel } from "../ui/dom";
+import { age, count, rate } from "../ui/format";
+import { Icon } from "../ui/icons";
+import { Mounted } from "../ui/mounted";
+import { markOf, shortSource } from "../ui/state";
+import type { DeviceHealth, DeviceInfo } from "../wire/types";
+import { type App, connect, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app";
+
+/** The device whose removal was asked for once; asking twice removes it. */
+const removing = signal<string | undefined>(undefined);
+
+export function Rail({ app }: { readonly app: App }) {
+  const devices = app.store.devices.value;
+  const inUse = new Set(devices.map((device) => shortSource(device.source)));
+  const others = ports.value.filter((port) => !inUse.has(shortSource(port.device)));
+  return (
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="Devices">
+      <div class="head">
+        <h2>Devices</h2>
+        <span>{devices.length}</span>
+        <span class="grow" />
+        <button type="button" class="btn icon" aria-label="Add a device" title="Add a device by its address" onClick={() => (overlay.value = "add")}>
+          <Icon name="plus" />
+        </button>
+        {sheet.value === "rail" && (
+          <button type="button" class="btn icon" aria-label="Close the list of devices" onClick={() => (sheet.value = undefined)}>
+            <Icon name="close" />
+          </button>
+        )}
+      </div>
+      {devices.length > 0 && (
+        <ul class="devs">
+          {devices.map((device) => (
+            <Device key={device.id} app={app} device={device} />
+          ))}
+        </ul>
+      )}
+      <div class="head also">
+        <h3>Also heard on this host</h3>
+        <span class="grow" />
+        <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts()}>
+          {scanning.value ? "Listening…" : "Scan"}
+        </button>
+      </div>
+      {others.length === 0 ? <p class="foot-note dim">No other serial port.</p> : null}
+      <ul>
+        {others.map((port) => (
+          <Ghost key={port.device} port={port} />
+        ))}
+      </ul>
+    </aside>
+  );
+}
+
+function Device({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+  const current = view.value.device === device.id;
+  const health = app.store.health.value.get(device.id);
+  const gaps = app.minute.since(device.id, "gaps");
+  const { dot, word } = markOf(device.status, gaps);
+  const streams = device.status === "live";
+  return (
+    <li class="dev" {...(current ? { "aria-current": "true" as const } : {})}>
+      <button type="button" class="pick" aria-pressed={current} onClick={() => select(device.id)}>
+        <span class={`dot ${dot}`} />
+        <span class="vh">{word}: </span>
+        <b class="ell">{device.name}</b>
+        <span class="rate">
+          {streams && health ? rate(health.rate) : "—"}
+          <span class="u">Hz</span>
+        </span>
+        <Facts device={device} />
+        <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />
+        <Why app={app} device={device} health={health} gaps={gaps} />
+      </button>
+      {current && <Acts device={device} />}
+    </li>
+  );
+}
+
+function Facts({ device }: { readonly device: DeviceInfo }) {
+  const product = device.product || (device.protocol ? device.protocol : "product not known yet");
+  return (
+    <span class="facts">
+      {product}
+      <br />
+      {device.serial_number !== "" && (
+        <>
+          S/N <span class="mono">{device.serial_number}</span> ·{" "}
+        </>
+      )}
+      <span title={device.source}>{shortSource(device.source)}</span>
+      {device.baud !== null && <> · {count(device.baud, "Bd", "Bd")}</>}
+    </span>
+  );
+}
+
+interface WhyProps {
+  readonly app: App;
+  readonly device: DeviceInfo;
+  readonly health: DeviceHealth | undefined;
+  readonly gaps: number;
+}
+
+/** The line that says why a device wants to be looked at; nothing while all is well. */
+function Why({ app, device, health, gaps }: WhyProps) {
+  if (device.status === "live") {
+    if (gaps === 0) return null;
+    return (
+      <span class="why">
+        <span class="tag warn">{count(gaps, "gap")}</span>in the last minute
+      </span>
+    );
+  }
+  void tick.value;
+  const now = app.store.serverNow();
+  const last = health?.last_arrival ?? device.last_arrival;
+  const ago = last === null || last === undefined ? "" : `${age(now - last).value} ${age(now - last).unit} ago`;
+  const next = device.next_try === null ? "" : `next try ${Math.max(0, Math.ceil(device.next_try - now))} s`;
+  const words = [ago, next].filter(Boolean).join(" · ");
+  const [tone, name] = NAMES[device.status];
+  return (
+    <span class="why">
+      <span class={`tag ${tone}`}>{name}</span>
+      {device.status === "connecting" ? (device.tries.at(-1)?.what ?? "") : words}
+    </span>
+  );
+}
+
+const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [string, string]>> = {
+  connecting: ["", "Connecting"],
+  lost: ["bad", "Lost"],
+  denied: ["bad", "Not permitted"],
+  idle: ["", "Idle"],
+  ended: ["", "Ended"],
+};
+
+function Acts({ device }: { readonly device: DeviceInfo }) {
+  if (removing.value === device.id) {
+    const remove = (): void => {
+      removing.value = undefined;
+      void run(api.removeDevice(device.id));
+    };
+    return (
+      <div class="acts">
+        <span class="grow">Remove {device.name}?</span>
+        <button type="button" class="btn small edge" onClick={remove}>
+          Remove
+        </button>
+        <button type="button" class="btn small" onClick={() => (removing.value = undefined)}>
+          Keep
+        </button>
+      </div>
+    );
+  }
+  return (
+    <div class="acts">
+      {device.status !== "live" && (
+        <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(device.id))}>
+          {device.status === "ended" ? "Play again" : "Try now"}
+        </button>
+      )}
+      <span class="grow" />
+      <button type="button" class="btn small" onClick={() => (removing.value = device.id)}>
+        Remove
+      </button>
+    </div>
+  );
+}
+
+function mountSpark(host: HTMLElement, app: App, id: string): Panel {
+  const canvas = el("canvas", { role: "img", "aria-label": "Samples per second, last minute" });
+  host.append(canvas);
+  const due = every(2);
+  let redraw = true;
+  const to = surface(canvas, () => {
+    redraw = true;
+  });
+  return {
+    update(now) {
+      if (!due(now) && !redraw) return;
+      redraw = false;
+      const gone = app.store.devices.peek().find((device) => device.id === id)?.status === "lost";
+      drawBars(to, rateBars(app.minute.of(id), app.store.serverNow(), 60), gone);
+    },
+    dispose() {
+      to.dispose();
+      canvas.remove();
+    },
+  };
+}
+
+/** A port that no device uses: what was heard there, and a way to connect to it. */
+function Ghost({ port }: { readonly port: Port }) {
+  const free = port.busy === "" && port.denied === "";
+  return (
+    <li class="dev ghost">
+      <div class="pick">
+        <span class="dot off" />
+        <b class="ell">{shortSource(port.device)}</b>
+        {free ? (
+          <button type="button" class="btn small edge" aria-label={`Connect to ${shortSource(port.device)}`} onClick={() => void connect(port.device)}>
+            Connect
+          </button>
+        ) : (
+          <span />
+        )}
+        <span class="facts">{portWords(port)}</span>
+      </div>
+    </li>
+  );
+}
+
+/** One line about a port: why it cannot be opened, else what was heard, else what it is. */
+export function portWords(port: Port): string {
+  if (port.denied !== "") return port.denied;
+  if (port.busy !== "") return `In use by ${port.busy}.`;
+  const last = port.heard.at(-1);
+  return last ? `${last.what}: ${last.outcome}` : `${port.description}. Not listened to yet.`;
+}

@@ -1,0 +1,235 @@
+/** What stands in the plots' place while there is nothing to plot: the cause, the facts seen, and one main action. */
+import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
+import { api, type Problem } from "../ui/api";
+import { age } from "../ui/format";
+import { shortSource } from "../ui/state";
+import type { DeviceInfo, Try } from "../wire/types";
+import { type App, connect, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app";
+import { portWords } from "./rail";
+
+/** Why the server does not let us in, once asked. */
+export const refusal = signal<Problem | undefined>(undefined);
+
+export function Starting() {
+  const refused = refusal.value;
+  return (
+    <Card title={refused ? "The server does not let this page in" : "Connecting to imuscope"} dot={refused ? "bad" : "off"}>
+      <p>{refused ? refused.message : "The page is here; the live connection to the server is being opened."}</p>
+      {refused && <p class="hint">{refused.hint || "Open the address that was printed when imuscope was started: it carries the token."}</p>}
+      <div class="row">
+        <button type="button" class="btn main" onClick={() => location.reload()}>
+          Reload
+        </button>
+      </div>
+    </Card>
+  );
+}
+
+export function Empty() {
+  return (
+    <Card title="No device yet">
+      <p>Plug a sensor in, or point imuscope at one.</p>
+      {ports.value.length > 0 ? (
+        <ol class="tries">
+          {ports.value.map((port) => (
+            <li key={port.device}>
+              <b>{shortSource(port.device)}</b>
+              <span>{portWords(port)}</span>
+            </li>
+          ))}
+        </ol>
+      ) : (
+        <p class="hint">No serial port was found on this host.</p>
+      )}
+      <div class="row">
+        <button type="button" class="btn main" disabled={scanning.value} onClick={() => void scanPorts()}>
+          {scanning.value ? "Listening on every port…" : "Scan ports"}
+        </button>
+        <button type="button" class="btn edge" onClick={() => (overlay.value = "add")}>
+          Add an address
+        </button>
+        <button type="button" class="btn" onClick={() => void connect("twin:xbus")}>
+          Start a twin
+        </button>
+      </div>
+    </Card>
+  );
+}
+
+export function Connecting({ device }: { readonly device: DeviceInfo }) {
+  return (
+    <Card title={`Connecting to ${shortSource(device.source)}`} dot="off">
+      <p>{device.message || "Each try is shown as it is made."}</p>
+      <Tries tries={device.tries} />
+      {device.hint !== "" && <p class="hint">{device.hint}</p>}
+      <Choices device={device} stop />
+    </Card>
+  );
+}
+
+export function Denied({ device }: { readonly device: DeviceInfo }) {
+  return (
+    <Card title={`No permission for ${shortSource(device.source)}`} dot="bad">
+      <p>{device.message || "The operating system does not let imuscope open this port."}</p>
+      <p class="hint">{device.hint || "Give the user that runs imuscope access to the port, then try again."}</p>
+      <Tries tries={device.tries} />
+      <Choices device={device} />
+    </Card>
+  );
+}
+
+export function Unreached({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+  return (
+    <Card title={`${device.name} is not reached`} dot="bad">
+      <p>
+        {device.message} <NextTry app={app} device={device} />
+      </p>
+      {device.hint !== "" && <p class="hint">{device.hint}</p>}
+      <Tries tries={device.tries} />
+      <Choices device={device} />
+    </Card>
+  );
+}
+
+export function Silent({ device }: { readonly device: DeviceInfo }) {
+  return (
+    <Card title={`${device.name} is open, and silent`} dot="off">
+      <p>{device.message || "The link is up. No sample has come over it so far."}</p>
+      <p class="hint">{device.hint || "Is the device in measurement mode, and are outputs switched on? A device in configuration mode sends nothing."}</p>
+      <Tries tries={device.tries} />
+      <Choices device={device} />
+    </Card>
+  );
+}
+
+function Choices({ device, stop = false }: { readonly device: DeviceInfo; readonly stop?: boolean }) {
+  return (
+    <div class="row">
+      {!stop && (
+        <button type="button" class="btn main" onClick={() => void run(api.retryDevice(device.id))}>
+          Try now
+        </button>
+      )}
+      <button type="button" class="btn edge" onClick={() => void run(api.removeDevice(device.id))}>
+        {stop ? "Stop" : "Remove"}
+      </button>
+      <button type="button" class="btn" onClick={() => (overlay.value = "add")}>
+        {device.link === "serial" ? "Set the baud rate myself" : "Add another address"}
+      </button>
+    </div>
+  );
+}
+
+function Tries({ tries }: { readonly tries: readonly Try[] }) {
+  if (tries.length === 0) return null;
+  return (
+    <ol class="tries" aria-label="Tries so far" aria-live="polite" tabIndex={0}>
+      {tries.slice(-12).map((one) => (
+        <li key={`${one.time} ${one.what}`}>
+          <b>{one.what}</b>
+          <span>{one.outcome}</span>
+        </li>
+      ))}
+    </ol>
+  );
+}
+
+interface CardProps {
+  readonly title: string;
+  readonly dot?: "off" | "bad";
+  readonly children: ComponentChildren;
+}
+
+function Card({ title, dot, children }: CardProps) {
+  return (
+    <div class="veil">
+      <section class="card">
+        <h2>
+          {dot && <span class={`dot ${dot}`} />}
+          {title}
+        </h2>
+        {children}
+      </section>
+    </div>
+  );
+}
+
+function NextTry({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+  void tick.value;
+  if (device.next_try === null) return null;
+  return <>Next try in {Math.max(0, Math.ceil(device.next_try - app.store.serverNow()))} s.</>;
+}
+
+/** The band over the plots of a device whose newest value is old. */
+export function HeldBand({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+  void tick.value;
+  const state = app.state.value;
+  const last = app.store.health.value.get(device.id)?.last_arrival ?? device.last_arrival;
+  const old = age(last === null ? undefined : app.store.serverNow() - last);
+  const calm = state !== "lost";
+  const title = { lost: "lost", ended: "has ended", idle: "is quiet" }[state as "lost" | "ended" | "idle"];
+  return (
+    <div class={`band ${calm ? "calm" : ""}`} role="status">
+      <span class={`dot ${calm ? "off" : "bad"}`} />
+      <b>
+        {device.name} {title}
+      </b>
+      <span class="mid">
+        {device.message}
+        {last !== null && ` Last sample ${old.value} ${old.unit} ago.`} <NextTry app={app} device={device} /> {device.hint}
+      </span>
+      <span class="grow" />
+      <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(device.id))}>
+        {state === "ended" ? "Play again" : "Try now"}
+      </button>
+    </div>
+  );
+}
+
+/** The band of a page that has lost its server: what is on screen stays, and says that it is old. */
+export function OfflineBand({ app }: { readonly app: App }) {
+  const refused = refusal.value;
+  return (
+    <div class="band" role="alert">
+      <span class="dot bad" />
+      <b>{refused ? "The server refuses this page" : "No connection to imuscope"}</b>
+      <span class="mid">
+        {refused
+          ? `${refused.message} ${refused.hint}`
+          : "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."}
+      </span>
+      <span class="grow" />
+      <button type="button" class="btn edge" onClick={() => reconnect(app)}>
+        Try now
+      </button>
+    </div>
+  );
+}
+
+function reconnect(app: App): void {
+  app.store.stop();
+  app.store.start(socketUrl());
+}
+
+/** Where the WebSocket is: the page's own host, with the page's own kind of security. */
+export function socketUrl(): string {
+  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`;
+}
+
+/** A request that failed; stays until it is read. */
+export function ProblemBand() {
+  const shown = problem.value;
+  if (!shown) return null;
+  return (
+    <div class="band" role="alert">
+      <span class="dot bad" />
+      <b>{shown.message}</b>
+      <span class="mid">{shown.hint}</span>
+      <span class="grow" />
+      <button type="button" class="btn edge" onClick={() => (problem.value = undefined)}>
+        Close
+      </button>
+    </div>
+  );
+}

@@ -1,0 +1,62 @@
+import { describe, expect, it } from "vitest";
+import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+import { figuresOf, verdict } from "./figures";
+
+const health: DeviceHealth = {
+  device: "1",
+  time: 100,
+  rate: 400,
+  messages: [],
+  gaps: 3,
+  lost: 90,
+  rejects: 2,
+  bytes: 1e6,
+  bytes_per_s: 31242,
+  capacity: 92160,
+  jitter_ms: 0.314,
+  last_arrival: 99.99,
+  drift_ppm: 12.42,
+  uncertainty_ms: 0.2,
+  dropped: 0,
+};
+const quiet = { gaps: 0, lost: 0, rejects: 0 };
+const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;
+
+describe("figuresOf", () => {
+  it("has no colour while all is well, though something was lost long ago", () => {
+    const figures = figuresOf(health, quiet, 0.004, 0);
+    expect(Object.values(figures).map((figure) => (typeof figure === "object" ? figure.tone : "")).join("")).toBe("");
+    expect(figures.shareText.value).toBe("33.9");
+    expect(figures.gaps).toEqual({ value: "90", unit: "smp", tone: "" });
+    expect(figures.drift.value).toBe("+12.4");
+    expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
+  });
+  it("warns of what was lost within the minute, of a late sample, of a full link", () => {
+    const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, rejects: 1 }, 2.5, 10);
+    expect(figures.gaps).toEqual({ value: "1 · 72 smp", unit: "", tone: "warn" });
+    expect(figures.age.tone).toBe("bad");
+    expect(figures.shareText.tone).toBe("warn");
+    expect(figures.dropped.tone).toBe("warn");
+  });
+  it("invents nothing before the first report", () => {
+    const figures = figuresOf(undefined, quiet, undefined, 0);
+    expect(figures.samples.value).toBe("—");
+    expect(figures.share).toBeUndefined();
+    expect(figures.drift.value).toBe("—");
+  });
+});
+
+describe("verdict", () => {
+  const gap = { seq: 1, time: 52333, device: "1", kind: "gap", level: "fault", text: "72 samples lost (180 ms): on the device's side" };
+  const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
+  it("says who lost it", () => {
+    expect(verdict(device, events, health, 0)).toBe("Gap 14:32:13: 72 samples lost (180 ms): on the device's side.");
+    expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
+    expect(verdict(device, [], health, 7)).toMatch(/this browser/);
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/Nothing was lost/);
+  });
+  it("tells the cause of a lost device before anything else", () => {
+    const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;
+    expect(verdict(lost, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
+  });
+});

@@ -1,0 +1,89 @@
+/** What do the health figures say? Pure: reports in, words and numbers out; the health panel and the phone's strip print the same. */
+import { age, byteRate, clock, count, number, type Quantity, signed } from "../ui/format";
+import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+
+export type Tone = "" | "warn" | "bad";
+
+export interface Figure extends Quantity {
+  readonly tone: Tone;
+}
+
+const plain = (quantity: Quantity): Figure => ({ ...quantity, tone: "" });
+
+export interface Figures {
+  readonly samples: Figure;
+  readonly gaps: Figure;
+  readonly rejects: Figure;
+  readonly bytes: Figure;
+  /** Share of the link's capacity in 0..1; undefined where the link has none that is known. */
+  readonly share: number | undefined;
+  readonly shareText: Figure;
+  readonly jitter: Figure;
+  readonly age: Figure;
+  readonly dropped: Figure;
+  readonly drift: Figure;
+  readonly uncertainty: Figure;
+}
+
+/** Past this a live device is late: no message that streams comes slower than once a second without being called idle. */
+const LATE_S = 1;
+/** A link this full has no room for a burst. */
+const FULL = 0.9;
+
+/**
+ * The figures of one device.
+ *
+ * @param recent gaps of the last minute: only they are coloured; older ones are history.
+ * @param old seconds since the last sample arrived.
+ */
+export function figuresOf(
+  health: DeviceHealth | undefined,
+  recent: { readonly gaps: number; readonly lost: number; readonly rejects: number },
+  old: number | undefined,
+  dropped: number,
+): Figures {
+  const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
+  const gaps = recent.gaps > 0;
+  return {
+    samples: plain({ value: number(health?.rate, 1), unit: "/s" }),
+    gaps: gaps
+      ? { value: `${number(recent.gaps, 0)} · ${number(recent.lost, 0)} smp`, unit: "", tone: "warn" }
+      : plain({ value: number(health?.lost, 0), unit: "smp" }),
+    rejects: { value: number(health?.rejects, 0), unit: "frames", tone: recent.rejects > 0 ? "warn" : "" },
+    bytes: plain(byteRate(health?.bytes_per_s)),
+    share,
+    shareText: { value: number(share === undefined ? undefined : share * 100, 1), unit: "%", tone: (share ?? 0) > FULL ? "warn" : "" },
+    jitter: plain({ value: number(health?.jitter_ms ?? undefined, 2), unit: "ms p99" }),
+    age: { ...agoOf(old), tone: old !== undefined && old > LATE_S ? "bad" : "" },
+    dropped: { value: number(dropped, 0), unit: "smp", tone: dropped > 0 ? "warn" : "" },
+    drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
+    uncertainty: plain({ value: number(health?.uncertainty_ms ?? undefined, 2), unit: "ms" }),
+  };
+}
+
+function agoOf(old: number | undefined): Quantity {
+  const { value, unit } = age(old);
+  return { value, unit: unit ? `${unit} ago` : "" };
+}
+
+/** One sentence: who lost it last, or that nothing was lost. */
+export function verdict(
+  device: DeviceInfo | undefined,
+  events: readonly EventInfo[],
+  health: DeviceHealth | undefined,
+  dropped: number,
+): string {
+  if (!device) return "";
+  if (device.status === "lost" || device.status === "denied") return [device.message, device.hint].filter(Boolean).join(" ");
+  if (dropped > 0) {
+    return `${count(dropped, "sample")} not sent to this browser, because it did not keep up. Nothing else lost them.`;
+  }
+  const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
+  if (gap) return `Gap ${clock(gap.t0 ?? gap.time)}: ${sentence(gap.text)}`;
+  if (health && health.rejects > 0) return `${count(health.rejects, "frame")} failed the check and left out; no counter says that samples are missing.`;
+  return health ? "Nothing was lost since this session began." : "";
+}
+
+function sentence(text: string): string {
+  return /[.!?]$/.test(text) ? text : `${text}.`;
+}

@@ -1,0 +1,166 @@
+/**
+ * Can these numbers be trusted? Rates, losses, load, jitter and clock of the selected device, how they went in the last minute,
+ * and one sentence on who lost what. Written twice a second; the age of the last sample ten times.
+ */
+import { view } from "../data/view";
+import { type Surface, surface } from "../ui/canvas";
+import { el, every, Live, type Panel } from "../ui/dom";
+import { number } from "../ui/format";
+import type { DeviceHealth, MessageHealth } from "../wire/types";
+import { ageOf, type Deps, selected } from "./deps";
+import { type Figure, type Figures, figuresOf, verdict } from "./figures";
+import { drawBars, drawLevel, drawTicks } from "./sparkline";
+import { rateBars } from "./minute";
+
+type Key = Exclude<keyof Figures, "share">;
+
+const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
+  { key: "samples", name: "Samples", help: "Of the fastest message, over the last second", spark: true },
+  { key: "gaps", name: "Gaps", help: "Samples that the device's own counter says are missing", spark: true },
+  { key: "rejects", name: "Rejects", help: "Frames that failed their check; never shown as data", spark: true },
+  { key: "bytes", name: "Bytes", help: "All bytes that arrived, over the last second", spark: false },
+  { key: "shareText", name: "Share of link", help: "Bytes a second against what the link can carry", spark: false },
+  { key: "jitter", name: "Arrival jitter", help: "99th percentile of late arrival against the device's clock", spark: true },
+  { key: "age", name: "Last sample", help: "Since the newest sample arrived at the host", spark: false },
+  { key: "dropped", name: "Dropped here", help: "Samples not sent to this browser because it did not keep up", spark: false },
+  { key: "drift", name: "Clock drift", help: "The device's clock against the host's", spark: false },
+  { key: "uncertainty", name: "Device time ±", help: "How well device time is known on the host's clock", spark: false },
+];
+
+/** A figure and its unit; a tag where it wants to be read. */
+class Cell {
+  readonly node = el("dd");
+  readonly #value = new Live();
+  readonly #unit = new Live();
+  readonly #box = el("span", {}, this.#value.node);
+  readonly #after = el("span", { class: "u" }, this.#unit.node);
+
+  constructor() {
+    this.node.append(this.#box, this.#after);
+  }
+
+  set(figure: Figure): void {
+    const tagged = figure.tone !== "";
+    this.#value.set(tagged && figure.unit ? `${figure.value} ${figure.unit}` : figure.value);
+    this.#unit.set(tagged ? "" : figure.unit);
+    const name = tagged ? `tag ${figure.tone}` : "";
+    if (this.#box.className !== name) this.#box.className = name;
+  }
+}
+
+export function mountHealth(host: HTMLElement, deps: Deps): Panel {
+  const list = el("dl", { class: "hl" });
+  const cells = new Map<Key, Cell>();
+  const sparks = new Map<Key, Surface>();
+  const fill = el("i");
+  for (const { key, name, help, spark } of ROWS) {
+    const cell = new Cell();
+    const mini = el("dd", { class: "mini", "aria-hidden": "true" });
+    if (spark) {
+      const canvas = el("canvas");
+      mini.append(canvas);
+      sparks.set(key, surface(canvas, () => undefined));
+    }
+    if (key === "shareText") mini.append(el("span", { class: "meter" }, fill));
+    list.append(el("div", { title: help }, el("dt", {}, name), mini, cell.node));
+    cells.set(key, cell);
+  }
+  const messages = mountMessages(list);
+  const words = new Live();
+  const note = el("p", { class: "note" }, words.node);
+  host.append(list, note);
+  const [figuresDue, ageDue] = [every(2), every(10)];
+  return {
+    update(now) {
+      const device = selected(deps);
+      const id = device?.id ?? "";
+      const health = deps.store.health.value.get(id);
+      const all = figuresDue(now);
+      if (!all && !ageDue(now)) return;
+      const { minute } = deps;
+      const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
+      const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
+      const figures = figuresOf(health, recent, ageOf(deps, id), dropped);
+      cells.get("age")?.set(figures.age);
+      if (!all) return;
+      for (const [key, cell] of cells) cell.set(figures[key]);
+      fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
+      messages.update(health);
+      words.set(verdict(device, deps.store.events.value, health, dropped));
+      note.hidden = words.node.data === "";
+      drawSparks(deps, id, sparks, device?.status === "lost");
+    },
+    dispose() {
+      for (const spark of sparks.values()) spark.dispose();
+      list.remove();
+      note.remove();
+    },
+  };
+}
+
+/** One line per message that streams, below the samples; none while there is only one. */
+function mountMessages(list: HTMLElement): { update(health: DeviceHealth | undefined): void } {
+  let lines: { readonly name: string; readonly row: HTMLElement; readonly cell: Cell }[] = [];
+  const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
+  return {
+    update(health) {
+      const several = (health?.messages.length ?? 0) > 1 ? (health?.messages ?? []) : [];
+      if (several.length !== lines.length || several.some((one, i) => one.name !== lines[i]?.name)) {
+        for (const line of lines) line.row.remove();
+        lines = several.map((one) => {
+          const cell = new Cell();
+          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, one.name), el("dd", { class: "mini" }), cell.node);
+          return { name: one.name, row, cell };
+        });
+        list.firstElementChild?.after(...lines.map((line) => line.row));
+      }
+      several.forEach((one, i) => lines[i]?.cell.set(figure(one)));
+    },
+  };
+}
+
+function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, gone: boolean): void {
+  const moments = deps.minute.of(id);
+  const draw = (key: Key, how: (to: Surface) => void): void => {
+    const to = sparks.get(key);
+    if (to) how(to);
+  };
+  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), 31), gone));
+  const lately = moments.slice(-62).filter((_, i) => i % 2 === 0);
+  draw("gaps", (to) => drawTicks(to, lately.map((moment) => moment.lost)));
+  draw("rejects", (to) => drawTicks(to, lately.map((moment) => moment.rejects)));
+  const jitter = lately.map((moment) => moment.jitter);
+  draw("jitter", (to) => drawLevel(to, jitter, 1.25 * Math.max(0.001, ...jitter.map((value) => value ?? 0))));
+}
+
+/** Keys that the page's title line and the phone's strip share. */
+export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "age"];
+
+const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: "samples lost", rejects: "rejects", shareText: "% of link", jitter: "ms jitter", age: "old" };
+
+/** Health in one line, for the phone. */
+export function mountStrip(host: HTMLElement, deps: Deps): Panel {
+  const items = STRIP.map((key) => {
+    const [value, unit] = [new Live(), new Live()];
+    const box = el("b", {}, value.node);
+    host.append(el("span", {}, box, el("span", { class: "u" }, unit.node)));
+    return { key, value, unit, box };
+  });
+  const due = every(4);
+  return {
+    update(now) {
+      if (host.offsetParent === null || !due(now)) return;
+      const id = view.value.device ?? "";
+      const { minute } = deps;
+      const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
+      const figures = figuresOf(deps.store.health.value.get(id), recent, ageOf(deps, id), deps.store.dropped());
+      for (const { key, value, unit, box } of items) {
+        const figure = figures[key];
+        value.set(key === "age" ? `${figure.value} ${figure.unit.replace(" ago", "")}` : figure.value);
+        unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
+        box.className = figure.tone ? `tag ${figure.tone}` : "";
+      }
+    },
+    dispose: () => host.replaceChildren(),
+  };
+}

@@ -1,0 +1,70 @@
+/** The server's HTTP side, as far as this page uses it. Every failure is a Problem with words for a person. */
+
+/** The one shape of errors: what went wrong, and what to do next. */
+export interface Problem {
+  readonly kind: string;
+  readonly message: string;
+  readonly hint: string;
+}
+
+export type Outcome<T> = { readonly ok: true; readonly value: T } | { readonly ok: false; readonly problem: Problem };
+
+async function request<T>(method: "GET" | "POST" | "DELETE", path: string, body?: unknown): Promise<Outcome<T>> {
+  let answer: Response;
+  try {
+    // The server takes JSON only for whatever changes something, so that no form of another page can do it.
+    const headers: Record<string, string> = method === "GET" ? {} : { "content-type": "application/json" };
+    const content = body === undefined ? {} : { body: JSON.stringify(body) };
+    answer = await fetch(path, { method, credentials: "same-origin", headers, ...content });
+  } catch {
+    const message = "The imuscope server does not answer.";
+    return { ok: false, problem: { kind: "offline", message, hint: "Is it still running, and is this machine still on its network?" } };
+  }
+  const text = await answer.text();
+  const value = parse(text);
+  if (answer.ok) return { ok: true, value: value as T };
+  return { ok: false, problem: problemOf(value, answer.status) };
+}
+
+function parse(text: string): unknown {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return undefined;
+  }
+}
+
+function problemOf(value: unknown, status: number): Problem {
+  const given = (value ?? {}) as Partial<Record<keyof Problem, unknown>>;
+  const words = (key: keyof Problem, other: string): string => {
+    const text = given[key];
+    return typeof text === "string" && text !== "" ? text : other;
+  };
+  return { kind: words("kind", `http-${status}`), message: words("message", `The server answered ${status}.`), hint: words("hint", "") };
+}
+
+/** One attempt to hear something on a port, in words. */
+export interface PortTry {
+  readonly what: string;
+  readonly outcome: string;
+}
+
+/** A serial port of the host. */
+export interface Port {
+  readonly device: string;
+  readonly description: string;
+  readonly busy: string;
+  readonly denied: string;
+  readonly heard: readonly PortTry[];
+}
+
+export const api = {
+  addDevice: (source: string) => request<{ readonly id: string }>("POST", "/api/devices", { source }),
+  removeDevice: (id: string) => request<unknown>("DELETE", `/api/devices/${encodeURIComponent(id)}`),
+  retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
+  /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */
+  probe: () => request<unknown>("GET", "/api/devices"),
+  ports: () => request<readonly Port[]>("GET", "/api/ports"),
+  /** Listens on every free port; takes some seconds. */
+  scanPorts: () => request<readonly Port[]>("POST", "/api/ports/scan", {}),
+};

@@ -1,0 +1,39 @@
+/** A dialog of the browser's own kind: it traps focus, closes on Esc, and gives focus back. */
+import type { ComponentChildren } from "preact";
+import { useEffect, useRef } from "preact/hooks";
+import { Icon } from "./icons";
+
+interface Props {
+  readonly title: string;
+  readonly onClose: () => void;
+  readonly children: ComponentChildren;
+}
+
+export function Dialog({ title, onClose, children }: Props) {
+  const ref = useRef<HTMLDialogElement>(null);
+  useEffect(() => {
+    const dialog = ref.current;
+    dialog?.showModal();
+    return () => dialog?.close();
+  }, []);
+  // A press on the backdrop reports the dialog itself as its target, and lies outside of its box.
+  const onPress = (event: MouseEvent): void => {
+    const dialog = ref.current;
+    if (!dialog || event.target !== dialog) return;
+    const box = dialog.getBoundingClientRect();
+    const inside = event.clientX >= box.left && event.clientX <= box.right && event.clientY >= box.top && event.clientY <= box.bottom;
+    if (!inside) onClose();
+  };
+  return (
+    <dialog ref={ref} aria-labelledby="dialog-title" onClose={onClose} onMouseDown={onPress}>
+      <div class="top">
+        <h2 id="dialog-title">{title}</h2>
+        <span class="grow" />
+        <button type="button" class="btn icon" aria-label="Close" title="Close (Esc)" onClick={onClose}>
+          <Icon name="close" />
+        </button>
+      </div>
+      <div class="in">{children}</div>
+    </dialog>
+  );
+}

@@ -1,0 +1,42 @@
+/** The page's pictograms: 16 px, strokes of 1.5 px, in the colour of the text beside them. */
+
+const PATHS = {
+  pause: "M5.5 3.5v9M10.5 3.5v9",
+  play: "M5 3l8 5-8 5z",
+  down: "M4 6l4 4 4-4",
+  close: "M4 4l8 8M12 4l-8 8",
+  plus: "M8 3v10M3 8h10",
+  moon: "M13 9.5A5.5 5.5 0 0 1 6.5 3 5.5 5.5 0 1 0 13 9.5z",
+  sun: "M8 10.7a2.7 2.7 0 1 0 0-5.4 2.7 2.7 0 0 0 0 5.4zM8 1.5v1.3M8 13.200v1.300M1.5 8h1.300M13.2 8h1.300M3.4 3.400l.9.9M11.7 11.700l.9.9M12.6 3.400l-.9.9M4.3 11.700l-.9.9",
+  help: "M5.8 6a2.2 2.2 0 1 1 3.3 1.9c-.7.4-1.1.8-1.1 1.600M8 12.200v.1",
+  side: "M2.5 3h11v10h-11zM10 3v10",
+  list: "M5.5 4h8M5.5 8h8M5.5 12h8M2.5 4h.01M2.5 8h.01M2.5 12h.01",
+  first: "M4 3.5v9M13 3.5 6.5 8l6.5 4.500z",
+  last: "M12 3.5v9M3 3.5 9.5 8 3 12.500z",
+  back: "M9.5 4 5.5 8l4 4",
+  forward: "M6.5 4l4 4-4 4",
+  stepBack: "M11 4.5 7.5 8l3.5 3.500M5 4.500v7",
+  stepForward: "M5 4.5 8.5 8 5 11.500M11 4.500v7",
+  minus: "M3 8h10",
+  fit: "M2.5 6V2.500H6M10 2.500h3.500V6M13.5 10v3.500H10M6 13.500H2.500V10",
+} as const;
+
+export type IconName = keyof typeof PATHS;
+
+export function Icon({ name }: { readonly name: IconName }) {
+  return (
+    <svg class="i" viewBox="0 0 16 16" aria-hidden="true">
+      <path d={PATHS[name]} />
+    </svg>
+  );
+}
+
+export function Logo() {
+  return (
+    <svg viewBox="0 0 22 22" aria-hidden="true">
+      <circle cx="11" cy="11" r="9.2" fill="none" stroke="currentColor" stroke-width="1.6" />
+      <path d="M2.6 13.6 8 12.100M14 10.4 19.4 8.9" stroke="currentColor" stroke-width="1.6" stroke-linecap="round" />
+      <circle cx="11" cy="11.25" r="1.7" fill="currentColor" />
+    </svg>
+  );
+}

@@ -1,0 +1,27 @@
+/** Where a panel that writes the DOM itself stands in the tree of components: mounted once, updated by the one frame loop. */
+import { useEffect, useRef } from "preact/hooks";
+import { onFrame } from "../data/loop";
+import type { Panel } from "./dom";
+
+interface Props {
+  readonly mount: (host: HTMLElement) => Panel;
+  readonly class?: string;
+  readonly label?: string;
+  readonly role?: "region" | "group";
+}
+
+/** `mount` is called once; a changed function is not noticed (give the component a key instead). */
+export function Mounted(props: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    if (!host.current) return undefined;
+    const panel = props.mount(host.current);
+    const stop = onFrame((now) => panel.update(now));
+    return () => {
+      stop();
+      panel.dispose();
+    };
+  }, []);
+  const named = props.label === undefined ? {} : { role: props.role ?? "region", "aria-label": props.label };
+  return <div ref={host} {...(props.class === undefined ? {} : { class: props.class })} {...named} />;
+}
