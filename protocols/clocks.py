@@ -20,6 +20,7 @@ Rules for editing: an `add` of ten rows costs about 15 µs; count the numpy call
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from typing import Any
 
 import numpy as np
@@ -73,12 +74,24 @@ class Unwrap:
         moved otherwise; `by` is negative backwards.
         """
         values = np.asarray(raw).astype(np.int64)
-        out = np.empty(len(values), np.int64)
         self.steps = []
+        if len(values) == 1 and arrival_ns is None and self._goes_on(int(values[0])):
+            return values + self._turns
+        out = np.empty(len(values), np.int64)
         done = 0
         while done < len(values):
             done = self._stretch(values, out, arrival_ns, done)
         return out
+
+    def _goes_on(self, value: int) -> bool:
+        """Is this one row plainly the next? The usual case of a live stream, decided without arrays."""
+        if self._newest is None or self._newest_arrival or (self._auto and value >= self.wrap):
+            return False
+        if not 0 <= value + self._turns - self._newest <= self._near():
+            return False
+        self._newest = value + self._turns
+        self._late_run = 0
+        return True
 
     def _stretch(self, raw: Times, out: Times, arrival: Array | None, start: int) -> int:
         """Unwrap rows from `start` up to the first that needs a decision; take that decision; where to go on."""
@@ -96,12 +109,30 @@ class Unwrap:
             self._accept(values, arrival, start, out)
             self._late_run = 0
             return len(raw)
+        odd = ahead | (behind > min(self._late(), self.wrap // 4))
+        plain = int(np.argmax(odd)) if odd.any() else len(values)
+        if plain and self._only_late(behind[:plain]):
+            self._newest = int(newest[plain])
+            self._accept(values[:plain], arrival, start, out)
+            return start + plain
         first = int(np.argmax(suspect))
         if first:
             self._accept(values[:first], arrival, start, out)
             self._late_run = 0
             return start + first
         return self._decide(raw, out, arrival, start, behind, bool(ahead[0]))
+
+    def _only_late(self, behind: Times) -> bool:
+        """Are only few in a row of these rows late, none of them by much? Then they keep their own times."""
+        on_time = np.flatnonzero(behind <= 0)
+        if not len(on_time):
+            return False
+        tail = len(behind) - 1 - int(on_time[-1])
+        between = int(np.diff(on_time).max()) - 1 if len(on_time) > 1 else 0
+        if max(int(on_time[0]) + self._late_run, between, tail) >= LATE_ROWS:
+            return False
+        self._late_run = tail
+        return True
 
     def _decide(self, raw: Times, out: Times, arrival: Array | None, at: int, behind: Times, ahead: bool) -> int:
         """Row `at` does not simply go on counting: a late row, a wrap, a reset or a jump."""
@@ -204,27 +235,38 @@ class Counter:
         self.restarts = []
         if len(values) == 0:
             return values
+        if len(values) == 1 and self._last is not None and (int(values[0]) - self._last) % self.modulus == 1:
+            self._last = int(values[0])  # the usual case of a live stream, without arrays
+            return np.zeros(1, np.int64)
         last = values[0] - 1 if self._last is None else self._last
         lost: Times = np.diff(values, prepend=last) - 1
         lost %= self.modulus
-        if int(lost.max()) >= min(256, self.modulus // 8):
-            return self._row_by_row(values, int(last))
+        odd = np.flatnonzero(lost >= min(256, self.modulus // 8)).tolist()
+        if odd:
+            return self._judge(values, lost, odd, int(last))
         self._last = int(values[-1])
         return lost
 
-    def _row_by_row(self, values: Times, last: int) -> Times:
-        out = np.zeros(len(values), np.int64)
-        for row, value in enumerate(values.tolist()):
-            lost = (value - last - 1) % self.modulus
-            if self.modulus - lost <= self.modulus // 1024 + 1:
-                continue  # the same number again, or a row that comes late
-            if lost > self.modulus // 8 or (lost >= 256 and value < 2):
+    def _judge(self, values: Times, lost: Times, odd: list[int], last: int) -> Times:
+        """Look closely at the rows `odd` and at those that follow a late one; the others stand as they are."""
+        odd = [*odd, len(values)]
+        row = odd[0]
+        last = int(values[row - 1]) if row else last
+        while row < len(values):
+            value = int(values[row])
+            missing = (value - last - 1) % self.modulus
+            if self.modulus - missing <= self.modulus // 1024 + 1:
+                lost[row] = 0  # the same number again, or a row that comes late
+                row += 1
+                continue
+            if missing > self.modulus // 8 or (missing >= 256 and value < 2):
                 self.restarts.append(row)
-            else:
-                out[row] = lost
-            last = value
+                missing = 0
+            lost[row] = missing
+            row = odd[bisect_right(odd, row)]
+            last = int(values[row - 1])
         self._last = last
-        return out
+        return lost
 
 
 # -- device time to host time ------------------------------------------------------------------------------------------

@@ -299,7 +299,7 @@ def _stretches(
 
 
 def _utc_ns(data: bytes, places: Ints) -> Ints:
-    """UtcTime at `places` in `data`, ns since the Unix epoch; -1 where there is none or its flags do not call it UTC."""
+    """UtcTime at `places` in `data`, ns since the Unix epoch; -1 where there is none or its flags call it invalid."""
     out = np.full(len(places), -1, np.int64)
     which = np.flatnonzero(places >= 0)
     if not len(which):

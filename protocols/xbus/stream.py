@@ -107,11 +107,12 @@ class Stream:
     def _texts(self, data: bytes, start: int, table: Ints, rejects: list[Reject], stalled: bool) -> list[Text]:
         """Look through the stretches between the frames."""
         texts: list[Text] = []
-        starts = (table[OFFSET] + start).tolist()
-        ends = (table[OFFSET] + table[SIZE] + start).tolist()
-        for begin, stop in zip([0, *ends], starts, strict=False):
-            self._stretch(data, start, begin, stop, True, texts, rejects)
-        self._stretch(data, start, ends[-1] if ends else 0, self._scan_at, stalled, texts, rejects)
+        begins = np.concatenate(([0], table[OFFSET] + table[SIZE] + start))
+        stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
+        for i in np.flatnonzero(begins < stops).tolist():
+            final = stalled or i < table.shape[1]
+            self._stretch(data, start, int(begins[i]), int(stops[i]), final, texts, rejects)
+        self._nmea_at, self._strings_at = max(self._nmea_at, int(begins[-1])), max(self._strings_at, int(begins[-1]))
         texts.sort(key=lambda text: text.offset)
         rejects.sort(key=lambda reject: reject.offset)
         return texts

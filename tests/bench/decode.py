@@ -1,0 +1,117 @@
+"""How fast do bytes become columns on one core?
+
+    python tests/bench/decode.py --protocol xbus FILE [--size MB]
+
+The file is repeated to at least `--size` megabytes, fed in chunks of 1 MB, drained after each, and every column of every
+batch is asked for, so that all conversion is done. Best of several passes. The yardstick, in the same run: zlib.adler32
+over the same buffer. One line of JSON is printed:
+
+    {"protocol", "frames", "mb_per_s", "adler32_mb_per_s", "ratio", "us_per_frame_alone", …}
+
+`us_per_frame_alone` is what a live stream costs: one frame is fed and drained at a time (median, best pass), once drained
+only and once with all its columns.
+
+Budget (design, section 9): ratio at least 0.15 for Xbus.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from protocols.events import Batch, Reply, Text  # noqa: E402
+from protocols.registry import PROTOCOLS  # noqa: E402
+
+CHUNK = 1 << 20
+PASSES = 7
+
+
+def best(run: Callable[[], Any], passes: int = PASSES) -> float:
+    """The shortest of several passes, s."""
+    shortest = float("inf")
+    for _ in range(passes):
+        start = time.perf_counter()
+        run()
+        shortest = min(shortest, time.perf_counter() - start)
+    return shortest
+
+
+def decode(protocol: str, data: bytes) -> int:
+    """All of `data`, every column made; returns the number of messages."""
+    decoder = PROTOCOLS[protocol].decoder()
+    messages = 0
+    for at in range(0, len(data), CHUNK):
+        decoder.feed(data[at : at + CHUNK], at)
+        for event in decoder.drain():
+            if isinstance(event, Batch):
+                messages += len(event)
+                for name in event.columns:
+                    event.columns[name]
+            elif isinstance(event, (Reply, Text)):
+                messages += 1
+    return messages
+
+
+def alone(protocol: str, data: bytes, *, columns: bool) -> float:
+    """Median time to feed and drain one frame, µs. Frames are cut where the decoder says they begin."""
+    offsets: list[int] = []
+    decoder = PROTOCOLS[protocol].decoder()
+    decoder.feed(data, 0)
+    for event in decoder.drain(stalled=True):
+        if isinstance(event, Batch):
+            offsets += event.offset.tolist()
+    offsets = sorted(offsets)[:2000]
+    decoder = PROTOCOLS[protocol].decoder()
+    times = []
+    for begin, end in zip(offsets, offsets[1:], strict=False):
+        frame = data[begin:end]
+        start = time.perf_counter()
+        decoder.feed(frame, begin)
+        for event in decoder.drain():
+            if columns and isinstance(event, Batch):
+                for name in event.columns:
+                    event.columns[name]
+        times.append(time.perf_counter() - start)
+    return sorted(times)[len(times) // 2] * 1e6
+
+
+def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
+    """The figures of one file."""
+    once = file.read_bytes()
+    data = once * -(-size // len(once))
+    megabytes = len(data) / 1e6
+    frames = decode(protocol, data)  # also warms everything
+    speed = megabytes / best(lambda: decode(protocol, data))
+    yardstick = megabytes / best(lambda: zlib.adler32(data))
+    return {
+        "protocol": protocol,
+        "frames": frames,
+        "mb_per_s": round(speed, 1),
+        "adler32_mb_per_s": round(yardstick, 1),
+        "ratio": round(speed / yardstick, 4),
+        "us_per_frame_alone": round(min(alone(protocol, once, columns=False) for _ in range(3)), 1),
+        "us_per_frame_alone_with_columns": round(min(alone(protocol, once, columns=True) for _ in range(3)), 1),
+    }
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--protocol", required=True, choices=sorted(PROTOCOLS))
+    parser.add_argument("--size", type=float, default=16, help="megabytes to decode in a pass")
+    parser.add_argument("file", type=Path)
+    arguments = parser.parse_args()
+    print(json.dumps(measure(arguments.protocol, arguments.file, int(arguments.size * 1e6))))
+
+
+if __name__ == "__main__":
+    main()
