@@ -1,7 +1,7 @@
 # imuscope in a container: built with nothing but Python, run without root, without a home, with a read-only root.
 #
 #   docker build -t imuscope .
-#   docker run --rm --read-only -v imuscope:/data -p 8080:8080 \
+#   docker run --rm --read-only --tmpfs /tmp -v imuscope:/data -p 8080:8080 \
 #       --device /dev/ttyUSB0 --group-add "$(stat -c %g /dev/ttyUSB0)" imuscope /dev/ttyUSB0
 #
 # --device       hands the serial port in; --group-add gives the group that owns it (dialout), since nobody here is root.
@@ -9,6 +9,8 @@
 # UDP and TCP    sources that the robot sends to need their port too: -p 5005:5005/udp, or --network host.
 # The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
 # /data          recordings; without a volume there they end with the container.
+# /tmp           where the compiled loops of the image are copied to, because numba reads no cache it cannot write; without
+#                it the start takes some seconds longer.
 
 FROM python:3.13-slim-bookworm AS build
 ENV UV_COMPILE_BYTECODE=1 UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=/app \
@@ -28,9 +30,9 @@ FROM python:3.13-slim-bookworm
 COPY --from=build /app /app
 RUN install -d -o 10001 -g 10001 /data
 ENV PATH=/app/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 \
-    NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic NUMBA_CACHE_LOCATOR_CLASSES=protocols.jit.ShippedCache
+    NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
 USER 10001:10001
-WORKDIR /
+WORKDIR /data
 VOLUME /data
 EXPOSE 8080
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \

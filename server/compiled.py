@@ -41,6 +41,8 @@ def prepare_cache(data: Path) -> tuple[bool, list[str]]:
     atexit.register(shutil.rmtree, copy, ignore_errors=True)
     if wanted.is_dir():
         shutil.copytree(wanted, copy, dirs_exist_ok=True)
+        for folder in [copy, *copy.rglob("*/")]:
+            folder.chmod(0o700)  # the copy is as read-only as what it is a copy of
     os.environ[VARIABLE] = str(copy)
     if _is_empty(copy):
         return True, [f"{wanted} cannot be written: compiled code is kept for this run only."]

@@ -30,6 +30,9 @@ from tests.process import ROOT, ServerProcess
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
 
+READY = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)"
+"""In a page: samples have arrived."""
+
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
 
@@ -131,7 +134,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 def page(open_page: Callable[..., Page], server: ServerProcess) -> Page:
     """The page of `server`, wide and dark, once samples are arriving."""
     page = open_page(server.url)
-    page.wait_for_function("window.imuscope?.store.channels.value.some(c => c.ring.length > 20)")
+    page.wait_for_function(READY)
     return page
 
 

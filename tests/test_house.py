@@ -109,7 +109,7 @@ def test_the_page_imports_nothing_outside_web() -> None:
     package = json.loads((ROOT / "web" / "package.json").read_text())
     shipped = set(package["dependencies"])
     source = ROOT / "web" / "src"
-    pattern = re.compile(r"""(?:\bfrom|\bimport|\bimport\()\s*["']([^"']+)["']""")
+    pattern = re.compile(r"""^[^"'\n]*\b(?:from |import |import\()["']([^"'\n]+)["']""", re.MULTILINE)
     wrong = []
     for path in sorted([*source.rglob("*.ts"), *source.rglob("*.tsx")]):
         allowed = shipped | (set(package["devDependencies"]) if ".test." in path.name else set())

@@ -3,8 +3,8 @@
     imuscope ──> /healthz answers ──> page opened ──> first sample in the page
 
 Twice: the first start ever (nothing compiled yet: an empty cache) and the next one. "Usable" is the page showing
-samples of the twin. The weight is what a browser downloads at the first load, compressed as the server sends it, counted
-by the browser itself. The yardstick: a Python process that imports the same foundations and does nothing.
+samples of the twin. The weight is what a browser downloads at the first load, compressed as the server sends it,
+counted by the browser itself. The yardstick: a Python process that imports the same foundations and does nothing.
 
 Budget: 3 s, the very first start 15 s; 250 kB.
 """

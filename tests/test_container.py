@@ -1,0 +1,129 @@
+"""What the Dockerfile promises, without Docker: no root, no home, nothing writable but what is handed in.
+
+The image ships compiled loops in a folder that cannot be written, and the package itself cannot be written either. A
+process that is root here gives up the right to ignore permissions, which makes it obey them as any user does.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process import ROOT
+
+PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
+PROBE = """
+import sys
+from pathlib import Path
+from server.cli import _compile
+_compile(Path(sys.argv[1]))
+from protocols import jit
+print(len(jit.uncached))
+"""
+
+
+def obey_permissions() -> None:
+    """In the child, before it becomes Python again: from now on even root cannot write where it says no."""
+    if os.geteuid() == 0:
+        ctypes.CDLL(None, use_errno=True).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
+
+
+def seal(folder: Path, mode: int) -> None:
+    for path in [folder, *folder.rglob("*")]:
+        path.chmod(mode | (0o111 if path.is_dir() else 0) if not path.is_symlink() else mode)
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Iterator[Path]:
+    """The packages, as an image would hold them: their own copy, with a folder of compiled loops beside it."""
+    folder = tmp_path / "image"
+    for name in ("protocols", "recordings", "server"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "page"))
+    shutil.copy(ROOT / "pyproject.toml", folder)  # the version, where the package is not installed
+    yield folder
+    seal(folder, 0o644)
+
+
+def run(image: Path, arguments: list[str], cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    """Python in the image's environment: no home, no place for temporary files unless given."""
+    env = {"PATH": os.environ["PATH"], "PYTHONPATH": str(image), "PYTHONDONTWRITEBYTECODE": "1"}
+    env |= {"HOME": str(image), "TMPDIR": str(image), "NUMBA_CACHE_DIR": str(image / "numba")} | extra
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        preexec_fn=obey_permissions,
+    )
+
+
+def compile_ahead(image: Path, cwd: Path) -> set[Path]:
+    """What the Dockerfile does while it builds."""
+    done = run(image, ["-c", "import protocols.registry"], cwd)
+    assert done.returncode == 0, done.stderr
+    loops = set((image / "numba").rglob("*.nbc"))
+    assert loops
+    return loops
+
+
+@pytest.fixture
+def sealed(image: Path) -> Callable[[], None]:
+    """Make the image read-only; the test is skipped where that does not bind this user."""
+
+    def close() -> None:
+        seal(image, 0o444)
+        write = f"open({str(image / 'probe')!r}, 'w')"
+        if run(image, ["-c", write], image).returncode == 0:
+            pytest.skip("this user may write anywhere, and cannot give that up")
+
+    return close
+
+
+def test_loops_compiled_in_the_image_are_used(image: Path, sealed: Callable[[], None], tmp_path: Path) -> None:
+    compile_ahead(image, tmp_path)
+    sealed()
+    (tmp_path / "tmp").mkdir()
+    done = run(image, ["-c", PROBE, str(tmp_path)], tmp_path, TMPDIR=str(tmp_path / "tmp"))
+    assert done.returncode == 0, done.stderr
+    assert "compiling" not in done.stderr
+    assert done.stdout.strip() == "0", "loops that were compiled again"
+    assert list((tmp_path / "tmp").iterdir()) == [], "the copy is taken away at the end"
+
+
+def test_without_them_it_starts_all_the_same_and_says_so(image: Path, sealed: Callable[[], None]) -> None:
+    sealed()
+    places = (
+        "NUMBA_CACHE_LOCATOR_CLASSES"  # this image is writable by its owner, so numba must not look beside the source
+    )
+    done = run(image, ["-c", PROBE, str(image / "data")], Path("/proc"), **{places: "UserProvidedCacheLocator"})
+    assert done.returncode == 0, done.stderr
+    assert "this run only" in done.stderr
+
+
+def test_the_dockerfile_keeps_its_promises() -> None:
+    text = (ROOT / "Dockerfile").read_text()
+    stages = re.findall(r"^FROM (\S+)", text, re.MULTILINE)
+    assert len(stages) == 2, "what builds is not what runs"
+    assert len(set(stages)) == 1, "the environment that was built links to this very Python"
+    last = text[text.rindex("FROM ") :]
+    user = re.search(r"^USER (\d+):(\d+)$", last, re.MULTILINE)
+    assert user, "a number, so that a cluster can see that it is not root"
+    assert int(user[1]) > 0
+    assert "HEALTHCHECK" in last
+    assert "/healthz" in last
+    assert re.findall(r"^COPY --from=build (\S+) (\S+)$", last, re.MULTILINE) == [("/app", "/app")]
+    ignored = (ROOT / ".dockerignore").read_text().split()
+    shipped = {line[1:] for line in ignored if line.startswith("!")}
+    needed = {"pyproject.toml", "uv.lock", "README.md", "LICENSE", "protocols", "recordings", "server", "web"}
+    assert needed <= shipped
