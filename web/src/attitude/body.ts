@@ -2,7 +2,7 @@
 import { css, font, type Surface } from "../ui/canvas";
 import { apply, axesOf, type Camera, type Frame, type Matrix, project, type Vector } from "./maths";
 
-/** The viewer stands south-south-west and above: east is to the right, north goes away. */
+/** The viewer stands south-west and above, looking north-east: north goes away to the left, east to the right. */
 const CAMERA: Camera = { azimuth: 0.62, elevation: 0.46 };
 /** Half length, half width and half height of the box, along x, y and z. */
 const BOX: Vector = [0.5, 0.36, 0.17];

@@ -6,6 +6,8 @@ import type { Horizon } from "./maths";
 const DEGREE = Math.PI / 180;
 /** Pitch from the centre to the rim, in °. */
 const REACH = 24;
+/** The ladder ends before the bank scale at the rim, in °. */
+const LADDER = 17;
 const BANK_TICKS = [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60];
 
 /** Draws `horizon`; undefined draws the empty instrument. */
@@ -61,8 +63,8 @@ function drawWorld(x: CanvasRenderingContext2D, radius: number, nose: number): v
   x.lineWidth = 1;
   font(x, 10);
   x.textBaseline = "middle";
-  const first = Math.max(-90, Math.ceil((nose - REACH) / 5) * 5);
-  const last = Math.min(90, nose + REACH);
+  const first = Math.max(-90, Math.ceil((nose - LADDER) / 5) * 5);
+  const last = Math.min(90, nose + LADDER);
   for (let degrees = first; degrees <= last; degrees += 5) {
     if (degrees === 0) continue;
     const major = degrees % 10 === 0;

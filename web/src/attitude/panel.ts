@@ -81,10 +81,10 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const bodyCanvas = el("canvas", { role: "img", "aria-label": "Sensor body with its x, y and z axes" });
   const [frameName, pitchNote] = [new Live(), new Live()];
   const horizonCell = el("div", { class: "hor" }, horizonCanvas);
-  const cap = el("div", { class: "cap" }, el("span", {}, "Body in ", frameName.node), el("span", {}, "seen from SSW"));
+  const cap = el("div", { class: "cap" }, el("span", {}, "Body in ", frameName.node), el("span", {}, "seen from SW"));
   const bodyCell = el("div", { class: "body3" }, cap, bodyCanvas);
   const list = el("dl");
-  const heading = numeral(list, "Heading", "", "of x, clockwise from north");
+  const heading = numeral(list, "Heading", "", "from north");
   const roll = numeral(list, "Roll", "x", "about x");
   const pitch = numeral(list, "Pitch", "y", pitchNote.node);
   const choice = frameSwitch(source.frame);

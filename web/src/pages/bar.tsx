@@ -9,7 +9,6 @@ import { theme, toggleTheme } from "../ui/theme";
 import { type App, folded, overlay, sheet } from "./app";
 
 export function Bar({ app }: { readonly app: App }) {
-  const quiet = showsPlots(app.state.value) ? "" : "quiet";
   return (
     <header class="bar">
       <div class="brand">
@@ -24,19 +23,7 @@ export function Bar({ app }: { readonly app: App }) {
       </nav>
       <Toggle name="rail" label="Devices" icon="list" />
       <span class="grow" />
-      <div class={`seg desk ${quiet}`} role="group" aria-label="Play state">
-        <button type="button" aria-pressed={view.value.live} title="Follow the newest sample (Space, End)" onClick={() => actions.live()}>
-          <span class={view.value.live ? "dot live" : "dot off"} />
-          Live
-        </button>
-        <button type="button" aria-pressed={!view.value.live} title="Freeze the view; nothing else stops (Space)" onClick={() => actions.pause()}>
-          <Icon name="pause" />
-          Pause
-        </button>
-      </div>
-      <Window class={`desk ${quiet}`} words />
-      <TimeBase class={`desk ${quiet}`} />
-      <Move class={`desk ${quiet}`} />
+      {showsPlots(app.state.value) && <TimeControls />}
       <span class="grow desk" />
       <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
         <Icon name="help" />
@@ -50,6 +37,27 @@ export function Bar({ app }: { readonly app: App }) {
       )}
       <DeviceName app={app} />
     </header>
+  );
+}
+
+/** The controls of time; there are none while there is no time to move in. */
+function TimeControls() {
+  return (
+    <>
+      <div class="seg desk" role="group" aria-label="Play state">
+        <button type="button" aria-pressed={view.value.live} title="Follow the newest sample (Space, End)" onClick={() => actions.live()}>
+          <span class={view.value.live ? "dot live" : "dot off"} />
+          Live
+        </button>
+        <button type="button" aria-pressed={!view.value.live} title="Freeze the view; nothing else stops (Space)" onClick={() => actions.pause()}>
+          <Icon name="pause" />
+          Pause
+        </button>
+      </div>
+      <Window class="desk" words />
+      <TimeBase />
+      <Move />
+    </>
   );
 }
 
@@ -108,8 +116,8 @@ function Window({ class: name, words = false }: { readonly class: string; readon
   const all = listed ? SPANS : [...SPANS, current].sort((a, b) => a - b);
   return (
     <label class={`select ${name}`} title="Window length ([ and ])">
-      {words ? <span>Window</span> : <span class="vh">Window</span>}
-      <select value={String(current)} onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}>
+      {words && <span aria-hidden="true">Window</span>}
+      <select aria-label="Window length" value={String(current)} onChange={(event) => actions.setSpan(Number(event.currentTarget.value))}>
         {all.map((seconds) => (
           <option key={seconds} value={String(seconds)}>
             {span(seconds).value} {span(seconds).unit}
@@ -121,13 +129,13 @@ function Window({ class: name, words = false }: { readonly class: string; readon
   );
 }
 
-function TimeBase({ class: name }: { readonly class: string }) {
+function TimeBase() {
   const device = view.value.timeBase === "device";
   const choose = (wanted: boolean) => () => {
     if (wanted !== device) actions.toggleTimeBase();
   };
   return (
-    <div class={`seg ${name}`} role="group" aria-label="Time axis">
+    <div class="seg desk" role="group" aria-label="Time axis">
       <button type="button" aria-pressed={device} title="When it was measured, by the device's clock (T)" onClick={choose(true)}>
         Device time
       </button>
@@ -159,9 +167,9 @@ const STEPS: readonly Step[] = [
 ];
 
 /** Moving through time by hand; every one is a key as well. */
-function Move({ class: name }: { readonly class: string }) {
+function Move() {
   return (
-    <div class={`move ${name}`} role="group" aria-label="Move through time">
+    <div class="move desk" role="group" aria-label="Move through time">
       {STEPS.map((step) => (
         <button type="button" key={step.icon} class={`btn icon ${step.extra ? "extra" : ""}`} aria-label={step.label} title={step.label} onClick={step.act}>
           <Icon name={step.icon} />
@@ -175,7 +183,7 @@ function Move({ class: name }: { readonly class: string }) {
 export function Dock() {
   const { live } = view.value;
   return (
-    <div class="dock" role="group" aria-label="Time controls">
+    <div class="dock" role="region" aria-label="Time controls">
       <button type="button" class="btn edge icon" aria-label={live ? "Pause" : "Live"} onClick={() => (live ? actions.pause() : actions.live())}>
         <Icon name={live ? "pause" : "play"} />
       </button>

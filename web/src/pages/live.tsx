@@ -20,14 +20,17 @@ export function LivePage({ app }: { readonly app: App }) {
   const classes = ["app", folded.value ? "folded" : "", offline ? "offline" : "", app.held() ? "held" : ""].filter(Boolean).join(" ");
   return (
     <div class={classes} data-state={state}>
-      <a class="btn edge skip" href="#plots">
-        Skip to the plots
-      </a>
+      {showsPlots(state) && (
+        <a class="btn edge skip" href="#plots">
+          Skip to the plots
+        </a>
+      )}
       <Bar app={app} />
       {offline && <OfflineBand app={app} />}
-      {showsPlots(state) && <Mounted class="strip" label="Link health" mount={(host) => mountStrip(host, app)} />}
+      {showsPlots(state) && <Mounted class="strip" label="Link health" scrolls mount={(host) => mountStrip(host, app)} />}
       <Rail app={app} />
       <main class="centre">
+        <h1 class="vh">Live{app.device.value ? `: ${app.device.value.name}` : ""}</h1>
         <ProblemBand />
         <Centre app={app} />
       </main>
@@ -65,7 +68,7 @@ function Side({ app }: { readonly app: App }) {
     else folded.value = true;
   };
   return (
-    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="Values and health" tabIndex={0}>
+    <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="Values and health">
       <div class="head">
         <h2>Values</h2>
         <span id="values-when" />
@@ -74,7 +77,8 @@ function Side({ app }: { readonly app: App }) {
           <Icon name="side" />
         </button>
       </div>
-      <Mounted mount={(host) => mountValues(host, app, "values-when")} />
+      <Mounted class="valbox" label="Values" scrolls mount={(host) => mountValues(host, app, "values-when")} />
+      <div class="below" role="region" aria-label="Health and events" tabIndex={0}>
       <section class="health" aria-label="Health">
         <div class="head">
           <h2>Health</h2>
@@ -89,6 +93,7 @@ function Side({ app }: { readonly app: App }) {
         </div>
         <Mounted mount={(host) => mountNews(host, app)} />
       </section>
+      </div>
     </aside>
   );
 }

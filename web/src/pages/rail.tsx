@@ -76,7 +76,7 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
           <span class="u">Hz</span>
         </span>
         <Facts device={device} />
-        <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />
+        {(streams || app.minute.of(device.id).length > 0) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
       {current && <Acts device={device} />}
@@ -92,11 +92,21 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
       <br />
       {device.serial_number !== "" && (
         <>
-          S/N <span class="mono">{device.serial_number}</span> ·{" "}
+          <span class="nb">
+            S/N <span class="mono">{device.serial_number}</span>
+          </span>
+          {" · "}
         </>
       )}
-      <span title={device.source}>{shortSource(device.source)}</span>
-      {device.baud !== null && <> · {count(device.baud, "Bd", "Bd")}</>}
+      <span class="nb" title={device.source}>
+        {shortSource(device.source)}
+      </span>
+      {device.baud !== null && (
+        <>
+          {" · "}
+          <span class="nb">{count(device.baud, "Bd", "Bd")}</span>
+        </>
+      )}
     </span>
   );
 }

@@ -39,8 +39,7 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
   const columns = el("colgroup", {}, el("col"), el("col", { class: "now" }), el("col", { class: "mean" }), el("col", { class: "sd" }));
   const label = el("caption", { class: "vh" }, "Values of the selected device");
   const table = el("table", { class: "vals" }, label, columns, el("thead", {}, head), body);
-  const box = el("div", { class: "valbox" }, table);
-  host.append(box);
+  host.append(table);
 
   let shown: readonly Channel[] = [];
   let lines: readonly Line[] = [];
@@ -63,7 +62,7 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
       for (const line of lines) line.now.set(valueText(line, at));
     },
     dispose() {
-      box.remove();
+      table.remove();
       caption.remove();
     },
   };
@@ -100,6 +99,7 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel)
   const now = new Live();
   const help = row.info?.doc || row.channel.doc;
   const name = el("th", { scope: "row", class: row.colour || "plain", ...(help ? { title: help } : {}) }, row.label);
+  // A row with statistics has four cells; a plain one gives its words and its number half of the width each.
   if (row.colour !== "") {
     const [mean, sd] = [new Live(), new Live()];
     const cells = [now, mean, sd].map((live) => el("td", { class: "num" }, live.node));
@@ -107,7 +107,8 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel)
     return { row, channel, now, mean, sd };
   }
   const words = row.info && Object.keys(row.info.choices).length > 0;
-  const cell = el("td", { class: words ? "num words" : "num", colspan: "3" }, now.node);
+  name.setAttribute("colspan", "2");
+  const cell = el("td", { class: words ? "num words" : "num", colspan: "2" }, now.node);
   const shownUnit = row.info?.unit ?? (row.column < 0 ? "rows" : "");
   if (shownUnit) cell.append(unit(shownUnit));
   body.append(el("tr", {}, name, cell));

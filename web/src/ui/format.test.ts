@@ -62,6 +62,6 @@ describe("decimalsOf", () => {
     expect(decimalsOf({ decimals: 5, dtype: "f4", unit: "°" })).toBe(5);
     expect(decimalsOf({ decimals: -1, dtype: "f4", unit: "m/s²" })).toBe(3);
     expect(decimalsOf({ decimals: -1, dtype: "f4", unit: "furlong" })).toBe(3);
-    expect(decimalsOf({ decimals: -1, dtype: "u2", unit: "" })).toBe(0);
+    expect(decimalsOf({ decimals: -1, dtype: "u4", unit: "ms" })).toBe(0);
   });
 });

@@ -33,11 +33,10 @@ const DECIMALS: Readonly<Record<string, number>> = {
   "%": 1,
 };
 
-/** Digits after the point for a column: what the table says, else by kind of number, else by unit, else three. */
+/** Digits after the point for a column: what the table says; none for whole numbers; else by unit, else three. */
 export function decimalsOf(column: Pick<ColumnInfo, "decimals" | "dtype" | "unit">, unit = column.unit): number {
   if (column.decimals >= 0) return column.decimals;
-  const float = column.dtype.startsWith("f");
-  return DECIMALS[unit] ?? (float ? 3 : 0);
+  return column.dtype.startsWith("f") ? (DECIMALS[unit] ?? 3) : 0;
 }
 
 function grouped(digits: string): string {

@@ -8,6 +8,8 @@ interface Props {
   readonly class?: string;
   readonly label?: string;
   readonly role?: "region" | "group";
+  /** Scrolls by itself, so it must be reachable by keyboard. */
+  readonly scrolls?: boolean;
 }
 
 /** `mount` is called once; a changed function is not noticed (give the component a key instead). */
@@ -23,5 +25,5 @@ export function Mounted(props: Props) {
     };
   }, []);
   const named = props.label === undefined ? {} : { role: props.role ?? "region", "aria-label": props.label };
-  return <div ref={host} {...(props.class === undefined ? {} : { class: props.class })} {...named} />;
+  return <div ref={host} {...(props.class === undefined ? {} : { class: props.class })} {...named} {...(props.scrolls ? { tabIndex: 0 } : {})} />;
 }
