@@ -98,7 +98,7 @@ class ServerProcess:
             if self.url and self._answers():
                 return
             time.sleep(0.02)
-        raise RuntimeError(f"the server did not come up ({' '.join(self.process.args[1:])}):\n{self.log}")  # type: ignore[arg-type]
+        raise RuntimeError(f"the server did not come up:\n{self.log}")
 
     def _answers(self) -> bool:
         try:

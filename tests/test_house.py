@@ -165,8 +165,8 @@ def licence(name: str) -> tuple[str, list[str]]:
     found = distribution(name)
     about = found.metadata
     classifiers = [line for line in about.get_all("Classifier") or [] if line.startswith("License")]
-    words = [about.get("License-Expression") or "", (about.get("License") or "")[:80], *classifiers]
-    return " ".join(filter(None, words)), found.requires or []
+    words = [line[:80] for name in ("License-Expression", "License") for line in about.get_all(name) or []]
+    return " ".join([*words, *classifiers]), found.requires or []
 
 
 def test_what_we_link_is_permissive() -> None:

@@ -174,6 +174,7 @@ def _run(command: list[Any]) -> subprocess.CompletedProcess[str]:
     """Run in web/, with the wheel's Node first on the path, output and errors together."""
     env = dict(os.environ)
     env["PATH"] = f"{Path(command[0]).parent}{os.pathsep}{env.get('PATH', '')}"
+    env["NO_COLOR"] = "1"
     env.pop("NODE_ENV", None)  # "production" would leave Vite out of node_modules
     certificates = env.get("SSL_CERT_FILE") or env.get("PIP_CERT")
     if certificates and Path(certificates).is_file():
@@ -206,7 +207,7 @@ def _npm_failed(output: str) -> str:
     return f"npm ci failed: {output.strip()}"
 
 
-class PageBuildHook(BuildHookInterface):  # type: ignore[misc,valid-type]
+class PageBuildHook(BuildHookInterface):  # type: ignore[misc]
     """Called by hatchling before it collects files, for wheels, editable wheels and source distributions."""
 
     def dependencies(self) -> list[str]:

@@ -23,7 +23,6 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-import websockets
 from websockets.asyncio.client import ClientConnection, connect
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -183,7 +182,7 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=15)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
-    report("fanout", asyncio.run(measure(parser.parse_args())), extra_versions={"client": websockets.__version__})
+    report("fanout", asyncio.run(measure(parser.parse_args())))
 
 
 if __name__ == "__main__":
