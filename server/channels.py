@@ -256,7 +256,9 @@ def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
         subs = [(rows.get(name, Field(name)), array[name]) for name in array.dtype.names]
         return [info for sub, part in subs for info in _column_infos(sub, part, _join(prefix, sub.name))]
     flat = _flat(array)
-    dtype = _dtype(flat[0]) if flat else "u1"
+    if not flat:
+        return []  # text
+    dtype = _dtype(flat[0])
     if array.ndim == 1 and array.dtype.kind not in "SV":
         return [_column(field, prefix or "value", dtype, _suffix_axis(prefix))]
     names = _element_names(field, array.shape[1:], len(flat))

@@ -10,6 +10,7 @@ the transport is passed    in the WebSocket's scope, so that the sender can see 
 from __future__ import annotations
 
 import asyncio
+import signal
 import socket
 from collections.abc import Callable
 from typing import Any, cast
@@ -88,10 +89,12 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> 
         timeout_graceful_shutdown=2,
     )
     server = Server(config, on_ready)
+    # uvicorn raises the signal that ended it again after it has shut down cleanly; that is then no failure.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
         asyncio.run(server.serve(sockets=[listener]))
     except KeyboardInterrupt:
-        pass  # uvicorn raises the signal again after it has shut down cleanly
+        pass
     finally:
         listener.close()
     if not server.started:

@@ -37,6 +37,8 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 SILENT_S = 0.8  # and the tick and the flush after it: the page knows within a second
 SLOW_FACTOR = 3.0  # a device that speaks every 2 s is silent after 6 s
+FEW_CHUNKS = 3  # with fewer than these its usual interval is not known, and it has this long:
+FEW_CHUNKS_S = 3.0
 SLOWEST_S = 10.0
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
 GUESS_BYTES = 1024
@@ -97,6 +99,7 @@ class Session:
         self._unknown_since = 0.0
         self._opened_at: float | None = None
         self._interval = 0.0  # the usual time between chunks of this device, s
+        self._chunks = 0
         self._stalled = False
         self._dirty = False
         self._retry_s = FIRST_RETRY_S
@@ -143,7 +146,7 @@ class Session:
             await self._pause(wait)
 
     async def _connect(self) -> None:
-        self._set(message=f"Opening {self._link.source}.", hint="", next_try=None)
+        self._set(next_try=None)  # what went wrong before stays readable while it is tried again
         await self._link.open(self._tried)
         self._opened_at = self._hub.now()
         self._unknown, self._unknown_since = [], 0.0
@@ -152,12 +155,17 @@ class Session:
             self._begin(self._asked_protocol)
         self._set(
             message=f"{self._link.source} is open, no byte yet.",
+            hint="",
             baud=self._link.baud,
             notices=list(self._link.notices),
         )
 
     def _tried(self, attempt: wire.Try) -> None:
-        self._set(tries=[*self.info.tries, attempt][-TRIES_KEPT:])
+        """Keep the last tries; one that repeats takes the place of its predecessor."""
+        tries = self.info.tries
+        if tries and (tries[-1].what, tries[-1].outcome) == (attempt.what, attempt.outcome):
+            tries = tries[:-1]
+        self._set(tries=[*tries, attempt][-TRIES_KEPT:])
 
     def _explain(self, error: LinkError) -> float | None:
         """Show why the link is not there; how long to wait before the next try, None for as long as nobody asks."""
@@ -177,14 +185,8 @@ class Session:
         if changed:
             level: wire.Level = "caution" if status == "connecting" else "fault"
             self._incidents.say("link", level, error.message, data={"kind": error.kind, "hint": error.hint})
-        attempt = wire.Try(self._link.source, error.message, self._hub.now())
-        self._set(
-            status=status,
-            message=error.message,
-            hint=error.hint,
-            next_try=self._hub.now() + wait,
-            tries=[*self.info.tries, attempt][-TRIES_KEPT:],
-        )
+        self._tried(wire.Try(self._link.source, error.message, self._hub.now()))
+        self._set(status=status, message=error.message, hint=error.hint, next_try=self._hub.now() + wait)
         return wait
 
     async def _pause(self, seconds: float | None) -> None:
@@ -203,6 +205,7 @@ class Session:
             if figures.last_arrival is not None:
                 gap = arrival - figures.last_arrival
                 self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
+            self._chunks += 1
             figures.heard(len(chunk.data), arrival)
             if self._intake is None:
                 self._unknown.append(chunk)
@@ -294,12 +297,19 @@ class Session:
                 self._stalled = True
                 self._dirty = True
                 self._drain(final=True)
-            if self.info.status == "live" and quiet > max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S)):
+            if self.info.status == "live" and quiet > self._patience:
                 self._fell_silent(quiet)
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
         self._incidents.tick(now)
+
+    @property
+    def _patience(self) -> float:
+        """How long this device may be silent, s."""
+        if self._chunks < FEW_CHUNKS:
+            return FEW_CHUNKS_S
+        return max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
 
     def _fell_silent(self, quiet: float) -> None:
         text = f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open."

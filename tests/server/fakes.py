@@ -1,0 +1,164 @@
+"""A link without a world, a clock that only a test moves, and a protocol of four-byte frames."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.schema import Field, Message
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
+from server.session import Speech
+
+NOW_NS = 1_700_000_000_000_000_000
+
+
+class Clock:
+    """Host time, moved by hand."""
+
+    def __init__(self) -> None:
+        self.ns = NOW_NS
+
+    def __call__(self) -> float:
+        return self.ns / 1e9
+
+    def now_ns(self) -> int:
+        return self.ns
+
+    def move(self, seconds: float) -> None:
+        self.ns += int(seconds * 1e9)
+
+
+class FakeLink(Link):
+    """Bytes, and the end of them, come from the test."""
+
+    kind = "serial"
+
+    def __init__(self, source: str, settings: LinkSettings) -> None:
+        super().__init__(source, settings)
+        self.baud = 115_200
+        self.capacity = 11_520.0
+        self.refuses: list[LinkError] = []
+        self.opened = 0
+        self._queue: asyncio.Queue[Chunk | Exception] = asyncio.Queue()
+
+    async def open(self, progress: Progress | None = None) -> None:
+        if progress is not None:
+            progress(Try("115 200 Bd", "trying", self.settings.now_ns() / 1e9))
+        if self.refuses:
+            raise self.refuses.pop(0)
+        self.opened += 1
+
+    async def read(self) -> list[Chunk]:
+        item = await self._queue.get()
+        if isinstance(item, Exception):
+            raise item
+        return [item]
+
+    async def write(self, data: bytes) -> None:
+        raise LinkError("gone", "nobody listens")
+
+    async def close(self) -> None:
+        return
+
+    def send(self, data: bytes) -> None:
+        self._queue.put_nowait(Chunk(data, self.settings.now_ns()))
+
+    def die(self, error: Exception) -> None:
+        self._queue.put_nowait(error)
+
+
+@dataclass(frozen=True)
+class FakeGuess:
+    protocol: str
+    score: float
+    why: str
+
+
+MESSAGE = Message(
+    1,
+    "Sample",
+    (Field("Count", "u1"), Field("Force", "i2", (1,), unit="N", axes=("x",))),
+    time="Count",
+    split=True,
+)
+WAKE = Message(2, "WakeUp", kind="indication", title="Wake-up")
+
+
+class FakeDecoder:
+    """`F n lo hi`: a sample with a counter and a force; `W` wakes up; `?` is noise; a lonely `F` is incomplete.
+
+    The device clock is 10 ms a count."""
+
+    def __init__(self) -> None:
+        self._data = b""
+        self._at = 0
+        self._ends: list[tuple[int, int]] = []  # (stream offset at which a chunk ends, its arrival)
+        self._count: int | None = None
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        self._data += data
+        self._ends.append((self._at + len(self._data), arrival_ns))
+
+    @property
+    def _arrival(self) -> int:
+        """Of the frame that starts here and has four bytes."""
+        return next((arrival for end, arrival in self._ends if end >= self._at + 4), self._ends[-1][1])
+
+    @property
+    def buffered(self) -> int:
+        return len(self._data)
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        events: list[Event] = []
+        while self._data:
+            head = self._data[:1]
+            if head == b"F" and len(self._data) < 4:
+                if not stalled:
+                    break
+                events.append(Reject(self._at, len(self._data), "truncated", self._arrival))
+                self._take(len(self._data))
+            elif head == b"F":
+                events += self._sample(self._data[1], int.from_bytes(self._data[2:4], "little", signed=True))
+                self._take(4)
+            else:
+                if head == b"W":
+                    values = {"product_code": "MTi-630", "device_id": 0x0380_0001}
+                    events.append(Reply(WAKE, values, self._at, 1, self._arrival))
+                elif head == b"!":
+                    raise RuntimeError("a decoder that breaks")
+                else:
+                    events.append(Reject(self._at, 1, "bad_checksum", self._arrival))
+                self._take(1)
+        return events
+
+    def _take(self, n: int) -> None:
+        self._data = self._data[n:]
+        self._at += n
+
+    def _sample(self, count: int, force: int) -> list[Event]:
+        out: list[Event] = []
+        if self._count is not None and count < self._count:
+            out.append(Step(self._at, "reset", -1_000_000, self._arrival))
+        elif self._count is not None and count > self._count + 1:
+            out.append(Gap(self._at, count - self._count - 1, "Count", self._arrival))
+        self._count = count
+        columns = {"Count": np.array([count], "u1"), "Force": np.array([[force]], "i2")}
+        arrival = np.array([self._arrival], np.int64)
+        offset = np.array([self._at], np.int64)
+        return [*out, Batch(MESSAGE, "", arrival, offset, np.array([count * 10_000_000], np.int64), columns)]
+
+
+def _guess(data: bytes) -> Sequence[FakeGuess]:
+    share = data.count(b"F") * 4 / max(len(data), 1)
+    return [FakeGuess("fake", min(share, 1.0), f"{data.count(b'F')} samples")]
+
+
+SPEECH = Speech(decoder=lambda name: FakeDecoder(), guess=_guess, title=lambda name: "Fake sensor")
+
+
+def sample(count: int, force: int = 0) -> bytes:
+    return b"F" + bytes([count]) + force.to_bytes(2, "little", signed=True)

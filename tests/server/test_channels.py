@@ -1,0 +1,196 @@
+"""Channels: what a batch is cut into, what the columns are called, and that layouts are merged in stream order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch
+from protocols.schema import Bits, Field, Message
+from server.channels import Channels
+from server.wire import ChannelInfo
+
+SATELLITE = (Field("svId", "u1"), Field("cno", "u1", unit="dBHz"))
+
+
+def batch(message: Message, columns: dict[str, Any], offsets: list[int], *, timed: bool = True) -> Batch:
+    n = len(offsets)
+    at = np.array(offsets, np.int64)
+    return Batch(message, "", at * 1_000_000_000, at, at * 1000 if timed else None, columns if n else {})
+
+
+class Page:
+    """What was advertised."""
+
+    def __init__(self) -> None:
+        self.infos: list[ChannelInfo] = []
+
+    def __call__(self, info: ChannelInfo) -> int:
+        self.infos.append(info)
+        return len(self.infos)
+
+    def __getitem__(self, name: str) -> ChannelInfo:
+        return [info for info in self.infos if info.name == name][-1]
+
+
+def split(page: Page, *batches: Batch, channels: Channels | None = None) -> dict[str, list[np.ndarray]]:
+    channels = channels or Channels("1", page)
+    pieces = channels.split([(one, one.offset * 1.0) for one in batches])
+    return {page.infos[piece.channel - 1].name: piece.columns for piece in pieces}
+
+
+def one(field: Field, array: Any, **message: Any) -> tuple[ChannelInfo, list[np.ndarray]]:
+    page = Page()
+    row = Message(1, "MTData2", (field,), split=True, **message)
+    array = np.asarray(array)
+    columns = split(page, batch(row, {field.name: array}, list(range(len(array)))))
+    return page[field.name], columns[field.name]
+
+
+def test_a_vector_has_a_column_and_a_colour_per_axis() -> None:
+    field = Field("Acceleration", ">f4", (3,), unit="m/s²", axes=("x", "y", "z"), decimals=3, frame="")
+    info, columns = one(field, np.arange(6, dtype="f4").reshape(2, 3))
+    assert (info.kind, info.unit, info.message) == ("vector", "m/s²", "MTData2")
+    assert [(c.name, c.axis, c.dtype, c.decimals) for c in info.columns] == [
+        ("x", "x", "f4", 3),
+        ("y", "y", "f4", 3),
+        ("z", "z", "f4", 3),
+    ]
+    assert [column.tolist() for column in columns[2:]] == [[0, 3], [1, 4], [2, 5]]
+
+
+@pytest.mark.parametrize(
+    ("field", "shape", "dtype", "kind", "names", "axes"),
+    [
+        (Field("Quaternion", axes=("q0", "q1", "q2", "q3")), (4,), "f8", "quaternion", "q0 q1 q2 q3", "wxyz"),
+        (Field("DeltaQ", axes=("q0", "q1", "q2", "q3")), (4,), "f8", "vector", "q0 q1 q2 q3", "wxyz"),
+        (Field("EulerAngles", axes=("roll", "pitch", "yaw")), (3,), "f4", "euler", "roll pitch yaw", "xyz"),
+        (Field("VelocityXYZ", axes=("N", "E", "D")), (3,), "f4", "vector", "N E D", "xyz"),
+        (Field("RotationMatrix"), (3, 3), "f8", "matrix", "m11 m12 m13 m21 m22 m23 m31 m32 m33", None),
+        (Field("LatLon", axes=("latitude", "longitude")), (2,), "f8", "vector", "latitude longitude", None),
+        (Field("PacketCounter"), (), "u2", "counter", "value", None),
+        (Field("SampleTimeFine"), (), "u4", "counter", "value", None),
+        (Field("BaroPressure"), (), "u4", "scalar", "value", None),
+        (Field("StatusByte", bits=(Bits("FilterValid", 1),)), (), "u1", "status", "value", None),
+    ],
+)
+def test_kinds_and_names(
+    field: Field, shape: tuple[int, ...], dtype: str, kind: str, names: str, axes: str | None
+) -> None:
+    info, columns = one(field, np.zeros((2, *shape), dtype))
+    assert info.kind == kind
+    assert [column.name for column in info.columns] == names.split()
+    if axes is not None:
+        assert "".join(column.axis for column in info.columns) == axes
+    assert len(columns) == 2 + len(info.columns)
+    assert {column.dtype for column in info.columns} == {dtype}
+
+
+def test_a_matrix_is_row_by_row() -> None:
+    _, columns = one(Field("RotationMatrix"), np.arange(9.0).reshape(1, 3, 3))
+    assert [column[0] for column in columns[2:]] == list(range(9))
+
+
+def test_flags_and_choices_travel_as_words() -> None:
+    bits = (Bits("ClipAccX", 8, severity="caution", doc="Out of range."), Bits("Mode", 23, 3, choices={1: "hold"}))
+    info, _ = one(Field("StatusWord", bits=bits, title="Status"), np.zeros(1, "u4"))
+    (column,) = info.columns
+    assert column.label == "Status"
+    assert [(bit.name, bit.low, bit.width, bit.severity, bit.choices) for bit in column.bits] == [
+        ("ClipAccX", 8, 1, "caution", {}),
+        ("Mode", 23, 3, "", {"1": "hold"}),
+    ]
+
+
+def test_a_record_is_one_channel() -> None:
+    dtype = np.dtype([("itow", "u4"), ("dop", "f4", (2,)), ("accX", "u2")])
+    fields = (Field("itow", "u4", unit="ms"), Field("dop", "f4", (2,), axes=("h", "v")), Field("accX", "u2"))
+    info, columns = one(Field("GnssPvtData", fields=fields), np.array([(1, (2, 3), 4), (5, (6, 7), 8)], dtype))
+    assert info.kind == "record"
+    assert [(c.name, c.unit, c.axis, c.dtype) for c in info.columns] == [
+        ("itow", "ms", "", "u4"),
+        ("dop_h", "", "", "f4"),
+        ("dop_v", "", "", "f4"),
+        ("accX", "", "x", "u2"),
+    ]
+    assert [column.tolist() for column in columns[2:]] == [[1, 5], [2, 6], [3, 7], [4, 8]]
+
+
+def test_satellites_are_rows_of_one_time() -> None:
+    dtype = np.dtype([("itow", "u4"), ("satellites", [("svId", "u1"), ("cno", "u1")], (3,))])
+    array = np.zeros(2, dtype)
+    array["itow"] = [100, 200]
+    array["satellites"]["svId"] = [[1, 2, 3], [4, 5, 6]]
+    fields = (Field("itow", "u4"), Field("satellites", shape=(-1,), fields=SATELLITE))
+    info, columns = one(Field("GnssSatInfo", fields=fields), array)
+    assert info.kind == "rows"
+    assert [(c.name, c.unit) for c in info.columns] == [("itow", ""), ("svId", ""), ("cno", "dBHz")]
+    assert columns[0].tolist() == [0, 0, 0, 1, 1, 1]
+    assert columns[2].tolist() == [100, 100, 100, 200, 200, 200]
+    assert columns[3].tolist() == [1, 2, 3, 4, 5, 6]
+
+
+def test_an_unknown_item_is_shown_byte_by_byte() -> None:
+    info, columns = one(Field("0x4FF0", "bytes", (3,)), np.array([b"\1\2\3", b"\4\5\6"], "V3"))
+    assert info.name == "0x4FF0"
+    assert [column.name for column in info.columns] == ["b0", "b1", "b2"]
+    assert [column.tolist() for column in columns[2:]] == [[1, 4], [2, 5], [3, 6]]
+
+
+def test_text_is_no_channel() -> None:
+    page = Page()
+    row = Message(1, "M", (Field("words"),), split=True)
+    array = np.array(["a"], object)
+    assert split(page, batch(row, {"words": array}, [0])) == {}
+    assert page.infos == []
+
+
+def test_layouts_of_one_drain_are_merged_in_stream_order() -> None:
+    """A device with acceleration at every frame and pressure at some sends two layouts, which come as two batches."""
+    page = Page()
+    acc, pressure = Field("Acceleration", "f4", (3,), axes=("x", "y", "z")), Field("BaroPressure", "u4")
+    both = Message(1, "MTData2", (acc, pressure), split=True)
+    some = Message(1, "MTData2", (acc,), split=True)
+    offsets = {"both": [0, 30, 60], "some": [10, 20, 40, 50]}
+    values = {name: np.array(at, "f4")[:, None].repeat(3, 1) for name, at in offsets.items()}
+    found = split(
+        page,
+        batch(both, {"Acceleration": values["both"], "BaroPressure": np.array([1, 2, 3], "u4")}, offsets["both"]),
+        batch(some, {"Acceleration": values["some"]}, offsets["some"]),
+    )
+    assert len(page.infos) == 2
+    for column in found["Acceleration"]:
+        assert column.tolist() == [0, 10, 20, 30, 40, 50, 60]
+    assert found["BaroPressure"][2].tolist() == [1, 2, 3]
+
+
+def test_a_channel_keeps_its_id_and_a_changed_one_gets_a_new_one() -> None:
+    page = Page()
+    channels = Channels("1", page)
+    for _ in range(3):  # new Message objects of the same layout, as after a reconnection
+        row = Message(1, "MTData2", (Field("Velocity", "f4", (3,), frame="ENU"),), split=True)
+        split(page, batch(row, {"Velocity": np.zeros((1, 3), "f4")}, [0]), channels=channels)
+    assert len(page.infos) == 1
+    row = Message(1, "MTData2", (Field("Velocity", "f8", (3,), frame="NED"),), split=True)
+    split(page, batch(row, {"Velocity": np.zeros((1, 3), "f8")}, [0]), channels=channels)
+    assert [info.frame for info in page.infos] == ["ENU", "NED"]
+
+
+def test_of_a_duplicate_item_the_second_counts() -> None:
+    row = Message(1, "MTData2", (Field("T", "f4", unit="a"), Field("T", "f4", unit="b")), split=True)
+    page = Page()
+    split(page, batch(row, {"T": np.zeros(1, "f4")}, [0]))
+    assert [info.unit for info in page.infos] == ["b"]
+
+
+def test_any_other_message_is_one_channel() -> None:
+    page = Page()
+    row = Message(1, "INS", (Field("theta", "f4", (3,)), Field("week", "u4"), Field("week2", "u4")), title="Inertial")
+    columns = {"theta": np.zeros((2, 3), "f4"), "week": np.zeros(2, "u4"), "week2": np.zeros(2, "u4")}
+    found = split(page, batch(row, columns, [0, 1], timed=False))
+    (info,) = page.infos
+    assert (info.name, info.title, info.kind) == ("INS", "Inertial", "record")
+    assert [column.name for column in info.columns] == ["theta_0", "theta_1", "theta_2", "week", "week2"]
+    assert len(found["INS"]) == 7

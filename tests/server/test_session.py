@@ -1,0 +1,333 @@
+"""The life of a device, with a link and a clock that the test moves."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+
+from server import session as session_module
+from server.hub import Hub
+from server.links.base import LinkError, LinkSettings
+from server.session import Session
+from server.sessions import Sessions
+from tests.server.fakes import SPEECH, Clock, FakeLink, sample
+
+
+class Stage:
+    """A hub, a fake link and a session that runs."""
+
+    def __init__(self, protocol: str = "fake") -> None:
+        self.clock = Clock()
+        self.hub = Hub(self.clock)
+        self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
+        self.session = Session("1", self.link, self.hub, SPEECH, protocol)
+
+    async def settle(self, seconds: float = 0.0) -> None:
+        """Let the tasks run; then time passes in ticks of 0.1 s."""
+        await asyncio.sleep(0.001)
+        self.hub.flush()
+        ticks = round(seconds / 0.1)
+        for _ in range(ticks):
+            self.clock.move(0.1)
+            self.session.tick(self.clock())
+            self.hub.flush()
+        await asyncio.sleep(0.001)
+
+    async def send(self, *chunks: bytes, every: float = 0.01) -> None:
+        for chunk in chunks:
+            self.clock.move(every)
+            self.link.send(chunk)
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            self.hub.flush()
+        await self.settle()
+
+    @property
+    def status(self) -> str:
+        return self.hub.devices["1"].status
+
+    def events(self, kind: str) -> list[Any]:
+        return [event for event in self.hub.log if event.kind == kind]
+
+    def channel(self, name: str) -> Any:
+        return next(one for one in self.hub.channels.values() if one.info.name == name)
+
+
+def play(test: Callable[[Stage], Coroutine[Any, Any, None]], protocol: str = "fake") -> None:
+    async def run() -> None:
+        stage = Stage(protocol)
+        stage.session.start()
+        await stage.settle()
+        await test(stage)
+        await stage.session.close()
+        assert stage.hub.devices == {}
+
+    asyncio.run(run())
+
+
+def test_samples_arrive_with_both_times() -> None:
+    async def test(stage: Stage) -> None:
+        assert stage.status == "connecting"
+        await stage.send(*(sample(k, 100 + k) for k in range(20)))
+        assert stage.status == "live"
+        arrival, time, force = stage.channel("Force").ring.read()
+        assert force.tolist() == list(range(100, 120))
+        assert arrival[1] - arrival[0] == pytest.approx(0.01, abs=1e-6)
+        assert abs(time - arrival).max() < 0.005
+
+    play(test)
+
+
+def test_a_gap_says_who_lost_it_and_where() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(10)))
+        await stage.send(sample(13), every=0.04)
+        (gap,) = stage.events("gap")
+        assert gap.samples == 3
+        assert gap.t1 - gap.t0 == pytest.approx(0.04, abs=0.005)
+        assert gap.data == {"counter": "Count", "by": "device"}
+        assert gap.text.startswith("3 samples lost (40 ms): no damaged bytes")
+        await stage.send(b"????" + sample(15))
+        assert stage.events("gap")[-1].data["by"] == "wire"
+        health = stage.session.health(stage.clock())
+        assert (health.gaps, health.lost, health.rejects) == (2, 4, 4)
+
+    play(test)
+
+
+def test_many_gaps_are_summed_up_and_lose_no_count() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(0, 250, 2)), every=0.001)
+        await stage.settle(1.2)
+        gaps = stage.events("gap")
+        assert len(gaps) <= 12
+        assert sum(gap.samples for gap in gaps) == 124
+        assert stage.session.health(stage.clock()).lost == 124
+
+    play(test)
+
+
+def test_noise_cannot_flood_the_log() -> None:
+    async def test(stage: Stage) -> None:
+        for k in range(30):
+            await stage.send(b"?" * 1000 + sample(k))
+            await stage.settle(0.1)
+        await stage.settle(1.1)
+        rejects = stage.events("reject")
+        assert 2 <= len(rejects) <= 6
+        assert sum(event.samples for event in rejects) == 30_000
+        assert stage.session.health(stage.clock()).rejects == 30_000
+        assert rejects[0].text.endswith("bad checksum.")
+        assert rejects[0].t0 <= rejects[0].t1
+
+    play(test)
+
+
+def test_a_dead_link_shows_at_once_and_comes_back() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(5)))
+        stage.link.refuses = [LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in.")]
+        stage.link.die(LinkError("gone", "/dev/ttyFAKE is gone.", "Plug it in."))
+        await stage.settle()
+        device = stage.hub.devices["1"]
+        assert (device.status, device.message, device.hint) == ("lost", "/dev/ttyFAKE is gone.", "Plug it in.")
+        assert device.next_try == pytest.approx(stage.clock() + 0.5)
+        ids = set(stage.hub.channels)
+        for _ in range(2):  # once refused, then open
+            stage.session.retry()
+            await stage.settle()
+        await stage.send(*(sample(k) for k in range(5)))
+        assert stage.status == "live"
+        assert set(stage.hub.channels) == ids  # the same channels go on
+        assert [event.data["kind"] for event in stage.events("link")] == ["live", "gone", "back"]
+
+    play(test)
+
+
+def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float | None] = []
+
+    async def pause(self: Session, seconds: float | None) -> None:
+        waits.append(seconds)
+        if len(waits) >= 8:
+            await asyncio.Event().wait()
+
+    monkeypatch.setattr(Session, "_pause", pause)
+
+    async def test(stage: Stage) -> None:
+        assert waits == [0.5, 1, 2, 4, 8, 10, 10, 10]
+        assert stage.status == "denied"
+        (event,) = stage.events("link")  # said once, not at every retry
+        assert event.level == "fault"
+        assert len(stage.hub.devices["1"].tries) <= session_module.TRIES_KEPT
+
+    async def run() -> None:
+        stage = Stage()
+        stage.link.refuses = [LinkError("denied", "No permission.", "Join the group dialout.") for _ in range(20)]
+        stage.session.start()
+        await stage.settle()
+        await test(stage)
+        await stage.session.close()
+
+    asyncio.run(run())
+
+
+def test_a_silent_link_is_lost_within_a_second_and_back_with_the_next_sample() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(10)))
+        await stage.settle(0.5)
+        assert stage.status == "live"
+        await stage.settle(0.5)
+        assert stage.status == "lost"
+        assert "No byte from /dev/ttyFAKE" in stage.hub.devices["1"].message
+        await stage.send(sample(11))
+        assert stage.status == "live"
+
+    play(test)
+
+
+def test_a_slow_device_is_not_called_silent() -> None:
+    async def test(stage: Stage) -> None:
+        for k in range(5):
+            await stage.send(sample(k))
+            await stage.settle(2.0)
+            assert stage.status == "live"
+        await stage.settle(7.0)
+        assert stage.status == "lost"
+
+    play(test)
+
+
+def test_an_incomplete_frame_is_given_up_after_a_stall() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(sample(0), b"F")
+        assert stage.session.health(stage.clock()).rejects == 0
+        await stage.settle(0.4)
+        assert stage.session.health(stage.clock()).rejects == 1
+
+    play(test)
+
+
+def test_an_ended_file_waits_for_a_retry() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(sample(0), b"F")
+        stage.link.die(LinkError("ended", "The file has been played.", "Retry plays it again."))
+        await stage.settle()
+        device = stage.hub.devices["1"]
+        assert (device.status, device.next_try) == ("ended", None)
+        assert stage.session.health(stage.clock()).rejects == 1  # what was incomplete at the end is counted
+        stage.session.retry()
+        await stage.send(sample(0))
+        assert stage.status == "live"
+        assert stage.link.opened == 2
+
+    play(test)
+
+
+def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(10)))
+        assert stage.status == "connecting"
+        stage.clock.move(session_module.GUESS_S)
+        await stage.send(sample(10))
+        device = stage.hub.devices["1"]
+        assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
+        assert stage.channel("Count").ring.total == 11
+
+    play(test, protocol="")
+
+
+def test_bytes_that_mean_nothing_are_described() -> None:
+    async def test(stage: Stage) -> None:
+        for _ in range(40):
+            await stage.send(b"hello world " * 100)
+        device = stage.hub.devices["1"]
+        assert device.status == "connecting"
+        assert "look like no known protocol" in device.message
+        assert device.hint
+        assert sum(len(chunk.data) for chunk in stage.session._unknown) <= session_module.UNKNOWN_BYTES + 1200
+
+    play(test, protocol="")
+
+
+def test_a_reply_tells_who_the_device_is() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(b"W", sample(0))
+        device = stage.hub.devices["1"]
+        assert (device.product, device.serial_number, device.name) == ("MTi-630", "03800001", "MTi-630")
+        (reply,) = stage.events("reply")
+        assert reply.data["values"]["product_code"] == "MTi-630"
+
+    play(test)
+
+
+def test_a_clock_step_is_an_event() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(sample(100), sample(101), sample(0), sample(1))
+        (step,) = stage.events("clock")
+        assert step.text == "The device's clock started again from zero."
+
+    play(test)
+
+
+def test_a_decoder_that_breaks_is_told_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(sample(0), b"!", sample(1))
+        (fault,) = stage.events("device")
+        assert fault.level == "fault"
+        await stage.send(sample(2))
+        assert stage.channel("Count").ring.read()[2].tolist()[-1] == 2
+
+    play(test)
+    assert "a decoder that breaks" in caplog.text
+
+
+def test_health_is_of_the_last_second() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(sample(k) for k in range(250)), every=0.005)
+        health = stage.session.health(stage.clock())
+        assert health.rate == pytest.approx(200, abs=5)
+        assert health.bytes_per_s == pytest.approx(800, abs=20)
+        assert (health.bytes, health.capacity) == (1000, 11_520.0)
+        assert [(message.name, message.count) for message in health.messages] == [("Sample", 250)]
+        stage.clock.move(2.0)
+        health = stage.session.health(stage.clock())
+        assert (health.rate, health.bytes_per_s) == (0, 0)
+
+    play(test)
+
+
+def test_a_step_of_the_wall_clock_is_an_event_and_moves_no_sample() -> None:
+    async def run() -> None:
+        clock = Clock()
+        hub = Hub(clock)
+        wall = [clock.ns]
+        settings = LinkSettings(now_ns=clock.now_ns)
+        sessions = Sessions(hub, FakeLink, SPEECH, settings, wall_ns=lambda: wall[0])
+        sessions.tick()
+        wall[0] += 3_600_000_000_000
+        sessions.tick()
+        sessions.tick()
+        (event,) = hub.log
+        assert event.text.startswith("This host's clock was set ahead by 3.6e+03 s")
+        assert hub.now() == clock()
+        await sessions.close()
+
+    asyncio.run(run())
+
+
+def test_one_source_is_opened_once() -> None:
+    async def run() -> None:
+        clock = Clock()
+        sessions = Sessions(Hub(clock), FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
+        first = sessions.add("/dev/ttyFAKE", "fake")
+        with pytest.raises(LinkError, match="open already"):
+            sessions.add("/dev/ttyFAKE")
+        await sessions.remove(first.info.id)
+        assert sessions.add("/dev/ttyFAKE", "fake").info.id == "2"  # ids are never used again
+        await sessions.close()
+
+    asyncio.run(run())

@@ -1,0 +1,130 @@
+"""The wire, both ways in Python; and that the page's types are those of today."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server import wire, wire_types
+
+DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
+
+
+@given(st.data(), st.lists(st.sampled_from(DTYPES), max_size=6), st.integers(0, 40))
+def test_sample_frames_round_trip(data: st.DataObject, dtypes: list[str], n: int) -> None:
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    columns = [rng.normal(size=n) for _ in range(2)]
+    columns += [np.frombuffer(rng.bytes(n * int(dtype[1:])), dtype) for dtype in dtypes]
+    frame = wire.encode_samples(7, 2**40, columns, 1.5, history=True, dropped=3)
+    assert len(frame) % 8 == 0
+    first, second = wire.decode_samples(frame + wire.with_dropped(frame, 9), {7: dtypes})
+    assert (first.channel, first.sequence, first.n, first.dropped, first.history, first.now) == (
+        7,
+        2**40,
+        n,
+        3,
+        True,
+        1.5,
+    )
+    assert second.dropped == 9
+    for wanted, got in zip(columns, first.columns, strict=True):
+        assert got.tobytes() == wanted.tobytes()
+
+
+def test_columns_are_aligned() -> None:
+    """Every column starts at a multiple of 8 in the message, which typed-array views in the page rely on."""
+    columns = [np.zeros(3), np.zeros(3), np.ones(3, "u1"), np.full(3, 2.0, "f4")]
+    frame = wire.encode_samples(1, 0, columns, 0.0)
+    at = wire.HEADER.size + 2 * 24
+    assert frame[at : at + 3] == b"\1\1\1"
+    assert np.frombuffer(frame, "<f4", 3, at + 8).tolist() == [2.0, 2.0, 2.0]
+
+
+@given(st.binary(max_size=200))
+def test_noise_is_a_wire_error(data: bytes) -> None:
+    try:
+        wire.decode_samples(data, {0: ["f4"], 1: []})
+    except wire.WireError:
+        return
+
+
+def test_json_is_what_javascript_can_read() -> None:
+    value = {
+        "nan": math.nan,
+        "inf": np.float32(np.inf),
+        "big": 2**63,
+        "safe": 2**53 - 1,
+        "u64": np.uint64(2**64 - 1),
+        "bytes": b"\x01\xff",
+        "array": np.array([[1.5, math.nan]]),
+        "record": np.array([(1, 2.5)], dtype=[("a", "u1"), ("b", "f8")]),
+        3: (True, None, np.bool_(False)),
+    }
+    text = json.dumps(wire.plain(value), allow_nan=False)
+    assert json.loads(text) == {
+        "nan": None,
+        "inf": None,
+        "big": "9223372036854775808",
+        "safe": 2**53 - 1,
+        "u64": "18446744073709551615",
+        "bytes": "01ff",
+        "array": [[1.5, None]],
+        "record": [{"a": 1, "b": 2.5}],
+        "3": [True, None, False],
+    }
+
+
+def test_text_round_trip() -> None:
+    asked = wire.Subscribe(history=20.0, channels=[1, 2])
+    assert wire.decode_text(wire.encode_text(asked)) == asked
+    assert wire.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
+    assert json.loads(wire.encode_text(wire.Backfilled())) == {"op": "backfilled"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "1",
+        '{"op":"fly"}',
+        '{"op":"ping"}',
+        '{"op":"ping","t":"1"}',
+        '{"op":"ping","t":true}',
+        '{"op":"subscribe","history":NaN}',
+        '{"op":"subscribe","history":1,"channels":["1"]}',
+        '{"op":"subscribe","history":1,"channels":[true]}',
+        "[" * 100_000,
+        '{"op":"ping","t":1e999}',
+    ],
+)
+def test_a_wrong_request_is_refused_in_words(text: str) -> None:
+    with pytest.raises(wire.WireError) as caught:
+        wire.decode_text(text)
+    assert str(caught.value).endswith(".")
+
+
+@given(st.text(max_size=100))
+def test_any_text_is_a_request_or_refused(text: str) -> None:
+    try:
+        wire.decode_text(text)
+    except wire.WireError:
+        return
+
+
+def test_types_of_the_page_are_not_stale() -> None:
+    """Run `python -m server.wire_types` when this fails."""
+    assert wire_types.TARGET.read_text(encoding="utf-8") == wire_types.generate()
+
+
+def test_the_generator_refuses_what_it_does_not_know() -> None:
+    import ast
+
+    with pytest.raises(ValueError, match="no TypeScript"):
+        wire_types.typescript_type(ast.parse("set[int]", mode="eval").body)
