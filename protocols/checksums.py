@@ -13,14 +13,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from protocols.jit import BYTES, INT, compiled
+from protocols.jit import BYTES, INT, compiled, unsigned
 
 
 @compiled(INT, BYTES, INT, INT)
 def sum8(data: NDArray[Any], start: int, stop: int) -> int:
     """The sum of `data[start:stop]` modulo 256."""
     total = 0
-    for i in range(start, stop):
+    for i in range(unsigned(start), unsigned(stop)):
         total += int(data[i])
     return total & 0xFF
 

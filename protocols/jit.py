@@ -5,10 +5,14 @@ behind the reader's back while a device streams, and the machine code is cached 
 `NUMBA_CACHE_DIR` (the server sets it before anything here is imported), beside the source file and in the user's cache
 folder; where none of them can be written the function is compiled for this run only, and `uncached` says which.
 
-Two rules for the functions themselves. They read bytes as `int(data[i])`, because with `NUMBA_DISABLE_JIT=1` the same
-source runs as plain Python on numpy scalars, whose 8-bit sums would overflow. And a function that is called by another
-compiled one lives in the same folder tree: numba notices a change of the file it compiled, not of the files it called,
-so after editing a callee touch the caller (or delete the cache).
+Rules for the functions themselves:
+
+    - Bytes are read as `int(data[i])`: with `NUMBA_DISABLE_JIT=1` the same source runs as plain Python on numpy scalars,
+      whose 8-bit sums would overflow.
+    - Where a loop is to run at the speed of memory its indices are `unsigned`. A signed index may be negative and then
+      counts from the end; the test for that keeps the loop from being vectorised (a sum of bytes: 14 times slower).
+    - Numba notices a change of the file it compiled, not of a file whose functions that one calls: after editing a
+      callee, touch its callers or delete the cache.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba import types
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -29,6 +34,8 @@ INT = types.int64
 FLAG = types.boolean
 NOTHING = types.void
 PAIR: Any = types.Tuple([INT, INT])  # type: ignore[no-untyped-call]
+
+unsigned = np.uint64
 
 uncached: list[str] = []
 """Names of the functions that found no place for their machine code and were compiled for this run only."""

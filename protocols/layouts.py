@@ -127,9 +127,8 @@ def _numbers(field: Field, raw: bytes) -> list[Any]:
 
 
 def _text(field: Field, raw: bytes) -> str:
-    """The text without its padding, or with it where the padding is not the usual one and would be lost."""
-    value = raw.rstrip(bytes([field.pad])) if field.shape else raw
-    return value.decode("latin-1")
+    """The text without its padding."""
+    return (raw.rstrip(bytes([field.pad])) if field.pad >= 0 else raw).decode("latin-1")
 
 
 def pack(fields: Sequence[Field], values: Mapping[str, Any]) -> bytes:
@@ -187,7 +186,7 @@ def _write_text(field: Field, value: Any) -> bytes:
         return raw
     if len(raw) > size_of(field):
         raise EncodeError(f"{field.name} has at most {size_of(field)} characters, given {len(raw)}")
-    return raw.ljust(size_of(field), bytes([field.pad]))
+    return raw.ljust(size_of(field), bytes([max(field.pad, 0)]))
 
 
 def _write_number(field: Field, value: Any) -> bytes:

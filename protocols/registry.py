@@ -11,11 +11,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 from protocols.events import Decoder
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build
 from protocols.xbus.likeness import likeness as xbus_likeness
+from protocols.xbus.listing import XbusListing
+
+
+class Listing(Protocol):
+    """Chunks in, lines of plain values out: offset and size, then protocol, id, message and fields, or reject."""
+
+    def feed(self, data: bytes) -> None: ...
+
+    def drain(self, *, stalled: bool = False) -> list[dict[str, Any]]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +37,7 @@ class ProtocolInfo:
         title: for a person.
         decoder: makes a decoder; takes `direction` (schema.Direction), the side that is listened to.
         likeness: (score 0..1, words) of some bytes.
+        listing: makes what turns a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes, with which `warm` runs everything once.
     """
 
@@ -34,6 +45,7 @@ class ProtocolInfo:
     title: str
     decoder: Callable[..., Decoder]
     likeness: Callable[[bytes], tuple[float, str]]
+    listing: Callable[[], Listing]
     sample: bytes
 
 
@@ -54,6 +66,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             "Xsens MTi (Xbus)",
             XbusDecoder,
             xbus_likeness,
+            XbusListing,
             build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
         ),
     )

@@ -71,7 +71,7 @@ class Field:
         frame: coordinate frame of a vector, or both frames of a rotation ("ENU", "ENU from body").
         id: number in the document where the field has one (an Xsens data identifier), else -1.
         column_major: a matrix that travels column by column; the shown one is row by row, as is its `axes`.
-        pad: the byte that fills an "ascii" field up to its length (0x20 or 0); it is no part of the value.
+        pad: the byte that fills an "ascii" field up to its length and is no part of the value (0x20 or 0); -1: none.
         doc, source: one sentence; section of the document.
     """
 
@@ -91,7 +91,7 @@ class Field:
     frame: str = ""
     id: int = -1
     column_major: bool = False
-    pad: int = 0
+    pad: int = -1
     doc: str = ""
     source: str = ""
 

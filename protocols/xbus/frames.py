@@ -44,7 +44,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled
+from protocols.jit import BYTES, FLAG, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 
 PREAMBLE = 0xFA
 EXTENDED = 0xFF
@@ -110,15 +110,16 @@ WALKED = 6
 @compiled(FLAG, BYTES, INT, INT, INT)
 def same_items(data: Bytes, a: int, b: int, length: int) -> bool:
     """Do the item sequences at `a` and `b`, both `length` bytes long, have the same identifiers and sizes?"""
-    i = 0
-    while i < length:
-        if (
-            int(data[a + i]) != int(data[b + i])
-            or int(data[a + i + 1]) != int(data[b + i + 1])
-            or int(data[a + i + 2]) != int(data[b + i + 2])
-        ):
+    i = unsigned(a)
+    k = unsigned(b)
+    one, two, header = unsigned(1), unsigned(2), unsigned(3)
+    stop = unsigned(a + length)
+    while i < stop:
+        if data[i] != data[k] or data[i + one] != data[k + one] or data[i + two] != data[k + two]:
             return False
-        i += 3 + int(data[a + i + 2])
+        step = header + unsigned(data[i + two])
+        i += step
+        k += step
     return True
 
 
@@ -148,60 +149,67 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
         slots *= 2
     first_of = np.full(slots, -1, np.int64)  # an open-addressed table: slot → first frame of a layout
     groups = 0
-    latest = -1  # most frames have the layout of the one before or the one before that: look there first
-    earlier = -1
+    # Most frames have the layout of the one before, or of the one before that: these two are compared with first, and
+    # where the clocks are in their payloads is remembered (COUNTER … UTC_AT minus COUNTER; 0 where absent).
+    recent = np.full(2, -1, np.int64)
+    spots = np.zeros((2, 4), np.int64)
     for f in range(n):
         start = int(body[f])
         stop = start + int(length[f])
-        counter = -1
-        fine = -1
-        coarse = -1
-        utc_at = -1
-        mark = 0
-        at = start
-        while at + 3 <= stop:
-            ident = int(data[at]) << 8 | int(data[at + 1])
-            size = int(data[at + 2])
-            if at + 3 + size > stop:
+        same = -1
+        for r in range(2):
+            model = recent[r]
+            if (
+                model >= 0
+                and length[model] == length[f]
+                and out[GOOD, model] == length[f]
+                and same_items(data, int(body[model]), start, int(length[f]))
+            ):
+                same = r
                 break
-            mark = (mark * 1000003 + (ident << 8 | size) + 1) % 2147483647
-            if ident >> 12 == 1:
+        if same >= 0:
+            out[GROUP, f] = out[GROUP, recent[same]]
+            out[GOOD, f] = length[f]
+        else:
+            same = 0 if recent[0] < recent[1] else 1  # the older of the two gives way
+            spots[same, :] = 0
+            mark = 0
+            at = start
+            while at + 3 <= stop:
+                ident = int(data[at]) << 8 | int(data[at + 1])
+                size = int(data[at + 2])
+                if at + 3 + size > stop:
+                    break
+                mark = (mark * 1000003 + (ident << 8 | size) + 1) % 2147483647
                 if ident == PACKET_COUNTER and size == 2:
-                    counter = int(data[at + 3]) << 8 | int(data[at + 4])
+                    spots[same, 0] = at + 3 - start
                 elif ident == SAMPLE_TIME_FINE and size == 4:
-                    fine = _u4(data, at + 3)
+                    spots[same, 1] = at + 3 - start
                 elif ident == SAMPLE_TIME_COARSE and size == 4:
-                    coarse = _u4(data, at + 3)
+                    spots[same, 2] = at + 3 - start
                 elif ident == UTC_TIME and size == 12:
-                    utc_at = at + 3
-            at += 3 + size
-        good = at - start
-        out[GOOD, f] = good
-        out[COUNTER, f] = counter
-        out[FINE, f] = fine
-        out[COARSE, f] = coarse
-        out[UTC_AT, f] = utc_at
-        if latest >= 0 and out[GOOD, latest] == good and same_items(data, int(body[latest]), start, good):
-            out[GROUP, f] = out[GROUP, latest]
-            continue
-        if earlier >= 0 and out[GOOD, earlier] == good and same_items(data, int(body[earlier]), start, good):
-            out[GROUP, f] = out[GROUP, earlier]
-            latest, earlier = earlier, latest
-            continue
-        slot = mark & (slots - 1)
-        while True:
-            first = first_of[slot]
-            if first < 0:
-                first_of[slot] = f
-                out[GROUP, f] = groups
-                groups += 1
-                break
-            if out[GOOD, first] == good and same_items(data, int(body[first]), start, good):
-                out[GROUP, f] = out[GROUP, first]
-                break
-            slot = (slot + 1) & (slots - 1)
-        earlier = latest
-        latest = f
+                    spots[same, 3] = at + 3 - start
+                at += 3 + size
+            good = at - start
+            out[GOOD, f] = good
+            slot = mark & (slots - 1)
+            while True:
+                first = first_of[slot]
+                if first < 0:
+                    first_of[slot] = f
+                    out[GROUP, f] = groups
+                    groups += 1
+                    break
+                if out[GOOD, first] == good and same_items(data, int(body[first]), start, good):
+                    out[GROUP, f] = out[GROUP, first]
+                    break
+                slot = (slot + 1) & (slots - 1)
+        recent[same] = f
+        counter, fine, coarse, utc = spots[same, 0], spots[same, 1], spots[same, 2], spots[same, 3]
+        out[COUNTER, f] = int(data[start + counter]) << 8 | int(data[start + counter + 1]) if counter else -1
+        out[FINE, f] = _u4(data, start + fine) if fine else -1
+        out[COARSE, f] = _u4(data, start + coarse) if coarse else -1
+        out[UTC_AT, f] = start + utc if utc else -1
     for g in range(groups + 1):
         bounds[g] = 0
     for f in range(n):
@@ -221,9 +229,10 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
 @compiled(NOTHING, BYTES, INTS, ROWS)
 def gather(data: Bytes, starts: Ints, rows: Bytes) -> None:
     """Copy `rows.shape[1]` bytes from each of `starts` into the rows of one array."""
-    for f in range(len(starts)):
-        start = int(starts[f])
-        for i in range(rows.shape[1]):
+    width = unsigned(rows.shape[1])
+    for f in range(unsigned(len(starts))):
+        start = unsigned(starts[f])
+        for i in range(width):
             rows[f, i] = data[start + i]
 
 

@@ -1,0 +1,102 @@
+"""What is in this file? One line for every frame: `imuscope inspect`.
+
+As JSON lines, for scripts:
+
+    {"offset": 0, "size": 9, "protocol": "xbus", "id": 54, "message": "MTData2", "fields": {"PacketCounter": 7}}
+    {"offset": 9, "size": 3, "reject": "bad_checksum"}                                           with --rejects
+
+`fields` are wire values by name, `flags` the set bits of flag words, `wire` what names do not carry; the protocol's own
+plain.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people:
+
+    offset    size  message     fields
+         0       9  MTData2     PacketCounter 7
+
+The file is read in pieces, so its size does not matter.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal, TextIO
+
+from protocols.registry import PROTOCOLS, ProtocolInfo, guess
+
+CHUNK = 1 << 20
+GUESSED_FROM = 1 << 16  # bytes of the file that decide the protocol
+
+Line = Mapping[str, Any]
+
+
+def inspect_file(
+    path: str | Path,
+    out: TextIO,
+    *,
+    protocol: str = "auto",
+    direction: Literal["rx", "tx"] = "rx",
+    format: Literal["table", "jsonl"] = "table",
+    rejects: bool = False,
+) -> None:
+    """Write one line a frame.
+
+    Args:
+        protocol: a name of protocols.registry, or "auto" to guess it from the beginning of the file.
+        direction: "rx": what a device sent; "tx": what was sent to it. (Xbus numbers tell by themselves.)
+        rejects: also what failed its checks.
+    Raises:
+        ValueError: no such protocol, or nothing known in the file.
+        OSError: the file cannot be read.
+    """
+    row = _row(Path(path), protocol)
+    lines = (line for line in _lines(Path(path), row) if rejects or "reject" not in line)
+    if format == "jsonl":
+        for line in lines:
+            out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
+        return
+    out.write(f"{'offset':>10}  {'size':>5}  {'message':<26}  fields\n")
+    for line in lines:
+        out.write(_table_row(line) + "\n")
+
+
+def _row(path: Path, protocol: str) -> ProtocolInfo:
+    if protocol != "auto":
+        if protocol not in PROTOCOLS:
+            raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
+        return PROTOCOLS[protocol]
+    with path.open("rb") as file:
+        guesses = guess(file.read(GUESSED_FROM))
+    if not guesses or guesses[0].score == 0:
+        raise ValueError(f"nothing known in the first {GUESSED_FROM // 1024} kB of {path.name}; name the protocol")
+    return PROTOCOLS[guesses[0].protocol]
+
+
+def _lines(path: Path, row: ProtocolInfo) -> Iterator[Line]:
+    listing = row.listing()
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK):
+            listing.feed(chunk)
+            yield from listing.drain()
+    yield from listing.drain(stalled=True)
+
+
+def _table_row(line: Line) -> str:
+    head = f"{line['offset']:>10}  {line['size']:>5}  "
+    if "reject" in line:
+        return head + f"{'—':<26}  {line['reject']}"
+    flags = line.get("flags", {})
+    words = [f"{name} {_readable(value, flags, name)}" for name, value in line["fields"].items()]
+    wire = line.get("wire", {})
+    words += [f"({name} {_readable(wire[name], {}, '')})" for name in ("bid", "trailing") if name in wire]
+    name = line["message"] if line["id"] is not None else f"{line['protocol']} {line['message']}"
+    return (head + f"{name:<26}  " + "  ".join(words)).rstrip()
+
+
+def _readable(value: Any, flags: Mapping[str, list[str]], path: str) -> str:
+    """A value for a person: six digits, flag words with the names of their bits."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name} {_readable(v, flags, f'{path}.{name}')}" for name, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_readable(v, flags, f"{path}[{i}]") for i, v in enumerate(value)) + "]"
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
