@@ -1,2 +1,47 @@
-/** Where the page starts: theme, store, shell. */
+/** Where the page starts: theme, store, keys, shell. */
+import { effect } from "@preact/signals";
+import { render } from "preact";
+import * as actions from "./data/actions";
+import { Store } from "./data/store";
+import { cursor, view } from "./data/view";
+import { loadPorts, startApp } from "./pages/app";
+import { startKeyboard } from "./pages/keyboard";
+import { LivePage } from "./pages/live";
+import { refusal, socketUrl } from "./pages/states";
+import { Minute } from "./panels/minute";
+import { api, isRefusal } from "./ui/api";
+import { startTheme } from "./ui/theme";
 import "./ui/tokens.css";
+import "./ui/base.css";
+import "./ui/layout.css";
+import "./ui/panels.css";
+import "./ui/phone.css";
+
+declare global {
+  interface Window {
+    /** For the browser tests and for curious people with a console. */
+    imuscope?: unknown;
+  }
+}
+
+startTheme();
+const store = new Store();
+const app = startApp({ store, minute: new Minute() });
+startKeyboard(app);
+
+// A refused WebSocket does not say why; a plain request to the same server does.
+effect(() => {
+  if (store.connection.value !== "closed") {
+    refusal.value = undefined;
+    return;
+  }
+  void api.probe().then((outcome) => {
+    if (!outcome.ok && isRefusal(outcome.problem) && store.connection.peek() !== "open") refusal.value = outcome.problem;
+  });
+});
+
+store.start(socketUrl());
+void loadPorts();
+window.imuscope = { store, view, cursor, actions };
+const root = document.getElementById("root");
+if (root) render(<LivePage app={app} />, root);

@@ -17,7 +17,7 @@ import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, 
 export function LivePage({ app }: { readonly app: App }) {
   const state = app.state.value;
   const offline = app.store.connection.value !== "open" && state !== "starting";
-  const classes = ["app", folded.value ? "folded" : "", offline ? "offline" : "", app.held() ? "held" : ""].filter(Boolean).join(" ");
+  const classes = ["app", folded.value ? "folded" : "", showsPlots(state) ? "" : "plain", offline ? "offline" : "", app.held() ? "held" : ""].filter(Boolean).join(" ");
   return (
     <div class={classes} data-state={state}>
       {showsPlots(state) && (

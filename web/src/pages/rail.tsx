@@ -43,7 +43,7 @@ export function Rail({ app }: { readonly app: App }) {
         </ul>
       )}
       <div class="head also">
-        <h3>Also heard on this host</h3>
+        <h3>Also on this host</h3>
         <span class="grow" />
         <button type="button" class="btn small" disabled={scanning.value} onClick={() => void scanPorts()}>
           {scanning.value ? "Listening…" : "Scan"}
@@ -132,7 +132,8 @@ function Why({ app, device, health, gaps }: WhyProps) {
   const now = app.store.serverNow();
   const last = health?.last_arrival ?? device.last_arrival;
   const ago = last === null || last === undefined ? "" : `${age(now - last).value} ${age(now - last).unit} ago`;
-  const next = device.next_try === null ? "" : `next try ${Math.max(0, Math.ceil(device.next_try - now))} s`;
+  const left = device.next_try === null ? 0 : Math.ceil(device.next_try - now);
+  const next = left > 0 ? `next try ${left} s` : "";
   const words = [ago, next].filter(Boolean).join(" · ");
   const [tone, name] = NAMES[device.status];
   return (

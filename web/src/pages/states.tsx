@@ -158,7 +158,8 @@ function Card({ title, dot, children }: CardProps) {
 function NextTry({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   void tick.value;
   if (device.next_try === null) return null;
-  return <>Next try in {Math.max(0, Math.ceil(device.next_try - app.store.serverNow()))} s.</>;
+  const left = Math.ceil(device.next_try - app.store.serverNow());
+  return <>{left > 0 ? `Next try in ${left} s.` : "Trying now."}</>;
 }
 
 /** The band over the plots of a device whose newest value is old. */

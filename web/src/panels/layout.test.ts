@@ -34,7 +34,7 @@ describe("groupsOf", () => {
     const groups = groupsOf([
       channel("Temperature", "scalar", [column("value", { unit: "°C" })]),
       channel("RateOfTurn", "vector", [column("x", { axis: "x", unit: "rad/s" }), column("y", { axis: "y", unit: "rad/s" })]),
-      channel("GnssPvtData", "record", [column("lat"), column("fixtype")]),
+      channel("GnssPvtData", "record", [column("lat"), column("fixtype"), column("Reserved1")]),
       channel("Acceleration", "vector", [column("x", { axis: "x", unit: "m/s²" })]),
       channel("GnssSatInfo", "rows", [column("svId"), column("cno")]),
       channel("PacketCounter", "counter", [column("value")]),
@@ -43,6 +43,7 @@ describe("groupsOf", () => {
     expect(groups[1]).toMatchObject({ unit: "rad/s" });
     expect(groups[2]?.rows.map((row) => row.label)).toEqual(["Temperature", "GnssSatInfo", "PacketCounter"]);
     expect(groups[2]?.rows[1]?.column).toBe(-1);
+    expect(groups[3]?.rows.map((row) => row.label)).toEqual(["lat", "fixtype"]);
   });
   it("colours by axis and leaves what has none grey", () => {
     const [group] = groupsOf([channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })])]);

@@ -44,14 +44,15 @@ function rank(channel: ChannelInfo): number {
   return at < 0 ? ORDER.length : at;
 }
 
+/** Columns that documents keep for later: they carry nothing to read. */
+const RESERVED = /^res(erved)?\d*$/i;
+
 function rowsOf(channel: ChannelInfo, plain: boolean): readonly ValueRow[] {
-  return channel.columns.map((info, column) => ({
-    channel,
-    column,
-    info,
-    label: info.label || info.name,
-    colour: plain ? "" : info.axis === "x" || info.axis === "y" || info.axis === "z" ? info.axis : "n",
-  }));
+  return channel.columns.flatMap((info, column): readonly ValueRow[] => {
+    if (RESERVED.test(info.name)) return [];
+    const colour = info.axis === "x" || info.axis === "y" || info.axis === "z" ? info.axis : "n";
+    return [{ channel, column, info, label: info.label || info.name, colour: plain ? "" : colour }];
+  });
 }
 
 /** The groups of the values table for the channels of one device. */

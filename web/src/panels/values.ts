@@ -8,6 +8,7 @@ import { view } from "../data/view";
 import { every, el, Live, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
 import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./deps";
+import { DTYPE_SIZE } from "../wire/types";
 import { groupsOf, type ValueRow } from "./layout";
 import type { Reading } from "./reading";
 
@@ -123,8 +124,13 @@ function valueText(line: Line, at: Reading): string {
   const value = channel.ring.value(row.column, i);
   const choice = row.info.choices[String(value)];
   if (choice !== undefined) return choice;
-  if (row.info.bits.length > 0) return `0x${(value >>> 0).toString(16).toUpperCase().padStart(8, "0")}`;
+  if (row.info.bits.length > 0) return hex(value, 2 * DTYPE_SIZE[row.info.dtype]);
   return number(value, decimalsOf(row.info, row.info.unit || row.channel.unit));
+}
+
+/** A word of flags as its document writes it: "0x0000003F". */
+function hex(value: number, digits: number): string {
+  return Number.isFinite(value) ? `0x${Math.trunc(value).toString(16).toUpperCase().padStart(digits, "0")}` : NONE;
 }
 
 /** How many rows of a table share the time of the row at `i`. */

@@ -5,6 +5,13 @@ export interface Problem {
   readonly kind: string;
   readonly message: string;
   readonly hint: string;
+  /** The HTTP status; 0 when nobody answered. */
+  readonly status: number;
+}
+
+/** The server is there and does not let this page in. */
+export function isRefusal(problem: Problem): boolean {
+  return problem.status === 401 || problem.status === 403;
 }
 
 export type Outcome<T> = { readonly ok: true; readonly value: T } | { readonly ok: false; readonly problem: Problem };
@@ -18,7 +25,7 @@ async function request<T>(method: "GET" | "POST" | "DELETE", path: string, body?
     answer = await fetch(path, { method, credentials: "same-origin", headers, ...content });
   } catch {
     const message = "The imuscope server does not answer.";
-    return { ok: false, problem: { kind: "offline", message, hint: "Is it still running, and is this machine still on its network?" } };
+    return { ok: false, problem: { kind: "offline", message, hint: "Is it still running, and is this machine still on its network?", status: 0 } };
   }
   const text = await answer.text();
   const value = parse(text);
@@ -36,11 +43,11 @@ function parse(text: string): unknown {
 
 function problemOf(value: unknown, status: number): Problem {
   const given = (value ?? {}) as Partial<Record<keyof Problem, unknown>>;
-  const words = (key: keyof Problem, other: string): string => {
+  const words = (key: "kind" | "message" | "hint", other: string): string => {
     const text = given[key];
     return typeof text === "string" && text !== "" ? text : other;
   };
-  return { kind: words("kind", `http-${status}`), message: words("message", `The server answered ${status}.`), hint: words("hint", "") };
+  return { kind: words("kind", `http-${status}`), message: words("message", `The server answered ${status}.`), hint: words("hint", ""), status };
 }
 
 /** One attempt to hear something on a port, in words. */

@@ -1,0 +1,30 @@
+import { describe, expect, it } from "vitest";
+import type { Channel } from "../data/store";
+import type { ChannelInfo } from "../wire/types";
+import { eulerOf, IDENTITY } from "./maths";
+import { sourceOf } from "./source";
+
+/** A channel with one sample. */
+function channel(id: number, kind: ChannelInfo["kind"], frame: string, sample: readonly number[]): Channel {
+  const ring = { length: 1, value: (column: number) => sample[column] ?? Number.NaN };
+  return { info: { id, kind, frame, name: kind, columns: [] }, ring } as unknown as Channel;
+}
+const quaternion = channel(3, "quaternion", "NED from body", [Math.SQRT1_2, 0, 0, Math.SQRT1_2]);
+const matrix = channel(4, "matrix", "NWU from body", [1, 0, 0, 0, 1, 0, 0, 0, 1]);
+const derived = channel(-4, "euler", "NWU from body", [1, 2, 3]);
+const euler = channel(5, "euler", "", [1, 2, 3]);
+
+describe("sourceOf", () => {
+  it("prefers the quaternion, and says so", () => {
+    const source = sourceOf([derived, matrix, euler, quaternion]);
+    expect(source).toMatchObject({ words: "from quaternion", frame: "NED" });
+    expect(eulerOf(source?.at(0) ?? IDENTITY).yaw).toBeCloseTo(90);
+  });
+  it("reads a matrix through its derived angles, and takes angles as they come", () => {
+    expect(sourceOf([matrix, derived])).toMatchObject({ words: "from rotation matrix", frame: "NWU", channel: derived });
+    expect(sourceOf([euler])).toMatchObject({ words: "from Euler angles", frame: "ENU" });
+  });
+  it("has none where none is sent", () => {
+    expect(sourceOf([])).toBeUndefined();
+  });
+});
