@@ -32,7 +32,7 @@ IMPURE = {
 SERVING = {"asyncio", "fastapi", "starlette", "uvicorn", "websockets"}
 
 # Tables as data: rows of a specification, one after the other.
-TABLES = {"protocols/xbus/messages.py"}
+TABLES = {"protocols/xbus/items.py", "protocols/xbus/messages.py"}
 CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
 
