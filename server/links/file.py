@@ -14,9 +14,9 @@ from pathlib import Path
 from protocols.events import Decoder
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.hearing import hear
-from server.links.network import progress_line
 from server.links.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links.pump import Inbox, closed
+from server.links.words import progress_line
 
 FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
 SPEEDS = (0.01, 1000.0)
@@ -98,8 +98,8 @@ class FileLink(Link):
             for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
                 inbox.put(Chunk(piece.data, self.settings.now_ns()))
                 inbox.flush()
-                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.01):
-                    pass
+                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.005):
+                    inbox.flush()
         inbox.flush()
 
     def _told(self, pace: Pace) -> Iterator[Piece]:

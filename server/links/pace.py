@@ -9,9 +9,10 @@ including a frame with a clock is due when that clock stands at that frame's tim
     (a frame is told from its neighbours by where the next one with a clock begins, so what stands between two clocked
     frames leaves with the earlier one)
 
-A clock that jumps back (a reset, an older time inside a GNSS message) holds the pace still instead of going back; one
-that jumps ahead by more than `LONGEST_PAUSE_NS` (the device was off) is not waited for. Where `BLIND_BYTES` in a row
-hold no clock at all, they are played at `BLIND_RATE`, and it is said so.
+The busiest kind of frame leads: a GNSS solution may carry a time that is seconds older than the samples around it, and
+two clocks in one stream (a receiver's and a sensor's) need not agree. A clock that starts anew is followed from there;
+one that jumps ahead by more than `LONGEST_PAUSE_NS` (the device was off) is not waited for. Where `BLIND_BYTES` in a
+row hold no clock at all, they are played at `BLIND_RATE`, and it is said so.
 
 Pure: no thread, no clock, no sleep. Memory is bounded by one block and one undecided stretch.
 """
@@ -32,6 +33,8 @@ BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16
 BLIND_RATE = 11_520  # bytes/s: a full line at 115 200 Bd, 8N1
 LONGEST_PAUSE_NS = 5_000_000_000
+
+Kind = tuple[str, ...]  # the message's name and those of its fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +60,8 @@ class Pace:
         self._decoder = decoder
         self._base = 0  # offset in the file of the first byte held back
         self._held = bytearray()
-        self._frames: Counter[str] = Counter()  # how many clocked frames each message has had so far
-        self._leader = ""  # the message whose clock sets the pace
+        self._frames: Counter[Kind] = Counter()  # how many clocked frames of each kind there were so far
+        self._leader: Kind = ()  # the kind whose clock sets the pace
         self._clock_ns: int | None = None  # device time of its last frame
         self._due_ns = 0
         self.skipped_ns = 0
@@ -84,14 +87,13 @@ class Pace:
         """Pieces up to the last frame with a clock among `events`; that one waits for the start of the next."""
         clocked = [event for event in events if isinstance(event, Batch) and event.time_ns is not None and len(event)]
         for batch in clocked:
-            self._frames[batch.message.name] += len(batch)
+            self._frames[_kind(batch)] += len(batch)
         if not self._frames:
             return
-        # Two clocks in one stream (a receiver's and a sensor's) need not agree: the busiest message leads.
         leader = self._frames.most_common(1)[0][0]
         if leader != self._leader:
             self._leader, self._clock_ns = leader, None
-        starts, times = _in_order([batch for batch in clocked if batch.message.name == leader])
+        starts, times = _in_order([batch for batch in clocked if _kind(batch) == leader])
         for start, time_ns in zip(starts.tolist(), times.tolist(), strict=True):
             if self._clock_ns is not None and start > self._base:
                 yield self._take(start - self._base)
@@ -104,8 +106,8 @@ class Pace:
         step_ns = time_ns - self._clock_ns
         if step_ns > LONGEST_PAUSE_NS:
             self.skipped_ns += step_ns
-            step_ns = 0
-        self._due_ns += max(step_ns, 0)
+        elif step_ns > 0:
+            self._due_ns += step_ns
         self._clock_ns = time_ns
 
     def _take(self, size: int) -> Piece:
@@ -122,6 +124,11 @@ class Pace:
             size -= len(piece.data)
             self._due_ns += round(len(piece.data) * 1e9 / BLIND_RATE)
             yield Piece(piece.data, self._due_ns, blind=True)
+
+
+def _kind(batch: Batch) -> Kind:
+    """Message and layout: the items of MTData2 differ from frame to frame."""
+    return batch.message.name, *(field.name for field in batch.message.fields)
 
 
 def _in_order(batches: list[Batch]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

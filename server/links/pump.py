@@ -139,7 +139,8 @@ class Pump(threading.Thread):
                         key.data()
                 timeout = self.inbox.flush()
                 while self.inbox.backlog > BACKLOG_BYTES and not self._stopped:
-                    threading.Event().wait(0.01)
+                    time.sleep(0.005)
+                    self.inbox.flush()
         except LinkError as error:
             self.inbox.fail(error)
         except Exception as error:  # the thread's top: a link must never die without a word

@@ -8,7 +8,7 @@ sent (a query at a wrong rate is noise to the device, and some devices take nois
                              ├─ bytes, not recognised ──> a little longer, then the next rate
                              └─ nothing ────────────────> the next rate
 
-A slow device (1 Hz) may keep silent for a whole window; when the first round heard nothing or too little, a second one
+A slow device (1 Hz) may keep silent for a whole window; when the first round heard nothing, or little, a second one
 listens longer. Every try is reported in words. A pseudo-terminal has no rate: its device is recognised at the first
 try.
 """
@@ -18,17 +18,19 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from server.links.base import LinkError, Progress, Try
 from server.links.hearing import Heard, hear
+from server.links.words import grouped
 
 # Most likely first: the delivered settings of the three families (Xsens 115 200, Inertial Sense 921 600), then the
 # rates that users choose for kHz streams, then what old and small devices speak.
 RATES = (115_200, 921_600, 460_800, 2_000_000, 230_400, 57_600, 38_400, 19_200, 9_600, 1_000_000, 3_000_000, 4_800)
-WINDOWS_S = (0.35, 1.6)  # first and second round; the second one is longer than the period of a 1 Hz device
+WINDOW_S = 0.35
+LONG_WINDOW_S = 1.6  # second round: longer than the period of a 1 Hz device
 ENOUGH_BYTES = 4096  # so much, and nothing recognised: it will not get better by listening longer
 POLL_S = 0.02
 
@@ -60,40 +62,48 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None) -> 
     best = found[-1]
     if best.heard.recognised:
         return best.baud
-    rates = len({one.baud for one in found})
-    if not any(one.heard.size for one in found):
+    loudest = max(found, key=lambda one: one.heard.size)
+    if loudest.heard.size == 0:
         raise LinkError(
             "refused",
-            f"{place}: 0 B at every one of {rates} rates.",
-            "Is the device powered, connected to this port and set to send? Any other rate is opened with ?baud=.",
+            f"{place}: 0 B at every rate: is the device powered?",
+            "Check the cable, and that the device is set to send. Any other rate is opened with ?baud=.",
         )
-    loudest = max(found, key=lambda one: one.heard.size)
     raise LinkError(
         "refused",
-        f"{place} sends bytes ({grouped(loudest.heard.size)} B at {grouped(loudest.baud)} Bd), but no known message "
-        f"at any of {rates} rates.",
+        f"{place} sends bytes ({grouped(loudest.heard.size)} B at {grouped(loudest.baud)} Bd), but no known message at "
+        f"any of {len(RATES)} rates.",
         "If you know the rate, give it with ?baud= (and bits, parity, stop if they are not 8, none, 1).",
     )
 
 
-async def scan(port: Any, rates: Iterable[int] = RATES, progress: Progress | None = None) -> list[Listening]:
+async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | None = None) -> list[Listening]:
     """Listen at each rate until a protocol is recognised.
 
     Returns:
         Every try in order; the last one is the recognised one if any was. The port is left at that rate.
+    Raises:
+        OSError: the port went away.
     """
     found: list[Listening] = []
-    rates = tuple(rates)
-    for window_s in WINDOWS_S:
-        for baud in rates:
-            one = await listen_at(port, baud, window_s)
-            found.append(one)
-            if progress is not None:
-                progress(one.attempt)
-            if one.heard.recognised:
-                return found
-        if max(one.heard.size for one in found) >= ENOUGH_BYTES:
-            break  # it talks all the time: a second round would hear the same noise
+
+    async def at(baud: int, window_s: float) -> Listening:
+        found.append(await listen_at(port, baud, window_s))
+        if progress is not None:
+            progress(found[-1].attempt)
+        return found[-1]
+
+    for baud in rates:
+        if (await at(baud, WINDOW_S)).heard.recognised:
+            return found
+    loudest = max(one.heard.size for one in found)
+    if loudest >= ENOUGH_BYTES:
+        return found  # it talks all the time: a second round would hear the same noise
+    for baud in rates:
+        one = await at(baud, LONG_WINDOW_S)
+        # A wrong rate makes noise, not silence: nothing at one rate for so long means nothing at any.
+        if one.heard.recognised or (loudest == 0 and one.heard.size == 0):
+            break
     return found
 
 
@@ -130,8 +140,3 @@ def _read(fd: int) -> bytes:
         return os.read(fd, ENOUGH_BYTES)
     except BlockingIOError:
         return b""
-
-
-def grouped(number: int) -> str:
-    """921600 → "921 600", as SI groups digits."""
-    return f"{number:,}".replace(",", " ")

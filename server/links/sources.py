@@ -25,6 +25,7 @@ from typing import cast
 from urllib.parse import parse_qsl, unquote
 
 from server.links.base import LinkError, LinkKind
+from server.links.words import grouped
 
 FORMS = (
     "Sources look like /dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, tcp-listen://:port, "
@@ -95,7 +96,7 @@ class Source:
         except ValueError:
             value = float("nan")
         if not low <= value <= high:
-            allowed = f"a number from {low:g} to {high:g} {unit}".rstrip()
+            allowed = f"a number from {grouped(low)} to {grouped(high)} {unit}".rstrip()
             raise bad(self.text, f"{name} is {text!r}, not {allowed}", f"Give {name} as {allowed}.")
         return value
 

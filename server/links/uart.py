@@ -12,6 +12,8 @@ pseudo-terminal has a rate as a real one does, and a search for the rate can be 
 
 from __future__ import annotations
 
+import math
+
 BITS = 10  # start, eight data bits, stop
 
 
@@ -25,7 +27,7 @@ def as_heard(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
     size = BITS * len(data)
     heard = bytearray()
     step = sent_baud / heard_baud  # the receiver's bit, in bits of the sender
-    at: float = 0.0
+    at = -1.0  # the line idles before the first byte
     while True:
         start = _falling_edge(line, size, at)
         if start is None:
@@ -38,19 +40,17 @@ def as_heard(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
 
 
 def _level(line: int, size: int, at: float) -> int:
-    index = int(at)
-    return (line >> index) & 1 if index < size else 1  # idle is high
+    """The line at a time, in bits of the sender; idle, which is high, before and after."""
+    index = math.floor(at)
+    return (line >> index) & 1 if 0 <= index < size else 1
 
 
 def _falling_edge(line: int, size: int, at: float) -> int | None:
-    """The next bit from `at` on that is low after a high one (or after the line was taken as idle)."""
-    index = int(at)
-    before = _level(line, size, at) if index else 1
-    index = index + 1 if index else 0
-    while index < size:
+    """The first bit after `at` that is low while the one before it is high."""
+    before = _level(line, size, at)
+    for index in range(math.floor(at) + 1, size):
         level = (line >> index) & 1
         if before and not level:
             return index
         before = level
-        index += 1
     return None

@@ -1,4 +1,4 @@
-"""Words that TCP and UDP links share: how an address is written, and why a port cannot be listened on."""
+"""Words that links share: how numbers and addresses are written, an attempt reported, a refusal explained."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import errno
 import time
 
 from server.links.base import LinkError, Progress, Try
+
+
+def grouped(number: float) -> str:
+    """921600 → "921 600", as SI groups digits; 0.01 → "0.01"."""
+    return f"{number:,.10g}".replace(",", " ")
 
 
 def place_of(host: str, port: int) -> str:

@@ -1,0 +1,279 @@
+"""TCP both ways and UDP, on the loopback interface with ports that the system chooses."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import Any, cast
+
+import pytest
+
+from server.links import open_link
+from server.links.tcp import TcpLink, TcpListenLink
+from server.links.udp import UdpLink
+from tests.links.bench import dies, fails, gather, joined, left_behind, opened, settings
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+class Server:
+    """A device server with one client."""
+
+    def __init__(self) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        self.client: socket.socket | None = None
+
+    def accept(self) -> socket.socket:
+        self.client = self.listener.accept()[0]
+        return self.client
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.listener.close()
+        if self.client is not None:
+            self.client.close()
+
+
+def test_tcp_both_directions_then_the_peer_goes() -> None:
+    async def check() -> None:
+        with Server() as server:
+            tries: list[str] = []
+            link = cast(TcpLink, open_link(f"tcp://127.0.0.1:{server.port}", settings()))
+            await link.open(lambda one: tries.append(f"{one.what}: {one.outcome}"))
+            assert tries == [f"127.0.0.1:{server.port}: connected"]
+            assert link._socket is not None
+            assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            assert link._socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+            client = server.accept()
+            client.sendall(b"from the device")
+            assert joined(await gather(link, 15)) == b"from the device"
+            await link.write(b"to the device")
+            assert client.recv(100) == b"to the device"
+            client.close()
+            error = await dies(link)
+            assert error.kind == "gone"
+            assert "closed" in error.message
+            await link.close()
+
+    run(check())
+
+
+def test_tcp_reset_is_gone() -> None:
+    async def check() -> None:
+        with Server() as server:
+            async with opened(open_link(f"tcp://127.0.0.1:{server.port}", settings())) as link:
+                client = server.accept()
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+                client.close()
+                assert (await dies(link)).kind == "gone"
+
+    run(check())
+
+
+def test_tcp_nobody_there() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    tries: list[str] = []
+    link = open_link(f"tcp://127.0.0.1:{port}", settings())
+    error = run(fails(link.open(lambda one: tries.append(one.outcome))))
+    assert error.kind == "refused"
+    assert f"127.0.0.1:{port}" in error.message
+    assert tries == [error.message]
+
+
+def test_tcp_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def silence(*_: object) -> None:
+        await asyncio.sleep(60)
+
+    async def check() -> None:
+        loop = asyncio.get_running_loop()
+        monkeypatch.setattr(loop, "sock_connect", silence)
+        before = left_behind()
+        error = await fails(open_link("tcp://127.0.0.1:9", settings(connect_timeout_s=0.05)).open())
+        assert error.kind == "refused"
+        assert "0.05 s" in error.message
+        assert left_behind() == before
+
+    run(check())
+
+
+def test_tcp_unknown_host(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(*_: object, **__: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    error = run(fails(open_link("tcp://no-such-robot:4001", settings()).open()))
+    assert error.kind == "not-found"
+    assert "no-such-robot" in error.message
+
+
+def test_listener_serves_one_device_after_another() -> None:
+    async def check() -> None:
+        link = cast(TcpListenLink, open_link("tcp-listen://127.0.0.1:0", settings()))
+        async with opened(link):
+            assert "Waiting" in link.notices[0]
+            assert (await fails(link.write(b"x"))).kind == "gone"
+            with socket.create_connection(link.address) as device:
+                device.sendall(b"hello")
+                assert joined(await gather(link, 5)) == b"hello"
+                name = f"127.0.0.1:{device.getsockname()[1]}"
+                assert link.notices == [f"{name} is connected."]
+                await link.write(b"answer")
+                assert device.recv(10) == b"answer"
+            error = await dies(link)
+            assert error.kind == "gone"
+            assert name in error.message
+            assert f":{link.address[1]}" in error.hint
+        await link.open()  # as the session's retry does
+        with socket.create_connection(link.address) as device:
+            device.sendall(b"again")
+            assert joined(await gather(link, 5)) == b"again"
+        await link.close()
+
+    run(check())
+
+
+def test_listener_turns_a_second_device_away_while_the_first_one_talks() -> None:
+    async def check() -> None:
+        link = cast(TcpListenLink, open_link("tcp-listen://127.0.0.1:0", settings()))
+        async with opened(link):
+            with socket.create_connection(link.address) as first:
+                first.sendall(b"1")
+                await gather(link, 1)
+                with socket.create_connection(link.address) as second:
+                    second.settimeout(2)
+                    assert second.recv(1) == b""
+                    assert "turned away" in link.notices[1]
+                first.sendall(b"2")
+                assert joined(await gather(link, 1)) == b"2"
+
+    run(check())
+
+
+def test_listener_lets_a_device_that_came_back_replace_its_silent_self() -> None:
+    async def check() -> None:
+        now = 0
+        source = settings()
+        link = cast(TcpListenLink, open_link("tcp-listen://127.0.0.1:0", type(source)(now_ns=lambda: now)))
+        async with opened(link):
+            with socket.create_connection(link.address) as dead:
+                dead.sendall(b"1")
+                await gather(link, 1)
+                now += 2_000_000_000
+                with socket.create_connection(link.address) as back:
+                    back.sendall(b"2")
+                    assert joined(await gather(link, 1)) == b"2"
+                    assert f"127.0.0.1:{back.getsockname()[1]} is connected" in link.notices[0]
+                    assert f"the place of 127.0.0.1:{dead.getsockname()[1]}" in link.notices[0]
+
+    run(check())
+
+
+@pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
+def test_a_port_that_is_taken(scheme: str) -> None:
+    kind = socket.SOCK_STREAM if scheme == "tcp-listen" else socket.SOCK_DGRAM
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            taken.listen()
+        port = taken.getsockname()[1]
+        error = run(fails(open_link(f"{scheme}://127.0.0.1:{port}", settings()).open()))
+    assert error.kind == "busy"
+    assert str(port) in error.message
+
+
+@pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])
+def test_an_address_that_is_not_ours(scheme: str) -> None:
+    error = run(fails(open_link(f"{scheme}://192.0.2.1:0", settings()).open()))
+    assert error.kind == "not-found"
+    assert f"{scheme}://:0" in error.hint
+
+
+def test_udp_keeps_datagrams_apart_and_answers_the_last_sender() -> None:
+    async def check() -> None:
+        link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))
+        async with opened(link):
+            assert (await fails(link.write(b"x"))).kind == "refused"
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+                device.settimeout(2)
+                for data in (b"first", b"", b"second", b"x" * 1400):
+                    device.sendto(data, link.address)
+                chunks = await gather(link, 5 + 6 + 1400)
+                assert [chunk.data for chunk in chunks] == [b"first", b"second", b"x" * 1400]
+                name = f"127.0.0.1:{device.getsockname()[1]}"
+                assert link.notices == [f"Datagrams come from {name}."]
+                await link.write(b"answer")
+                assert device.recv(10) == b"answer"
+
+    run(check())
+
+
+def test_udp_says_when_two_devices_share_the_port() -> None:
+    async def check() -> None:
+        now = 0
+        link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))
+        link.settings = type(link.settings)(now_ns=lambda: now)
+        async with opened(link):
+            with (
+                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+                socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+            ):
+                for device in (one, other):
+                    device.sendto(b"x", link.address)
+                    await gather(link, 1)
+                assert "mixed" in link.notices[1]
+                for _ in range(3):
+                    now += 1_500_000_000
+                    other.sendto(b"x", link.address)
+                    await gather(link, 1)
+                assert link.notices == [f"Datagrams come from 127.0.0.1:{other.getsockname()[1]}."]
+
+    run(check())
+
+
+@pytest.mark.skipif(not hasattr(socket, "CMSG_SPACE"), reason="the system does not count its losses")
+def test_udp_counts_what_the_kernel_had_no_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small receive buffer, a reading thread that is held up: the losses are counted and named."""
+    monkeypatch.setattr("server.links.udp.BUFFER_BYTES", 1)
+
+    async def check() -> None:
+        link = cast(UdpLink, open_link("udp://127.0.0.1:0", settings()))
+        async with opened(link):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
+                for _ in range(400):
+                    device.sendto(b"x" * 1000, link.address)
+                await asyncio.sleep(0.05)
+                got = len(await link.read())
+                device.sendto(b"last", link.address)  # losses are reported with the next datagram that gets through
+                await gather(link, until=lambda data: data.endswith(b"last"))
+                assert link.lost >= 400 - got - 400  # never negative, never more than were sent
+                assert link.lost <= 400
+                if link.lost:
+                    assert f"{link.lost} datagrams were lost" in link.notices[-1]
+
+    run(check())
+
+
+@pytest.mark.parametrize("source", ["tcp-listen://127.0.0.1:0", "udp://127.0.0.1:0"])
+def test_nothing_is_left_behind(source: str) -> None:
+    async def check() -> None:
+        before = left_behind()
+        link = open_link(source, settings())
+        for _ in range(5):
+            await link.open()
+            await link.close()
+            await link.close()
+        async with opened(link):
+            kind = socket.SOCK_DGRAM if link.kind == "udp" else socket.SOCK_STREAM
+            with socket.socket(socket.AF_INET, kind) as device:
+                device.connect(cast(Any, link).address)
+                device.send(b"x")
+                await gather(link, 1)
+        assert left_behind() == before
+
+    run(check())

@@ -1,0 +1,236 @@
+"""The serial link on real pseudo-terminals: bytes, arrival times, unplugging, refusals, nothing left behind."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+import serial
+
+from server.links import open_link
+from server.links.serial import Line, cannot_open, holder, latency_notices, open_port
+from tests.links.bench import dies, fails, gather, joined, left_behind, opened, pty, settings
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def test_bytes_arrive_whole_in_order_and_stamped() -> None:
+    async def check() -> None:
+        with pty() as port:
+            link = open_link(f"serial://{port.path}?baud=921600", settings())
+            async with opened(link):
+                assert (link.kind, link.baud, link.capacity) == ("serial", 921_600, 92_160)
+                before = time.time_ns()
+                sent = bytes(range(256)) * 40
+                writer = threading.Thread(
+                    target=lambda: [port.write(sent[i : i + 512]) for i in range(0, len(sent), 512)]
+                )
+                writer.start()
+                chunks = await gather(link, len(sent))
+                writer.join()
+                assert joined(chunks) == sent
+                stamps = [chunk.arrival_ns for chunk in chunks]
+                assert stamps == sorted(stamps)
+                assert before - 1_000_000 <= stamps[0] <= stamps[-1] <= time.time_ns() + 1_000_000
+
+    run(check())
+
+
+def test_the_stamp_is_taken_in_the_thread_not_when_the_loop_gets_round_to_it() -> None:
+    async def check() -> None:
+        with pty() as port:
+            source = settings()
+            async with opened(open_link(f"{port.path}?baud=115200", source)) as link:
+                port.write(b"a")
+                sent_ns = source.now_ns()
+                time.sleep(0.2)  # the event loop is busy with something else
+                (chunk,) = await link.read()
+                assert chunk.data == b"a"
+                assert abs(chunk.arrival_ns - sent_ns) < 50_000_000
+
+    run(check())
+
+
+def test_a_burst_is_one_wake_up() -> None:
+    async def check() -> None:
+        with pty() as port:
+            async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
+                for _ in range(50):
+                    port.write(b"x" * 20)
+                await asyncio.sleep(0.05)
+                chunks = await link.read()
+                assert joined(chunks) == b"x" * 1000
+
+    run(check())
+
+
+def test_write_reaches_the_device() -> None:
+    async def check() -> None:
+        with pty() as port:
+            async with opened(open_link(f"{port.path}?baud=115200", settings())) as link:
+                await link.write(b"\xfa\xff\x30\x00\xd1")
+                assert os.read(port.master, 100) == b"\xfa\xff\x30\x00\xd1"
+
+    run(check())
+
+
+def test_a_pulled_plug_is_seen_at_once_after_the_last_bytes() -> None:
+    async def check() -> None:
+        with pty() as port:
+            link = open_link(f"{port.path}?baud=115200", settings())
+            async with opened(link):
+                port.let_go()
+                port.write(b"last words")
+                assert joined(await gather(link, 10)) == b"last words"
+                start = time.monotonic()
+                port.pull()
+                error = await dies(link)
+                assert time.monotonic() - start < 0.5
+                assert error.kind == "gone"
+                assert port.path in error.message
+                assert (await fails(link.read())).kind == "gone"
+                assert (await fails(link.write(b"x"))).kind == "gone"
+
+    run(check())
+
+
+def test_opening_again_after_closing_and_closing_twice() -> None:
+    async def check() -> None:
+        with pty() as port:
+            link = open_link(f"{port.path}?baud=115200", settings())
+            for word in (b"one", b"two"):
+                await link.open()
+                port.write(word)
+                assert joined(await gather(link, 3)) == word
+                await link.close()
+                await link.close()
+            assert (await fails(link.read())).kind == "gone"
+
+    run(check())
+
+
+def test_close_ends_a_read_that_waits() -> None:
+    async def check() -> None:
+        with pty() as port:
+            link = open_link(f"{port.path}?baud=115200", settings())
+            await link.open()
+            reading = asyncio.create_task(fails(link.read()))
+            await asyncio.sleep(0.01)
+            await link.close()
+            assert (await reading).kind == "gone"
+
+    run(check())
+
+
+def test_nothing_is_left_behind() -> None:
+    async def check() -> None:
+        with pty() as port:
+            warm = open_link(f"{port.path}?baud=115200", settings())
+            async with opened(warm):
+                pass
+            before = left_behind()
+            for _ in range(5):
+                link = open_link(f"{port.path}?baud=115200", settings())
+                async with opened(link):
+                    port.write(b"x")
+                    await link.read()
+                assert (await fails(open_link("/dev/no-such-port?baud=9600", settings()).open())).kind == "not-found"
+            assert left_behind() == before
+
+    run(check())
+
+
+def test_no_such_port_says_which_ports_there_are() -> None:
+    error = run(fails(open_link("/dev/ttyNope?baud=9600", settings()).open()))
+    assert error.kind == "not-found"
+    assert "/dev/ttyNope" in error.message
+    assert "plugged in" in error.hint
+
+
+def test_what_is_no_port_is_refused() -> None:
+    error = run(fails(open_link("/dev/null?baud=9600", settings()).open()))
+    assert error.kind == "refused"
+    assert "not a serial port" in error.message
+
+
+def test_a_port_in_use_names_who_has_it() -> None:
+    async def check() -> None:
+        with pty() as port:
+            async with opened(open_link(f"{port.path}?baud=115200", settings())):
+                error = await fails(open_link(f"{port.path}?baud=115200", settings()).open())
+                assert error.kind == "busy"
+                assert "this server" in error.message
+
+    run(check())
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM])
+def test_missing_permission_names_the_group_and_the_command(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As root nothing is denied, so the refusal comes from a port that refuses."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise serial.SerialException(number, "could not open port")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    with pty() as port:
+        os.chown(port.path, -1, 20)
+        error = run(fails(open_link(port.path, settings()).open()))
+    assert error.kind == "denied"
+    assert port.path in error.message
+    assert "dialout" in error.message
+    assert "sudo usermod -aG dialout $USER" in error.hint
+
+
+@pytest.mark.parametrize(
+    ("failure", "kind"),
+    [
+        (OSError(errno.EBUSY, "busy"), "busy"),
+        (serial.SerialException(errno.EAGAIN, "Could not exclusively lock port"), "busy"),
+        (OSError(errno.ENODEV, "no device"), "not-found"),
+        (OSError(errno.ENOTTY, "no tty"), "refused"),
+        (ValueError("Not a valid baudrate"), "refused"),
+        (serial.SerialException("Could not configure port"), "refused"),
+    ],
+)
+def test_every_refusal_has_words_and_a_way_out(failure: Exception, kind: str) -> None:
+    error = cannot_open("/dev/ttyX", Line(baud=7), failure)
+    assert error.kind == kind
+    assert "/dev/ttyX" in error.message
+    assert error.hint
+
+
+def test_line_settings_reach_the_port() -> None:
+    with pty() as port:
+        opened_port = open_port(port.path, Line(baud=57_600, bits=7, parity="odd", stop=2, flow="xonxoff"))
+        try:
+            settings_there = (opened_port.baudrate, opened_port.bytesize, opened_port.parity, opened_port.stopbits)
+            assert settings_there == (57_600, 7, "O", 2)
+            assert opened_port.xonxoff
+        finally:
+            opened_port.close()
+
+
+def test_nobody_holds_a_port_that_nobody_has() -> None:
+    assert holder("/dev/ttyNope") == ""
+
+
+@pytest.mark.parametrize(("text", "told"), [("16\n", True), ("2", True), ("1\n", False), ("odd", False), (None, False)])
+def test_a_high_latency_timer_is_reported_with_its_fix(tmp_path: Path, text: str | None, told: bool) -> None:
+    folder = tmp_path / "bus/usb-serial/devices/ttyUSB7"
+    folder.mkdir(parents=True)
+    if text is not None:
+        (folder / "latency_timer").write_text(text)
+    notices = latency_notices("/dev/ttyUSB7", tmp_path)
+    assert len(notices) == told
+    if told:
+        assert f"up to {int(text or 0)} ms" in notices[0]
+        assert "echo 1 | sudo tee" in notices[0]
+        assert 'ATTR{latency_timer}="1"' in notices[0]
