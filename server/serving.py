@@ -71,8 +71,8 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> None:
-    """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns."""
+def server(app: ASGIApp, on_ready: Callable[[], None]) -> Server:
+    """uvicorn with our settings, not running yet."""
     config = uvicorn.Config(
         app,
         ws=LiveProtocol,
@@ -88,14 +88,23 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> 
         lifespan="on",
         timeout_graceful_shutdown=2,
     )
-    server = Server(config, on_ready)
+    return Server(config, on_ready)
+
+
+def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> None:
+    """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
+
+    Raises:
+        RuntimeError: it did not start.
+    """
+    serving = server(app, on_ready)
     # uvicorn raises the signal that ended it again after it has shut down cleanly; that is then no failure.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
-        asyncio.run(server.serve(sockets=[listener]))
+        asyncio.run(serving.serve(sockets=[listener]))
     except KeyboardInterrupt:
         pass
     finally:
         listener.close()
-    if not server.started:
+    if not serving.started:
         raise RuntimeError("The server did not start; the log above has details.")

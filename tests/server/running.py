@@ -1,0 +1,48 @@
+"""The real application on a real socket, in a thread of the test's process, so that a test may change its parts."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from types import TracebackType
+from typing import Any
+
+from httpx import Client
+
+from server import serving
+from server.app import create_app
+from server.auth import Access
+from server.config import Config
+from server.sessions import OpenLink
+from tests.server.fakes import SPEECH
+
+
+class Running:
+    """`with Running(config, open_link) as running:` serves on a free port until the block ends."""
+
+    def __init__(self, config: Config, open_link: OpenLink) -> None:
+        self._app = create_app(config, Access(config), open_link=open_link, speech=SPEECH)
+        self.state: Any = self._app._app.state  # type: ignore[attr-defined]
+        self._listener = serving.listen("127.0.0.1", 0)
+        port = self._listener.getsockname()[1]
+        self.url = f"http://127.0.0.1:{port}"
+        self.ws = f"ws://127.0.0.1:{port}/ws"
+        ready = threading.Event()
+        self._server = serving.server(self._app, ready.set)
+        serve = self._server.serve(sockets=[self._listener])
+        self._thread = threading.Thread(target=asyncio.run, args=(serve,))
+        self._thread.start()
+        assert ready.wait(10)
+        self.client = Client(base_url=self.url, timeout=10)
+
+    def __enter__(self) -> Running:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.client.close()
+        self._server.should_exit = True
+        self._thread.join(10)
+        self._listener.close()
+        assert not self._thread.is_alive()

@@ -1,0 +1,277 @@
+"""The HTTP side: routes do what they say, and every error of every route has the one shape."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from httpx import Client
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin, Subprotocol
+
+from server.api import page
+from server.config import Config
+from server.links.base import Link, LinkError, LinkSettings
+from server.wire import SUBPROTOCOL
+from tests.server.fakes import FakeLink
+from tests.server.running import Running
+
+
+def open_link(source: str, settings: LinkSettings) -> Link:
+    if source.startswith("bad"):
+        raise LinkError("bad-source", f"{source} is no source.", "Write /dev/tty…")
+    return FakeLink(source, settings)
+
+
+@pytest.fixture
+def running() -> Iterator[Running]:
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        yield running
+
+
+@pytest.fixture
+def client(running: Running) -> Client:
+    return running.client
+
+
+GUARDED = Config(host="0.0.0.0", sources=("/dev/one",), view_token="v" * 12, control_token="c" * 12)
+
+
+def assert_problem(response: Any, status: int, kind: str | None = None) -> dict[str, str]:
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"].startswith("application/json")
+    body = response.json()
+    assert set(body) == {"kind", "message", "hint"}
+    assert re.fullmatch(r"[a-z]+(-[a-z]+)*", body["kind"])
+    assert body["message"]
+    assert kind is None or body["kind"] == kind
+    return dict(body)
+
+
+def test_devices(client: Client) -> None:
+    (device,) = client.get("/api/devices").json()
+    assert (device["id"], device["source"], device["status"]) == ("1", "/dev/one", "connecting")
+    added = client.post("/api/devices", json={"source": "/dev/two"})
+    assert added.status_code == 201
+    assert added.json()["id"] == "2"
+    assert client.post("/api/devices/2/retry").json()["source"] == "/dev/two"
+    assert client.delete("/api/devices/2").status_code == 204
+    assert [one["id"] for one in client.get("/api/devices").json()] == ["1"]
+
+
+def test_what_is_wrong_with_a_source_is_said(client: Client) -> None:
+    body = assert_problem(client.post("/api/devices", json={"source": "bad:1"}), 400, "bad-source")
+    assert body == {"kind": "bad-source", "message": "bad:1 is no source.", "hint": "Write /dev/tty…"}
+    assert_problem(client.post("/api/devices", json={"source": "/dev/one"}), 409, "busy")
+    assert_problem(client.post("/api/devices", json={"source": "/dev/x", "protocol": "morse"}), 400, "bad-protocol")
+
+
+@pytest.mark.parametrize("body", [{}, {"source": ""}, {"source": 1}, {"source": "x", "extra": 1}, [], "x", None])
+def test_wrong_bodies(client: Client, body: Any) -> None:
+    response = client.post("/api/devices", json=body)
+    found = assert_problem(response, 422, "bad-request")
+    assert found["hint"]
+
+
+def test_a_body_that_is_no_json(client: Client) -> None:
+    headers = {"content-type": "application/json"}
+    assert_problem(client.post("/api/devices", content=b"{", headers=headers), 422)
+    assert_problem(client.post("/api/devices", content=b"source=x"), 415, "not-json")
+
+
+def test_unknown_devices(client: Client) -> None:
+    assert_problem(client.delete("/api/devices/99"), 404, "not-found")
+    assert_problem(client.post("/api/devices/99/retry"), 404, "not-found")
+
+
+def routes(client: Client) -> list[tuple[str, str]]:
+    paths = client.get("/openapi.json").json()["paths"]
+    return [(path.replace("{device}", "99"), method.upper()) for path, methods in paths.items() for method in methods]
+
+
+def test_every_route_answers_errors_in_the_one_shape(client: Client) -> None:
+    found = routes(client)
+    assert ("/api/devices", "POST") in found
+    for path, method in found:
+        for other in {"PUT", "PATCH", "POST", "DELETE"} - {verb for at, verb in found if at == path}:
+            assert_problem(client.request(other, path), 405, "not-allowed")
+        if path.startswith("/api"):
+            foreign = {"host": "evil.example"}
+            assert_problem(client.request(method, path, headers=foreign), 403, "bad-host")
+        if method != "GET":
+            assert_problem(client.request(method, path, headers={"origin": "http://evil.example"}), 403, "bad-origin")
+            assert_problem(client.request(method, path, content=b"x=1", headers={"content-type": "text/plain"}), 415)
+    for path in ("/nothing", "/api/nothing", "/api", "/assets/none.js", "/..%2f..%2fetc/passwd", "/%00", "/a/b/c.d"):
+        assert_problem(client.get(path), 404, "not-found")
+
+
+def test_every_route_needs_a_token_beyond_loopback() -> None:
+    with Running(GUARDED, open_link) as running:
+        client = running.client
+        found = routes_with(client, "c" * 12)
+        assert len(found) >= 7
+        for path, method in found:
+            expected = client.request(method, path)
+            if path == "/healthz":
+                assert expected.status_code == 200
+                continue
+            assert_problem(expected, 401, "no-token")
+            assert_problem(client.request(method, path, headers={"authorization": "Bearer nonsense"}), 401, "bad-token")
+            if method != "GET":
+                looks = client.request(method, path, headers={"authorization": f"Bearer {'v' * 12}"})
+                assert_problem(looks, 403, "view-only")
+
+
+def routes_with(client: Client, token: str) -> list[tuple[str, str]]:
+    paths = client.get("/openapi.json", headers={"authorization": f"Bearer {token}"}).json()["paths"]
+    return [(path.replace("{device}", "99"), method.upper()) for path, methods in paths.items() for method in methods]
+
+
+def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
+    with Running(GUARDED, open_link) as running:
+        client = running.client
+        answer = client.get(f"/?token={'v' * 12}&device=1", follow_redirects=False)
+        assert answer.status_code == 303
+        assert answer.headers["location"] == "/?device=1"
+        cookie = answer.headers["set-cookie"]
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+        assert client.get("/api/devices").status_code == 200  # the client kept the cookie
+        assert_problem(client.post("/api/devices", json={"source": "/dev/two"}), 403, "view-only")
+        elsewhere = client.get(f"{running.url}//evil.example/?token={'v' * 12}", follow_redirects=False)
+        assert elsewhere.headers["location"] == "/evil.example/"
+
+
+def test_a_fault_of_ours_has_the_shape_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.sessions.Sessions.infos", property(lambda self: 1 / 0))
+    assert_problem(client.get("/api/devices"), 500, "fault")
+
+
+def test_openapi_documents_every_route(client: Client) -> None:
+    document = client.get("/openapi.json").json()
+    for path, methods in document["paths"].items():
+        for method, route in methods.items():
+            where = f"{method} {path}"
+            assert route.get("summary"), where
+            assert route.get("description"), where
+            for status in ("401", "403", "500"):
+                schema = route["responses"][status]["content"]["application/json"]["schema"]
+                assert schema == {"$ref": "#/components/schemas/ProblemBody"}, where
+            if "{" in path:
+                assert "404" in route["responses"], where
+
+
+def test_build_and_health(client: Client) -> None:
+    build = client.get("/api/build").json()
+    assert build["name"] == "imuscope"
+    assert build["wire"] == SUBPROTOCOL
+    assert "xbus" in build["protocols"]
+    assert client.get("/healthz").json() == {"status": "ok", "devices": 1, "browsers": 0}
+
+
+def test_ports(client: Client) -> None:
+    ports = client.get("/api/ports").json()
+    assert isinstance(ports, list)
+    assert client.post("/api/ports/scan", json={"ports": []}).json() == []
+    assert client.post("/api/ports/scan", json={"ports": ["/etc/passwd"]}).json() == []  # only ports are opened
+
+
+# ── the page's files ──
+
+
+def test_the_page_and_its_headers(tmp_path: Path) -> None:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "index.html").write_text("<p>page</p>")
+    (tmp_path / "assets" / "a-123.js").write_text("1")
+    (tmp_path / "assets" / "a-123.js.br").write_bytes(b"brotli")
+    (tmp_path / "assets" / "a-123.js.gz").write_bytes(b"gzip")
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        running.state.files = page.Files(tmp_path)
+        client = running.client
+        index = client.get("/", headers={"accept-encoding": "identity"})
+        assert (index.text, index.headers["cache-control"]) == ("<p>page</p>", "no-cache")
+        policy = index.headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert index.headers["x-content-type-options"] == "nosniff"
+        again = client.get("/", headers={"if-none-match": index.headers["etag"]})
+        assert (again.status_code, again.text) == (304, "")
+        for accepted, data in (("br, gzip", "br"), ("gzip", "gzip"), ("br;q=0, gzip", "gzip"), ("identity", "")):
+            with client.stream("GET", "/assets/a-123.js", headers={"accept-encoding": accepted}) as answer:
+                assert answer.headers.get("content-encoding", "") == data
+                assert answer.headers["content-type"] == "text/javascript; charset=utf-8"
+                assert "immutable" in answer.headers["cache-control"]
+        assert client.get("/recordings", headers={"accept": "text/html"}).text == "<p>page</p>"
+        assert client.head("/").status_code == 200
+        assert_problem(client.get("/../config.py"), 404)
+        assert_problem(client.get("/assets"), 404)
+
+
+def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        running.state.files = page.Files(tmp_path)
+        client = running.client
+        answer = client.get("/")
+        assert answer.status_code == 503
+        assert "python web/build.py" in answer.text
+
+
+# ── the WebSocket ──
+
+
+def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
+    with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
+        assert socket.subprotocol == SUBPROTOCOL
+        assert [json.loads(socket.recv())["op"] for _ in range(5)] == [
+            "hello",
+            "devices",
+            "channels",
+            "events",
+            "health",
+        ]
+
+        def ask(message: str | bytes, op: str) -> dict[str, Any]:
+            socket.send(message)
+            while (answer := json.loads(socket.recv(timeout=5)))["op"] != op:
+                assert answer["op"] in ("devices", "events", "health", "channels")
+            return dict(answer)
+
+        assert ask('{"op":"ping","t":7}', "pong")["t"] == 7
+        assert set(ask("nonsense", "error")) == {"op", "kind", "message", "hint"}
+        assert ask(b"binary", "error")["kind"] == "bad-request"
+        assert ask('{"op":"subscribe","history":5,"channels":null}', "backfilled") == {"op": "backfilled"}
+        assert running.client.get("/healthz").json()["browsers"] == 1
+    for _ in range(100):
+        if running.client.get("/healthz").json()["browsers"] == 0:
+            break
+        time.sleep(0.02)
+    else:
+        pytest.fail("a browser that has gone is still counted")
+
+
+def test_a_wrong_subprotocol_is_told(running: Running) -> None:
+    with connect(running.ws, subprotocols=None) as socket:
+        assert json.loads(socket.recv())["kind"] == "bad-subprotocol"
+
+
+@pytest.mark.parametrize(("origin", "host"), [("http://evil.example", None), (None, "evil.example")])
+def test_a_foreign_page_gets_no_websocket(running: Running, origin: str | None, host: str | None) -> None:
+    url = running.ws if host is None else running.ws.replace("127.0.0.1", host)
+    address = running.ws.removeprefix("ws://").removesuffix("/ws").split(":")
+    with pytest.raises(InvalidStatus) as caught, socket_to(address, url, origin):
+        pass
+    assert caught.value.response.status_code == 403
+    assert set(json.loads(caught.value.response.body)) == {"kind", "message", "hint"}
+
+
+def socket_to(address: list[str], url: str, origin: str | None) -> ClientConnection:
+    """A WebSocket to this address, whatever host the URL names: what a rebound name would do."""
+    plain = socket.create_connection((address[0], int(address[1])))
+    return connect(url, sock=plain, origin=Origin(origin) if origin else None)
