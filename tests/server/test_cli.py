@@ -1,0 +1,139 @@
+"""The command line: quick answers, one clear line when something is wrong, compiled code kept where that is possible."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from server import compiled
+from tests.process import ROOT, ServerProcess
+
+
+def run(*arguments: str, timeout: float = 60) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "server.cli", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout)
+
+
+def test_version_and_help_answer_at_once() -> None:
+    started = time.monotonic()
+    assert run("--version").stdout.startswith("imuscope ")
+    assert "inspect" in run("--help").stdout
+    assert "SOURCE" in run("serve", "--help").stdout
+    assert time.monotonic() - started < 6
+
+
+def test_heavy_parts_are_not_imported_for_help() -> None:
+    code = "import sys, server.cli; print(sorted({'numba', 'fastapi', 'numpy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("serve", "nothing://x"), "nothing://x"),
+        (("serve", "--protocol", "morse"), "there is no protocol 'morse'"),
+        (("serve", "--port", "70000"), "port 70000 is outside"),
+        (("serve", "--config", "none.toml"), "none.toml cannot be read"),
+        (("serve", "--host", "203.0.113.1"), "cannot listen on 203.0.113.1:8080"),
+        (("inspect", "none.bin"), "there is no file none.bin"),
+    ],
+)
+def test_what_is_wrong_is_one_line(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
+    done = run(*arguments, "--data", str(tmp_path))
+    assert done.returncode == 1
+    lines = [line for line in done.stderr.splitlines() if "compiling" not in line]
+    assert len(lines) == 1, done.stderr
+    assert words in lines[0]
+    assert done.stdout == ""
+
+
+def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        done = run("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path))
+    assert done.returncode == 1
+    assert "Give another with --port" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_cleanly(how: signal.Signals, tmp_path: Path) -> None:
+    with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
+        server.process.send_signal(how)
+        assert server.process.wait(10) == 0
+        assert "Traceback" not in server.log
+
+
+def test_beyond_loopback_the_address_carries_a_token(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "server.cli", "serve", "udp://127.0.0.1:0", "--host", "0.0.0.0", "--port", "0"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        [*command, "--data", str(tmp_path)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        lines = [process.stdout.readline(), process.stdout.readline()]
+        process.terminate()
+    assert lines[0].startswith("to look:")
+    assert lines[1].startswith("to control:")
+    assert all("?token=" in line for line in lines)
+    assert process.returncode == 0
+
+
+# ── compiled code ──
+
+
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    if "NUMBA_DISABLE_JIT" in os.environ:
+        monkeypatch.delenv("NUMBA_DISABLE_JIT")
+
+
+def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(compiled.VARIABLE, raising=False)
+    first, words = compiled.prepare_cache(tmp_path / "data")
+    assert (first, words) == (True, [])
+    assert os.environ[compiled.VARIABLE] == str(tmp_path / "data" / "compiled")
+    (tmp_path / "data" / "compiled" / "x.nbi").touch()
+    monkeypatch.delenv(compiled.VARIABLE)
+    assert compiled.prepare_cache(tmp_path / "data") == (False, [])
+
+
+def test_a_place_that_is_given_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compiled.VARIABLE, str(tmp_path / "given"))
+    compiled.prepare_cache(tmp_path / "data")
+    assert os.environ[compiled.VARIABLE] == str(tmp_path / "given")
+
+
+def test_a_read_only_place_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container image is warmed when it is built and read-only when it runs; numba reads no cache it cannot write."""
+    given = tmp_path / "given"
+    given.mkdir()
+    (given / "x.nbi").write_text("warm")
+    monkeypatch.setenv(compiled.VARIABLE, str(given))
+    monkeypatch.setattr(compiled, "_writable", lambda folder: False)
+    assert compiled.prepare_cache(tmp_path) == (False, [])
+    copy = Path(os.environ[compiled.VARIABLE])
+    assert copy != given
+    assert (copy / "x.nbi").read_text() == "warm"
+
+
+def test_nowhere_to_write_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(compiled.VARIABLE, "/proc/none")
+
+    def refuse(prefix: str) -> str:
+        raise OSError("read-only")
+
+    monkeypatch.setattr("tempfile.mkdtemp", refuse)
+    first, (words,) = compiled.prepare_cache(tmp_path)
+    assert first
+    assert "for this run only" in words
+    assert compiled.VARIABLE not in os.environ

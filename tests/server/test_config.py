@@ -1,0 +1,61 @@
+"""Settings: the command line over the file over defaults; what is wrong is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from server.config import Config, ConfigError, is_loopback, load
+
+
+def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "imuscope.toml"
+    file.write_text('host = "0.0.0.0"\nport = 9000\nhistory_s = 60\nsources = ["twin:xbus"]\n')
+    config = load(file, port=9001, host=None)
+    assert (config.host, config.port, config.history_s, config.sources) == ("0.0.0.0", 9001, 60.0, ("twin:xbus",))
+    assert not config.is_loopback
+
+
+def test_defaults_are_loopback() -> None:
+    assert load() == Config()
+    assert Config().is_loopback
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("prot = 1", "prot is no setting"),
+        ('port = "8080"', "port must be int"),
+        ("port = true", "port must be int"),
+        ("port = 70000", "outside 0"),
+        ("history_s = 0", "history_s 0"),
+        ("memory_mb = 0", "memory_mb 0"),
+        ('sources = "one"', "must be a list"),
+        ("sources = [1]", "must be a list"),
+        ('view_token = "short"', "at least 8"),
+        ('view_token = "with a space"', "at least 8"),
+        ('view_token = "the-same-1"\ncontrol_token = "the-same-1"', "must differ"),
+        ("= 1", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "imuscope.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        load(file)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.9.9.9", "::1", "[::1]", "localhost"])
+def test_loopback(host: str) -> None:
+    assert is_loopback(host)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "robot.local", "localhost.example"])
+def test_not_loopback(host: str) -> None:
+    assert not is_loopback(host)
