@@ -17,6 +17,7 @@ import contextlib
 import errno
 import logging
 import os
+import select
 import selectors
 import threading
 import time
@@ -194,6 +195,13 @@ class PumpedLink(Link):
     async def _free(self) -> None:
         """Close what `open` opened; called after the thread has ended, possibly more than once."""
         raise NotImplementedError
+
+
+def hung_up(fd: int) -> bool:
+    """True when the driver says that the port is gone."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return any(event & (select.POLLHUP | select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
 
 
 def closed(source: str) -> LinkError:

@@ -16,7 +16,9 @@ try.
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
+import termios
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from typing import Any
 
 from server.links.base import LinkError, Progress, Try
 from server.links.hearing import Heard, hear
+from server.links.pump import hung_up
 from server.links.words import grouped
 
 # Most likely first: the delivered settings of the three families (Xsens 115 200, Inertial Sense 921 600), then the
@@ -114,10 +117,11 @@ async def listen_at(
     if port.baudrate != baud:
         try:
             port.baudrate = baud
-        except (ValueError, OSError) as error:
+            port.reset_input_buffer()  # what is still there was received at the last rate
+        except (ValueError, OSError, termios.error) as error:
+            _check_there(port.fd)
             # An adapter that cannot do a rate is no reason to give up the others.
             return Listening(baud, Heard(note=f"not possible on this port ({error})"))
-        port.reset_input_buffer()  # what is still there was received at the last rate
     data = bytearray()
     heard = Heard()
     start = time.monotonic()
@@ -137,6 +141,15 @@ async def listen_at(
 
 def _read(fd: int) -> bytes:
     try:
-        return os.read(fd, ENOUGH_BYTES)
+        data = os.read(fd, ENOUGH_BYTES)
     except BlockingIOError:
         return b""
+    if not data:
+        _check_there(fd)
+    return data
+
+
+def _check_there(fd: int) -> None:
+    """OSError when the port has gone away."""
+    if hung_up(fd):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))

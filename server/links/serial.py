@@ -27,7 +27,6 @@ import asyncio
 import errno
 import glob
 import os
-import select
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ from typing import Any
 import serial
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.pump import GONE, READ_BYTES, PumpedLink, closed, write_all
+from server.links.pump import GONE, READ_BYTES, PumpedLink, closed, hung_up, write_all
 from server.links.scan import find_baud
 from server.links.sources import Source
 
@@ -238,13 +237,6 @@ def present_ports() -> str:
     names = sorted(port.device for port in list_ports.comports())
     there = f"Present now: {', '.join(names)}." if names else "No serial port is present now."
     return f"Is it plugged in? {there}"
-
-
-def hung_up(fd: int) -> bool:
-    """True when the driver says that the port is gone."""
-    poll = select.poll()
-    poll.register(fd, select.POLLIN)
-    return any(event & (select.POLLHUP | select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
 
 
 def gone(place: str, error: Exception | None = None) -> LinkError:

@@ -15,6 +15,8 @@ from typing import TypeVar
 import pytest
 
 from server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
+from server.links.cable import Faults
+from server.links.twin import Bench, TwinOptions
 
 T = TypeVar("T")
 
@@ -80,7 +82,7 @@ async def fails(awaitable: Awaitable[T]) -> LinkError:
         async with asyncio.timeout(5):
             await awaitable
     error = caught.value
-    assert error.message.endswith("."), error.message
+    assert error.message.endswith((".", "?")), error.message
     assert error.hint, error.message
     return error
 
@@ -137,6 +139,18 @@ def pty() -> Iterator[Pty]:
         yield port
     finally:
         port.pull()
+
+
+@contextlib.contextmanager
+def device(baud: int, rate: float = 200.0) -> Iterator[Bench]:
+    """A device that speaks at `baud` behind a pseudo-terminal."""
+    options = TwinOptions(faults=Faults(baud=baud))
+    bench = Bench(lambda start_ns: Metronome(start_ns, rate), options)
+    bench.start()
+    try:
+        yield bench
+    finally:
+        bench.stop()
 
 
 def left_behind() -> tuple[int, list[str]]:

@@ -1,0 +1,96 @@
+"""Twins: a device that is not there, behind a real pseudo-terminal, with everything that goes wrong with a cable."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from typing import Any
+
+from server.links import open_link
+from server.links.hearing import hear
+from server.links.serial import Line, SerialLink
+from server.links.twin import TwinLink
+from tests.links.bench import Metronome, fails, frame, gather, joined, left_behind, settings
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def twin(query: str = "", rate: float = 200.0) -> TwinLink:
+    options = open_link(f"twin:xbus?{query}")
+    assert isinstance(options, TwinLink)
+    return TwinLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
+
+
+def test_a_twin_speaks_answers_and_leaves_nothing_behind() -> None:
+    async def check() -> None:
+        before = left_behind()
+        link = twin()
+        await link.open()
+        assert (link.kind, link.source, link.baud, link.capacity) == ("twin", "twin:xbus?", 115_200, 11_520)
+        data = joined(await gather(link, 400))
+        assert data.startswith(frame(0, 0))
+        assert hear(data).certain
+        await link.write(b"\xfa\xff\x30\x00\xd1")
+        await gather(link, until=lambda data: b"\xff\x3f\x05\xfa\xff\x30\x00\xd1" in data)
+        await link.close()
+        await link.close()
+        assert left_behind() == before
+
+    run(check())
+
+
+def test_a_twin_is_unplugged_and_returns() -> None:
+    async def check() -> None:
+        before = left_behind()
+        link = twin("unplug_s=0.2&away_s=0.2")
+        await link.open()
+        error = await fails(drain(link))
+        assert error.kind == "gone"
+        await link.close()
+        error = await fails(link.open())
+        assert error.kind == "not-found"
+        assert "unplugged" in error.message
+        await asyncio.sleep(0.25)
+        await link.open()
+        assert joined(await gather(link, 100)).startswith(frame(0, 0))
+        await link.close()
+        assert left_behind() == before
+
+    run(check())
+
+
+async def drain(link: TwinLink) -> None:
+    while True:
+        await link.read()
+
+
+def test_bursts_arrive_as_bursts() -> None:
+    async def check() -> None:
+        link = twin("burst_ms=50&baud=921600", rate=400)
+        await link.open()
+        chunks = await gather(link, 3000)
+        await link.close()
+        gaps = [b.arrival_ns - a.arrival_ns for a, b in itertools.pairwise(chunks)]
+        assert max(gaps) > 40e6
+        assert len(chunks) < 40  # 3000 B are some 170 frames
+
+    run(check())
+
+
+def test_a_twin_whose_clock_restarts() -> None:
+    async def check() -> None:
+        link = twin("jump_s=0.2")
+        await link.open()
+        data = joined(await gather(link, until=lambda data: data.count(frame(0, 0)) >= 2))
+        await link.close()
+        assert data.count(frame(1, 50)) >= 1
+
+    run(check())
+
+
+def test_a_serial_link_can_be_made_without_a_source() -> None:
+    """What twins do: the port's path and its line, whatever the source is called."""
+    link = SerialLink("twin:x", settings(), "/dev/ttyX", Line(baud=9600))
+    assert (link.source, link.place) == ("twin:x", "/dev/ttyX")
