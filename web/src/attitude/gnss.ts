@@ -14,6 +14,8 @@ import { drawTrack, type Point } from "./track";
 
 /** Points drawn at most: a cell of 200 px shows no more. */
 const POINTS = 400;
+/** Receivers without a fix send the largest number there is for an accuracy. */
+const UNKNOWN_M = 100_000;
 
 export interface Position {
   readonly channel: Channel;
@@ -68,17 +70,21 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position): Pa
 function writeTexts(position: Position, i: number, texts: Readonly<Record<"fix" | "lat" | "lon" | "h" | "v", Live>>): void {
   const { ring, info } = position.channel;
   const get = (column: number): number | undefined => (column < 0 || i < 0 ? undefined : ring.value(column, i));
-  texts.lat.set(geographic(get(position.lat)));
-  texts.lon.set(geographic(get(position.lon)));
-  texts.h.set(number(metres(position.horizontal, get(position.horizontal)), 2));
-  texts.v.set(number(metres(position.vertical, get(position.vertical)), 2));
+  const [lat, lon] = [get(position.lat), get(position.lon)];
+  const known = lat !== undefined && lon !== undefined && isPlace(lat, lon);
+  texts.lat.set(geographic(known ? lat : undefined));
+  texts.lon.set(geographic(known ? lon : undefined));
+  texts.h.set(number(metres(position.horizontal), 2));
+  texts.v.set(number(metres(position.vertical), 2));
   const fix = get(position.fix);
   const name = fix === undefined ? "" : (info.columns[position.fix]?.choices[String(fix)] ?? `fix ${fix}`);
   const satellites = get(position.satellites);
   texts.fix.set([name, satellites === undefined ? "" : `${satellites} sat`].filter(Boolean).join(" · ") || NONE);
 
-  function metres(column: number, value: number | undefined): number | undefined {
-    return value !== undefined && info.columns[column]?.unit === "mm" ? value / 1000 : value;
+  function metres(column: number): number | undefined {
+    const value = get(column);
+    const size = value !== undefined && info.columns[column]?.unit === "mm" ? value / 1000 : value;
+    return size !== undefined && size < UNKNOWN_M ? size : undefined;
   }
 }
 

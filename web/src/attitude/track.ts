@@ -15,9 +15,16 @@ export function roundLength(metres: number): number {
 export function drawTrack(to: Surface, points: readonly (Point | undefined)[], here: Point | undefined): void {
   if (!to.begin()) return;
   const known = points.filter((point) => point !== undefined);
-  if (known.length === 0) return;
   const x = to.context;
   const [w, h] = [to.width(), to.height()];
+  if (known.length === 0) {
+    font(x, 11.5);
+    x.fillStyle = css("--ink-3");
+    x.textAlign = "center";
+    x.textBaseline = "middle";
+    x.fillText("No position in this window", w / 2, h / 2);
+    return;
+  }
   const east = known.map((point) => point[0]);
   const north = known.map((point) => point[1]);
   const middle: Point = [(Math.min(...east) + Math.max(...east)) / 2, (Math.min(...north) + Math.max(...north)) / 2];

@@ -46,7 +46,7 @@ function Centre({ app }: { readonly app: App }) {
   const device = app.device.value;
   if (state === "starting") return <Starting />;
   if (state === "empty" || !device) return <Empty />;
-  if (state === "connecting") return <Connecting device={device} />;
+  if (state === "connecting") return <Connecting app={app} device={device} />;
   if (state === "denied") return <Denied device={device} />;
   if (state === "unreached") return <Unreached app={app} device={device} />;
   if (state === "silent") return <Silent device={device} />;

@@ -76,7 +76,7 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
           <span class="u">Hz</span>
         </span>
         <Facts device={device} />
-        {(streams || app.minute.of(device.id).length > 0) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
+        {(streams || app.minute.of(device.id).some((moment) => moment.rate > 0)) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
       {current && <Acts device={device} />}
@@ -85,7 +85,7 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
 }
 
 function Facts({ device }: { readonly device: DeviceInfo }) {
-  const product = device.product || (device.protocol ? device.protocol : "product not known yet");
+  const product = device.product || (device.protocol ? `${device.protocol}, product not told yet` : "nothing known yet");
   return (
     <span class="facts">
       {product}
@@ -139,7 +139,7 @@ function Why({ app, device, health, gaps }: WhyProps) {
   return (
     <span class="why">
       <span class={`tag ${tone}`}>{name}</span>
-      {device.status === "connecting" ? (device.tries.at(-1)?.what ?? "") : words}
+      {device.status === "connecting" && next === "" ? (device.tries.at(-1)?.what ?? "") : words}
     </span>
   );
 }

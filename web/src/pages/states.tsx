@@ -57,13 +57,16 @@ export function Empty() {
   );
 }
 
-export function Connecting({ device }: { readonly device: DeviceInfo }) {
+export function Connecting({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   return (
     <Card title={`Connecting to ${shortSource(device.source)}`} dot="off">
       <p>{device.message || "Each try is shown as it is made."}</p>
       <Tries tries={device.tries} />
       {device.hint !== "" && <p class="hint">{device.hint}</p>}
-      <Choices device={device} stop />
+      <p class="dim">
+        <NextTry app={app} device={device} />
+      </p>
+      <Choices device={device} stop={device.next_try === null} />
     </Card>
   );
 }

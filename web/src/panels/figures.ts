@@ -35,15 +35,18 @@ const FULL = 0.9;
  *
  * @param recent gaps of the last minute: only they are coloured; older ones are history.
  * @param old seconds since the last sample arrived.
+ * @param expected samples should be coming: false for a file that has ended, whose age is no fault.
  */
 export function figuresOf(
   health: DeviceHealth | undefined,
   recent: { readonly gaps: number; readonly lost: number; readonly rejects: number },
   old: number | undefined,
   dropped: number,
+  expected = true,
 ): Figures {
   const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
   const gaps = recent.gaps > 0;
+  const jitter = health?.jitter_ms ?? undefined;
   return {
     samples: plain({ value: number(health?.rate, 1), unit: "/s" }),
     gaps: gaps
@@ -53,8 +56,8 @@ export function figuresOf(
     bytes: plain(byteRate(health?.bytes_per_s)),
     share,
     shareText: { value: number(share === undefined ? undefined : share * 100, 1), unit: "%", tone: (share ?? 0) > FULL ? "warn" : "" },
-    jitter: plain({ value: number(health?.jitter_ms ?? undefined, 2), unit: "ms p99" }),
-    age: { ...agoOf(old), tone: old !== undefined && old > LATE_S ? "bad" : "" },
+    jitter: plain({ value: number(jitter, (jitter ?? 0) < 100 ? 2 : 0), unit: "ms p99" }),
+    age: { ...agoOf(old), tone: expected && old !== undefined && old > LATE_S ? "bad" : "" },
     dropped: { value: number(dropped, 0), unit: "smp", tone: dropped > 0 ? "warn" : "" },
     drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
     uncertainty: plain({ value: number(health?.uncertainty_ms ?? undefined, 2), unit: "ms" }),

@@ -12,6 +12,9 @@ import { type Figure, type Figures, figuresOf, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
 
+/** Bars in a small sparkline: one for two seconds. */
+const SLOTS = 31;
+
 type Key = Exclude<keyof Figures, "share">;
 
 const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
@@ -80,7 +83,8 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const { minute } = deps;
       const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
       const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
-      const figures = figuresOf(health, recent, ageOf(deps, id), dropped);
+      const expected = device?.status !== "ended" && device?.status !== "idle";
+      const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected);
       cells.get("age")?.set(figures.age);
       if (!all) return;
       for (const [key, cell] of cells) cell.set(figures[key]);
@@ -125,12 +129,14 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
     const to = sparks.get(key);
     if (to) how(to);
   };
-  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), 31), gone));
-  const lately = moments.slice(-62).filter((_, i) => i % 2 === 0);
-  draw("gaps", (to) => drawTicks(to, lately.map((moment) => moment.lost)));
-  draw("rejects", (to) => drawTicks(to, lately.map((moment) => moment.rejects)));
+  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), SLOTS), gone));
+  // One report in four, the newest at the right, the same scale however short the past is.
+  const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SLOTS);
+  const slots = <T,>(values: readonly T[]): readonly (T | undefined)[] => [...new Array<undefined>(SLOTS - values.length).fill(undefined), ...values];
+  draw("gaps", (to) => drawTicks(to, slots(lately.map((moment) => moment.lost))));
+  draw("rejects", (to) => drawTicks(to, slots(lately.map((moment) => moment.rejects))));
   const jitter = lately.map((moment) => moment.jitter);
-  draw("jitter", (to) => drawLevel(to, jitter, 1.25 * Math.max(0.001, ...jitter.map((value) => value ?? 0))));
+  draw("jitter", (to) => drawLevel(to, slots(jitter), 1.25 * Math.max(0.001, ...jitter.map((value) => value ?? 0))));
 }
 
 /** Keys that the page's title line and the phone's strip share. */
@@ -153,7 +159,8 @@ export function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const id = view.value.device ?? "";
       const { minute } = deps;
       const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
-      const figures = figuresOf(deps.store.health.value.get(id), recent, ageOf(deps, id), deps.store.dropped());
+      const expected = selected(deps)?.status !== "ended";
+      const figures = figuresOf(deps.store.health.value.get(id), recent, ageOf(deps, id), deps.store.dropped(), expected);
       for (const { key, value, unit, box } of items) {
         const figure = figures[key];
         value.set(key === "age" ? `${figure.value} ${figure.unit.replace(" ago", "")}` : figure.value);

@@ -24,13 +24,14 @@ export function drawBars(to: Surface, bars: readonly (Bar | undefined)[], gone: 
 }
 
 /** Ticks where a counter went up. */
-export function drawTicks(to: Surface, values: readonly number[]): void {
+export function drawTicks(to: Surface, values: readonly (number | undefined)[]): void {
   if (!to.begin() || values.length < 2) return;
   const x = to.context;
   const step = to.width() / (values.length - 1);
   const base = to.height() - 2;
   for (let i = 1; i < values.length; i++) {
-    const up = (values[i] ?? 0) > (values[i - 1] ?? 0);
+    const [before, after] = [values[i - 1], values[i]];
+    const up = before !== undefined && after !== undefined && after > before;
     x.fillStyle = css(up ? "--loss" : "--line-strong");
     const left = (i - 1) * step;
     x.fillRect(left, up ? 1 : base - 1, Math.max(1, up ? Math.max(2, step - 0.75) : step - 0.75), up ? base : 1.5);

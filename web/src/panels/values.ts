@@ -111,7 +111,8 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel)
   name.setAttribute("colspan", "2");
   const cell = el("td", { class: words ? "num words" : "num", colspan: "2" }, now.node);
   const shownUnit = row.info?.unit ?? (row.column < 0 ? "rows" : "");
-  if (shownUnit) cell.append(unit(shownUnit));
+  // A unit that is itself a number (a tick of 0.1 ms) is a factor.
+  if (shownUnit) cell.append(unit(/^\d/.test(shownUnit) ? `× ${shownUnit}` : shownUnit));
   body.append(el("tr", {}, name, cell));
   return { row, channel, now, mean: undefined, sd: undefined };
 }
