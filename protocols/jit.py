@@ -7,8 +7,8 @@ folder; where none of them can be written the function is compiled for this run 
 
 Rules for the functions themselves:
 
-    - Bytes are read as `int(data[i])`: with `NUMBA_DISABLE_JIT=1` the same source runs as plain Python on numpy scalars,
-      whose 8-bit sums would overflow.
+    - Bytes are read as `int(data[i])`: with `NUMBA_DISABLE_JIT=1` the same source runs as plain Python on numpy
+      scalars, whose 8-bit sums would overflow.
     - Where a loop is to run at the speed of memory its indices are `unsigned`. A signed index may be negative and then
       counts from the end; the test for that keeps the loop from being vectorised (a sum of bytes: 14 times slower).
     - Numba notices a change of the file it compiled, not of a file whose functions that one calls: after editing a

@@ -49,7 +49,7 @@ from protocols.xbus.frames import (
     walk,
 )
 from protocols.xbus.items import RAW_BLOB, is_known, item
-from protocols.xbus.messages import MTDATA2_ROW, form
+from protocols.xbus.messages import MTDATA2_ROW, form_of
 from protocols.xbus.stream import Cut, Stream
 
 TICK_NS = 100_000
@@ -150,8 +150,9 @@ class XbusDecoder(Decoder):
         replies = []
         for i in which.tolist():
             offset, size, body, length, mid = cut.table[:5, i].tolist()
-            message, _ = form(mid, length)
-            values = unpack(message.fields, cut.data[body : body + length])
+            payload = cut.data[body : body + length]
+            message, _ = form_of(mid, payload)
+            values = unpack(message.fields, payload)
             replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
         return replies
 

@@ -1,6 +1,7 @@
 """A capture, line by line: every frame, text and reject in the order of the stream, as plain values.
 
-Each line has `offset` and `size`; then either `reject`, or `protocol`, `id`, `message`, `fields` and what plain.py adds.
+Each line has `offset` and `size`; then either `reject`, or `protocol`, `id`, `message`, `fields` and what plain.py
+adds.
 An MTData2 frame whose last item does not fit is listed with the items before it, and the bad item as a reject too.
 """
 

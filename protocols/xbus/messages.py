@@ -1,7 +1,7 @@
 """Every Xbus message, both directions, as a table.
 
-A message number (MID) may have several forms, told apart by the payload's size alone: a request is empty and the set of
-the same number is not; an identifier has 4 or 8 bytes. `form(mid, size)` picks the row. Rules:
+A message number (MID) may have several forms, told apart by the payload's size: a request is empty and the set of the
+same number is not; an identifier has 4 or 8 bytes. `form(mid, size)` picks the row. Rules:
 
     - an exact size wins over an open-ended row, and among equals the row that stands first
     - no row fits: the row of the longest fixed form that the payload is longer than, the rest being trailing bytes;
@@ -9,6 +9,9 @@ the same number is not; an identifier has 4 or 8 bytes. `form(mid, size)` picks 
     - a number without a row is called "0x7A" and keeps its payload as `data`
 
 The answer to Req… and the answer to Set… often share number and form (0xC1); the name is then that of the first row.
+The two forms of Configuration have one size; `form_of` looks at the identifier, which comes twice: 8 equal bytes at 0
+and 98 on the 600-series, 4 on the others, where a sampling period and a length follow them.
+
 A dialogue waits for `answers(mid)`, the number asked plus one.
 
 Even numbers go to the device and odd ones to the host, with four exceptions that the table shows.
@@ -464,3 +467,14 @@ def form(mid: int, size: int) -> tuple[Message, int]:
     direction: Literal["to_host", "to_device"] = "to_host" if mid & 1 else "to_device"
     unknown = Message(mid, name, data, kind="reply", direction=direction, doc=doc)
     return (replace(rows[0], fields=data) if rows else unknown), size
+
+
+_CONFIGURATION_ID = 0x0D
+_FORM_600 = BY_NAME["Configuration"][1]
+
+
+def form_of(mid: int, payload: bytes) -> tuple[Message, int]:
+    """`form` of this very payload."""
+    if mid == _CONFIGURATION_ID and len(payload) == 118 and payload[:8] == payload[98:106]:
+        return _FORM_600, 118
+    return form(mid, len(payload))

@@ -35,7 +35,7 @@ from protocols.schema import Bits, Field
 from protocols.xbus.frames import EXTENDED, MASTER, MAX_ACCEPTED, MAX_STANDARD, MTDATA2, build, items
 from protocols.xbus.items import BY_NAME as ITEMS_BY_NAME
 from protocols.xbus.items import RAW_BLOB, item
-from protocols.xbus.messages import BY_NAME, form
+from protocols.xbus.messages import BY_NAME, form, form_of
 
 Plain = dict[str, Any]
 
@@ -59,7 +59,7 @@ def plain(frame: bytes) -> Plain:
         described: Sequence[Field]
         described, fields = _data(payload, wire)
     else:
-        message, covered = form(mid, len(payload))
+        message, covered = form_of(mid, payload)
         name, described = message.name, message.fields
         fields = unpack(described, payload, exact=True)
         if covered < len(payload):

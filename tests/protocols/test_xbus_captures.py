@@ -1,0 +1,83 @@
+"""Does every frame of the device captures decode to what the vendor's reader returned, line by line?"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.items import ITEMS
+from tests.protocols.xbus_vectors import GOLDEN, flat
+
+NAMES = {row.id: row.name for row in ITEMS}
+CAPTURES = ("mti_100hz_49s", "mti_float32", "mti_float32_satinfo_ecef")
+
+
+def decode(data: bytes, chunk: int = 1000) -> list[Event]:
+    decoder = XbusDecoder()
+    events: list[Event] = []
+    for at in range(0, len(data), chunk):
+        decoder.feed(data[at : at + chunk], at)
+        events += decoder.drain()
+    return events + decoder.drain(stalled=True)
+
+
+@pytest.fixture(scope="module", params=CAPTURES)
+def capture(request: pytest.FixtureRequest, captures: Path) -> tuple[list[Event], list[dict[str, Any]]]:
+    data = captures / "xbus" / f"{request.param}.bin"
+    if not data.is_file():
+        pytest.skip(f"no capture {data.name}")
+    expected = data.with_suffix(".expected.jsonl").read_text().splitlines()
+    return decode(data.read_bytes()), [json.loads(line) for line in expected]
+
+
+def test_line_by_line(capture: tuple[list[Event], list[dict[str, Any]]]) -> None:
+    events, lines = capture
+    rows = {int(o): (batch, i) for batch in events if isinstance(batch, Batch) for i, o in enumerate(batch.offset)}
+    assert sorted(rows) == [line["offset"] for line in lines]
+    for line in lines:
+        batch, row = rows[line["offset"]]
+        assert [f"{field.id & 0xFFF0:04X}" for field in batch.message.fields] == line["ids"]
+        for key, expected in line.items():
+            if len(key) != 4 or key in ("mid", "ids"):
+                continue
+            compare(batch.columns[NAMES[int(key, 16)]][row], expected)
+
+
+def compare(got: Any, expected: Any) -> None:
+    if isinstance(expected, dict):
+        scales = {"lon": 1e-7, "lat": 1e-7, "headMot": 1e-5, "edop": 0.01}
+        for name, value in expected.items():
+            assert got[name] == value * scales.get(name, 1), name
+        return
+    wanted = flat(expected)
+    for one, other in zip(flat(got.tolist()), wanted, strict=True):
+        assert one == other or math.isclose(one, other, rel_tol=2**-23)
+
+
+def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> None:
+    """Device time is SampleTimeFine, in ns, also of the GNSS messages that carry an older one; nothing is lost."""
+    events, lines = capture
+    for batch in events:
+        if isinstance(batch, Batch):
+            assert batch.time_ns is not None
+            assert np.array_equal(batch.time_ns, batch.columns["SampleTimeFine"].astype(np.int64) * 100_000)
+    counters = [line["1020"] for line in lines]
+    lost = sum((b - a - 1) % 65536 for a, b in zip(counters, counters[1:], strict=False))
+    assert sum(event.missing for event in events if isinstance(event, Gap)) == lost
+    assert not [event for event in events if isinstance(event, (Reject, Step))]
+
+
+def test_file_of_the_vendors_program() -> None:
+    """An .mtb file: Configuration, the device's stored calibration, data."""
+    events = decode((GOLDEN / "sample.mtb").read_bytes())
+    names = [event.message.name for event in events if isinstance(event, (Reply, Batch))]
+    assert names[:2] == ["Configuration", "EmtsData"]
+    assert "MTData2" in names
+    assert not [event for event in events if isinstance(event, Reject)]
