@@ -14,6 +14,7 @@ import { startTheme } from "./ui/theme";
 import "./ui/tokens.css";
 import "./ui/base.css";
 import "./ui/layout.css";
+import "./ui/overlays.css";
 import "./ui/panels.css";
 import "./ui/phone.css";
 

@@ -48,6 +48,11 @@ export function startApp(deps: Deps): App {
     const chosen = device.value;
     if (!chosen && first) view.value = { ...view.peek(), device: first.id };
   });
+  effect(() => {
+    const name = device.value?.name;
+    const word = state.value === "lost" ? "Lost" : "Live";
+    document.title = [word, name, "imuscope"].filter(Boolean).join(" · ");
+  });
   setInterval(() => {
     tick.value += 1;
   }, 500);

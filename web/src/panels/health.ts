@@ -102,13 +102,17 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
   };
 }
 
+/** A message that came as often as this streams; answers and greetings come once or twice. */
+const STREAMS = 5;
+
 /** One line per message that streams, below the samples; none while there is only one. */
 function mountMessages(list: HTMLElement): { update(health: DeviceHealth | undefined): void } {
   let lines: { readonly name: string; readonly row: HTMLElement; readonly cell: Cell }[] = [];
   const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
   return {
     update(health) {
-      const several = (health?.messages.length ?? 0) > 1 ? (health?.messages ?? []) : [];
+      const streaming = health?.messages.filter((one) => one.count >= STREAMS) ?? [];
+      const several = streaming.length > 1 ? streaming : [];
       if (several.length !== lines.length || several.some((one, i) => one.name !== lines[i]?.name)) {
         for (const line of lines) line.row.remove();
         lines = several.map((one) => {
