@@ -104,7 +104,11 @@ class Mapping:
         """Take rows with their delays over the line as it is; move the line, then the plan."""
         settled = self.newest
         first = self._rows == 0
-        self._remember(x, delay)
+        fresh = x >= settled  # an older row (a GNSS solution, seconds late by its own time) says nothing about the link
+        if first or fresh.all():
+            self._remember(x, delay)
+        elif fresh.any():
+            self._remember(x[fresh], delay[fresh])
         at = int(delay.argmin())
         low_x, low = float(x[at]), float(delay[at])
         newest = float(x[-1])

@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             case "ports":
                 _ports(options)
             case "inspect":
-                return _inspect(options)
+                _inspect(options)
     except (UsageError, ConfigError) as error:
         print(f"imuscope: {error}", file=sys.stderr)
         return 1
@@ -153,7 +153,11 @@ def _compile(data: Path) -> None:
         print(
             "imuscope: compiling the decoders; this is done once and takes some seconds.", file=sys.stderr, flush=True
         )
-    import protocols.registry  # noqa: F401
+    from protocols import jit, registry
+
+    registry.warm()
+    if jit.uncached and not words:
+        print("imuscope: compiled code could not be kept; it is compiled again next time.", file=sys.stderr, flush=True)
 
 
 def _ports(options: argparse.Namespace) -> None:
@@ -163,26 +167,19 @@ def _ports(options: argparse.Namespace) -> None:
     print_ports(sys.stdout)
 
 
-def _inspect(options: argparse.Namespace) -> int:
+def _inspect(options: argparse.Namespace) -> None:
     path = Path(options.file)
     if not path.is_file():
         raise UsageError(f"there is no file {options.file}.")
-    prepare_cache(load(data=options.data).data)
+    _compile(load(data=options.data).data)
     from server.inspect import inspect_file
 
+    how = {name: getattr(options, name) for name in ("protocol", "direction", "format", "rejects")}
     try:
-        return int(
-            inspect_file(
-                path,
-                sys.stdout,
-                protocol=options.protocol,
-                direction=options.direction,
-                format=options.format,
-                rejects=options.rejects,
-            )
-            or 0
-        )
+        inspect_file(path, sys.stdout, **how)
     except (ValueError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise
         raise UsageError(str(error)) from None
 
 
