@@ -37,10 +37,16 @@ class Faults:
 
 
 class Cable:
-    """One direction of a cable. `overflowed` counts the bytes that the line had no time for."""
+    """One direction of a cable.
+
+    Attributes:
+        baud: rate at which the sender speaks now.
+        overflowed: bytes that the line had no time for.
+    """
 
     def __init__(self, faults: Faults, seed: int = 0) -> None:
         self.faults = faults
+        self.baud = faults.baud
         self.overflowed = 0
         self._chance = random.Random(seed)
         self._under_way: deque[tuple[int, bytes]] = deque()  # when it arrives, what
@@ -64,8 +70,8 @@ class Cable:
         if start_ns - now_ns > FULL_NS:
             self.overflowed += len(frame)
             return
-        if self.faults.baud:
-            start_ns += math.ceil(len(frame) * 10e9 / self.faults.baud)
+        if self.baud:
+            start_ns += math.ceil(len(frame) * 10e9 / self.baud)
         self._free_ns = start_ns
         if self.faults.burst_ms:
             period_ns = round(self.faults.burst_ms * 1e6)
@@ -83,8 +89,8 @@ class Cable:
         while self._under_way and self._under_way[0][0] <= now_ns:
             out += self._under_way.popleft()[1]
         data = bytes(out)
-        if self.faults.baud and receiver_baud and receiver_baud != self.faults.baud:
-            data = as_heard(data, self.faults.baud, receiver_baud)
+        if self.baud and receiver_baud and receiver_baud != self.baud:
+            data = as_heard(data, self.baud, receiver_baud)
         return data
 
 

@@ -6,15 +6,17 @@
 
 So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
 
-    twin:xbus                       an MTi-630 at 100 Hz, 115 200 Bd
-    ?product=MTi-7                  another product
+    twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd
+    ?product=MTi-680G               another product
     ?rate=400                       samples/s
-    ?baud=921600                    rate of the line; bytes take their time, and a port at another rate hears noise
+    ?baud=921600                    rate of the line (else the slowest that carries the samples); bytes take their time
+                                    on it, and a port at another rate hears noise
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
     ?burst_ms=16                    a USB adapter with its latency timer at 16 ms
     ?drift_ppm=50                   the device clock runs fast by so much
-    ?jump_s=20                      every 20 s the device restarts and its clock begins anew
-    ?unplug_s=30 ?away_s=5          after 30 s it is unplugged, and back 5 s later
+    ?jump_s=20                      after 20 s the device clock jumps ahead by 10 s
+    ?reset_s=30                     every 30 s the device resets, and its clock begins anew
+    ?unplug_s=30 ?away_s=5          after 30 s it is unplugged, and back, freshly powered, 5 s later
     ?seed=1                         another noise, another sequence of faults
 """
 
@@ -39,17 +41,20 @@ from server.links.serial import Line, SerialLink
 from server.links.sources import Source
 
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
+JUMP_S = 10.0
+LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
+SAMPLE_BYTES = 88  # of one MTData2 frame in the twins' default output configuration
 PROTOCOLS = ("xbus",)
 OPTIONS = (
     *("product", "rate", "baud", "drop", "corrupt", "burst_ms"),
-    *("drift_ppm", "jump_s", "unplug_s", "away_s", "seed"),
+    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
 )
-
-_away_until: dict[str, float] = {}  # source → monotonic time at which an unplugged twin is back
 
 
 class Device(Protocol):
     """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own."""
+
+    baud: int  # the rate it speaks at; a new one acts after Reset
 
     def advance(self, now_ns: int) -> bytes:
         """Everything the device sends up to that device time."""
@@ -68,6 +73,7 @@ class TwinOptions:
     faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
     drift_ppm: float = 0.0
     jump_s: float = 0.0
+    reset_s: float = 0.0
     unplug_s: float = 0.0
     away_s: float = 5.0
     seed: int = 0
@@ -83,36 +89,52 @@ class TwinOptions:
         if source.place not in PROTOCOLS:
             allowed = ", ".join(PROTOCOLS)
             raise LinkError("bad-source", f"There is no twin of {source.place!r}.", f"Twins exist of: {allowed}.")
+        from protocols.xbus.settings import PRODUCTS  # when first used: its tables load what is compiled
+
+        rate = source.number("rate", 100, 1, 2000, "Hz")
         return cls(
             protocol=source.place,
-            product=source.options.get("product", "MTi-630"),
-            rate=source.number("rate", 100, 1, 2000, "Hz"),
+            product=source.choice("product", "MTi-630", tuple(PRODUCTS)),
+            rate=rate,
             faults=Faults(
                 drop=source.number("drop", 0, 0, 1),
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
-                baud=source.whole("baud", 115_200, 4800, 4_000_000, "Bd"),
+                baud=source.whole("baud", _fitting(rate), 4800, 4_000_000, "Bd"),
             ),
             drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
             jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
+            reset_s=source.number("reset_s", 0, 0, 86_400, "s"),
             unplug_s=source.number("unplug_s", 0, 0, 86_400, "s"),
             away_s=source.number("away_s", 5, 0, 3600, "s"),
             seed=source.whole("seed", 0, 0, 2**31),
         )
 
 
+def _fitting(rate: float) -> int:
+    """The slowest usual rate that carries so many samples/s with a fifth to spare."""
+    return next(baud for baud in LINE_RATES if 0.8 * baud / 10 >= SAMPLE_BYTES * rate)
+
+
 def make_device(options: TwinOptions, start_ns: int) -> Device:
-    """A freshly switched-on device."""
+    """A freshly powered device."""
     from protocols.xbus.device import XbusDevice
 
-    return XbusDevice(product=options.product, rate=options.rate, seed=options.seed, start_ns=start_ns)
+    return XbusDevice(
+        product=options.product,
+        rate=options.rate,
+        seed=options.seed,
+        start_ns=start_ns,
+        clock_drift_ppm=options.drift_ppm,
+        clock_jump=(options.jump_s, JUMP_S) if options.jump_s else None,
+    )
 
 
 class Bench(threading.Thread):
     """The left side of the drawing: a device, both directions of its cable, and the master of a pseudo-terminal.
 
     Args:
-        make: a freshly switched-on device whose clock stands at the given ns.
+        make: a freshly powered device; it is given the time, on `now_ns`, at which power comes.
         now_ns: a clock that does not step.
     Attributes:
         slave: path of the port at which the device is found.
@@ -137,23 +159,24 @@ class Bench(threading.Thread):
 
     def run(self) -> None:
         options = self._options
-        born_ns = self._now_ns()
-        unplug_ns = born_ns + round(options.unplug_s * 1e9) if options.unplug_s else None
-        restart_ns, device = born_ns, self._make(0)
+        born_ns = powered_ns = self._now_ns()
+        device = self._make(powered_ns)
+        baud = device.baud
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         poll.register(self._stop_read, select.POLLIN)
         while not self._stopped:
             now_ns = self._now_ns()
-            if unplug_ns is not None and now_ns >= unplug_ns:
+            if options.unplug_s and now_ns - born_ns >= options.unplug_s * 1e9:
                 break
-            if options.jump_s and now_ns - restart_ns >= options.jump_s * 1e9:
-                restart_ns, device = now_ns, self._make(0)
-            clock_ns = round((now_ns - restart_ns) * (1 + options.drift_ppm / 1e6))
-            self._to_host.send(device.advance(clock_ns), now_ns)
+            if options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9:
+                powered_ns, device = now_ns, self._make(now_ns)
+            self._to_host.send(device.advance(now_ns), now_ns)
             heard = self._to_device.arrived(now_ns, self._host_baud())
             if heard:
-                self._to_host.send(device.receive(heard, clock_ns), now_ns)
+                self._to_host.send(device.receive(heard, now_ns), now_ns)
+            if device.baud != baud:  # a command changed it; until then the line is as the source says
+                baud = self._to_host.baud = self._to_device.baud = device.baud
             self._put(self._to_host.arrived(now_ns, self._host_baud()))
             self._take(poll, now_ns)
         self._unplug()
@@ -235,15 +258,15 @@ class TwinLink(Link):
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._bench: Bench | None = None
         self._serial: SerialLink | None = None
-        self._opened_s = 0.0
+        self._away_until_s = 0.0
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
-        if time.monotonic() < _away_until.get(self.source, 0.0):
+        if time.monotonic() < self._away_until_s:
             raise LinkError("not-found", f"{self.source} is unplugged.", "It comes back by itself in a few seconds.")
-        # Making the device may compile and load; not on the loop, and before the port exists.
-        device = await asyncio.to_thread(self._make, 0)
-        self._bench = Bench(_once(device, self._make), self.options)
+        # The first device loads what is compiled: not on the loop, and before the port exists.
+        await asyncio.to_thread(self._make, 0)
+        self._bench = Bench(self._make, self.options)
         self._bench.start()
         self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
         try:
@@ -261,7 +284,7 @@ class TwinLink(Link):
             return await self._serial.read()
         except LinkError as error:
             if error.kind == "gone" and self.options.unplug_s:
-                _away_until[self.source] = time.monotonic() + self.options.away_s
+                self._away_until_s = time.monotonic() + self.options.away_s
             raise
 
     async def write(self, data: bytes) -> None:
@@ -276,9 +299,3 @@ class TwinLink(Link):
         if self._bench is not None:
             self._bench.stop()
             self._bench = None
-
-
-def _once(first: Device, make: Callable[[int], Device]) -> Callable[[int], Device]:
-    """`make`, with the first device already made."""
-    ready = [first]
-    return lambda start_ns: ready.pop() if ready else make(start_ns)

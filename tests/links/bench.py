@@ -46,6 +46,7 @@ class Metronome:
         self.start_ns = start_ns
         self.extra = extra
         self.received = b""
+        self.baud = 115_200
 
     def advance(self, now_ns: int) -> bytes:
         out = b""
@@ -56,6 +57,8 @@ class Metronome:
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
         self.received += data
+        if data.startswith(xbus(0x18)[:3]) and len(data) == 6:  # SetBaudrate, which acts at once here
+            self.baud = {0x00: 460_800, 0x02: 115_200}[data[4]]
         return xbus(0x3F, data)
 
 

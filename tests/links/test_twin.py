@@ -6,11 +6,15 @@ import asyncio
 import itertools
 from typing import Any
 
+import pytest
+
+from protocols.events import Gap, Reject, batches
+from protocols.registry import PROTOCOLS
 from server.links import open_link
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink
 from server.links.twin import TwinLink
-from tests.links.bench import Metronome, fails, frame, gather, joined, left_behind, settings
+from tests.links.bench import Metronome, fails, frame, gather, joined, left_behind, settings, xbus
 
 
 def run(coroutine: Any) -> Any:
@@ -79,9 +83,51 @@ def test_bursts_arrive_as_bursts() -> None:
     run(check())
 
 
-def test_a_twin_whose_clock_restarts() -> None:
+def test_a_twin_that_is_told_another_rate_is_noise_until_the_port_follows() -> None:
     async def check() -> None:
-        link = twin("jump_s=0.2")
+        link = twin()
+        await link.open()
+        await gather(link, 100)
+        await link.write(xbus(0x18, b"\x00"))
+        await gather(link, until=lambda data: len(data) > 400 and not hear(data[-300:]).recognised)
+        await link.close()
+
+    run(check())
+
+
+def test_the_line_is_fast_enough_for_the_samples() -> None:
+    chosen = {rate: twin(f"rate={rate}").options.faults.baud for rate in (1, 100, 200, 400, 800, 2000)}
+    assert chosen == {1: 115_200, 100: 115_200, 200: 230_400, 400: 460_800, 800: 921_600, 2000: 4_000_000}
+
+
+@pytest.mark.parametrize(
+    "query", ["", "rate=400&product=MTi-680G", "drop=0.05&corrupt=0.05&burst_ms=16&drift_ppm=50&jump_s=1"]
+)
+def test_the_real_twin_streams(query: str) -> None:
+    async def check() -> None:
+        before = left_behind()
+        link = open_link(f"twin:xbus?{query}", settings())
+        await link.open()
+        chunks = await gather(link, 8000)
+        await link.close()
+        assert left_behind() == before
+        assert hear(joined(chunks)).recognised
+        if not query:
+            assert joined(chunks).startswith(xbus(0x3E))  # WakeUp
+            decoder = PROTOCOLS["xbus"].decoder()
+            for chunk in chunks:
+                decoder.feed(chunk.data, chunk.arrival_ns)
+            events = decoder.drain()
+            assert not [event for event in events if isinstance(event, Reject | Gap)]
+            (batch,) = list(batches(events))[-1:]
+            assert "SampleTimeFine" in batch.columns
+
+    run(check())
+
+
+def test_a_twin_that_resets() -> None:
+    async def check() -> None:
+        link = twin("reset_s=0.2")
         await link.open()
         data = joined(await gather(link, until=lambda data: data.count(frame(0, 0)) >= 2))
         await link.close()
