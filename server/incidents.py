@@ -168,6 +168,7 @@ def _signed(seconds: float) -> str:
 
 def _values(values: Mapping[str, Any]) -> str:
     """The first values of a reply, short enough for a line."""
-    parts = [f"{name} {value}" for name, value in plain(values).items() if not isinstance(value, list | dict)]
+    shown = {name: value for name, value in values.items() if not name.startswith("reserved")}
+    parts = [f"{name} {value}" for name, value in plain(shown).items() if not isinstance(value, list | dict)]
     text = ", ".join(parts)[:160]
     return f": {text}" if text else ""

@@ -49,6 +49,8 @@ class Identity:
         product = values.get("product_code")
         if isinstance(product, str) and product.strip():
             self.product = product.strip().strip("\x00")
+        elif not self.product and "600-series" in reply.message.title:
+            self.product = "MTi-600 series"  # only they have this form of Configuration
         number = values.get("device_id64") or values.get("device_id") or values.get("master_device_id")
         if isinstance(number, int | np.integer) and int(number) > 0:
             self.serial_number = f"{int(number):08X}"

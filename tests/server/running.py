@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from types import TracebackType
 from typing import Any
 
@@ -29,11 +31,22 @@ class Running:
         self.ws = f"ws://127.0.0.1:{port}/ws"
         ready = threading.Event()
         self._server = serving.server(self._app, ready.set)
-        serve = self._server.serve(sockets=[self._listener])
-        self._thread = threading.Thread(target=asyncio.run, args=(serve,))
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
         self._thread.start()
         assert ready.wait(10)
         self.client = Client(base_url=self.url, timeout=10)
+
+    async def _serve(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        await self._server.serve(sockets=[self._listener])
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Run a function in the server's thread and wait for it."""
+        done: Future[Any] = Future()
+        assert self.loop is not None
+        self.loop.call_soon_threadsafe(lambda: done.set_result(function(*arguments)))
+        return done.result(10)
 
     def __enter__(self) -> Running:
         return self

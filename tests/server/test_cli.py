@@ -1,4 +1,4 @@
-"""The command line: quick answers, one clear line when something is wrong, compiled code kept where that is possible."""
+"""The command line: quick answers, one clear line when something is wrong, compiled code kept where it can be."""
 
 from __future__ import annotations
 

@@ -1,0 +1,236 @@
+"""Samples on a real WebSocket: the twin in a process of its own, slow browsers, stuck browsers."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from server import wire
+from server.api import live
+from server.channels import Piece
+from server.config import Config
+from server.hub import Hub
+from tests.process import ServerProcess
+from tests.server.fakes import FakeLink
+from tests.server.running import Running
+
+PROTOCOLS = [Subprotocol(wire.SUBPROTOCOL)]
+
+
+class Reader:
+    """Reads a WebSocket as a page does, and keeps the books: per channel what came, what was dropped."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection = connection
+        self.channels: dict[int, dict[str, Any]] = {}
+        self.texts: list[dict[str, Any]] = []
+        self.live: dict[int, list[wire.Samples]] = defaultdict(list)
+        self.history: dict[int, list[wire.Samples]] = defaultdict(list)
+
+    def subscribe(self, history: float = 600) -> None:
+        self.connection.send(wire.encode_text(wire.Subscribe(history)))
+
+    def read(self, seconds: float, until: Any = lambda reader: False) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not until(self):
+            try:
+                self._take(self.connection.recv(timeout=0.1))
+            except TimeoutError:
+                continue
+
+    def _take(self, message: str | bytes) -> None:
+        if isinstance(message, str):
+            text = json.loads(message)
+            self.texts.append(text)
+            for channel in text.get("channels", []):
+                self.channels[channel["id"]] = channel
+            return
+        dtypes = {number: [column["dtype"] for column in one["columns"]] for number, one in self.channels.items()}
+        for samples in wire.decode_samples(message, dtypes):
+            (self.history if samples.history else self.live)[samples.channel].append(samples)
+
+    def said(self, op: str) -> list[dict[str, Any]]:
+        return [text for text in self.texts if text["op"] == op]
+
+    def named(self, name: str) -> int:
+        return next(number for number, one in self.channels.items() if one["name"] == name)
+
+
+def assert_whole(reader: Reader, channel: int) -> int:
+    """History and live join without gap or duplicate; live accounts for every sample. Returns how many were dropped."""
+    first = reader.live[channel][0].sequence - reader.live[channel][0].dropped
+    at = first
+    for samples in reader.history[channel]:
+        assert samples.sequence + samples.n == at
+        at = samples.sequence
+    at, dropped = first, 0
+    for samples in reader.live[channel]:
+        assert samples.sequence == at + samples.dropped
+        at = samples.sequence + samples.n
+        dropped += samples.dropped
+    return dropped
+
+
+def test_a_twin_streams_into_a_browser(server: ServerProcess) -> None:
+    url = server.url.rstrip("/").replace("http", "ws", 1) + "/ws"
+    with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:
+        reader = Reader(connection)
+        reader.subscribe()
+        reader.read(20, lambda r: any(len(frames) > 80 for frames in r.live.values()))
+        (device,) = reader.said("devices")[-1]["devices"]
+        assert (device["status"], device["protocol"], device["link"]) == ("live", "xbus", "twin")
+        acceleration = reader.channels[reader.named("Acceleration")]
+        assert (acceleration["kind"], acceleration["unit"]) == ("vector", "m/s²")
+        assert [column["axis"] for column in acceleration["columns"]] == ["x", "y", "z"]
+        for number in reader.live:
+            assert assert_whole(reader, number) == 0
+        frames = reader.live[reader.named("Acceleration")]
+        arrival, host, x, y, z = (np.concatenate(column) for column in zip(*(f.columns for f in frames), strict=True))
+        assert len(arrival) > 50
+        assert (np.diff(arrival) >= 0).all()
+        assert (np.diff(host) > 0).all()
+        assert np.abs(arrival - host).max() < 0.05
+        assert abs(np.median(np.sqrt(x**2 + y**2 + z**2)) - 9.8) < 3
+        hello = reader.said("hello")[0]
+        assert abs(hello["server_time"] - time.time()) < 60
+        assert 0 <= frames[-1].now - arrival[-1] < 0.1  # sent at once
+    with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:  # a reload
+        late = Reader(connection)
+        late.subscribe()
+        late.read(10, lambda r: r.said("backfilled") and all(r.live[n] for n in (late.named("Acceleration"),)))
+        for number in [number for number in late.live if late.live[number]]:
+            assert_whole(late, number)
+        number = late.named("Acceleration")
+        assert sum(frame.n for frame in late.history[number]) >= len(arrival)
+
+
+def open_link(source: str, settings: Any) -> FakeLink:
+    return FakeLink(source, settings)
+
+
+COLUMNS = 10
+
+
+class Source:
+    """A channel of ten values, fed from the test."""
+
+    def __init__(self, running: Running) -> None:
+        self.running = running
+        self.hub: Hub = running.state.hub
+        columns = [wire.ColumnInfo(f"c{k}", "f8") for k in range(COLUMNS)]
+        info = wire.ChannelInfo(0, "1", "M", "Fast", "Fast", "vector", "", "", columns)
+        self.channel = running.call(self.hub.advertise, info)
+        self.sent = 0
+
+    def send(self, n: int) -> None:
+        numbers = np.arange(self.sent, self.sent + n, dtype="f8")
+        self.sent += n
+        self.running.call(self._publish, numbers)
+
+    def _publish(self, numbers: Any) -> None:
+        self.hub.publish([Piece(self.channel, [np.full(len(numbers), self.hub.now()), *[numbers] * (1 + COLUMNS)])])
+        self.hub.event("1", "text", "info", f"{self.sent}")
+        self.hub.flush()
+
+
+def small_socket(running: Running) -> socket.socket:
+    """A connection whose receive buffer is small, so that it fills at once."""
+    host, port = running.url.removeprefix("http://").split(":")
+    plain = socket.socket()
+    plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
+    plain.connect((host, int(port)))
+    return plain
+
+
+def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        source = Source(running)
+        slow = connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1)
+        quick = connect(running.ws, subprotocols=PROTOCOLS, max_size=None)
+        with slow, quick:
+            readers = [Reader(slow), Reader(quick)]
+            for reader in readers:
+                reader.subscribe(0)
+                reader.read(5, lambda r: r.said("backfilled"))
+            started = time.monotonic()
+            for _ in range(60):
+                source.send(1000)  # 96 kB each
+                readers[1].read(0.0)
+                readers[1].read(1, lambda r: sum(f.n for f in r.live[source.channel]) == source.sent)
+            assert time.monotonic() - started < 5
+            source.send(1)
+            for reader in readers:
+                reader.read(10, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
+            dropped = [assert_whole(reader, source.channel) for reader in readers]
+            assert dropped[1] == 0
+            assert dropped[0] > 10_000
+            for reader in readers:  # events all came, to both
+                told = [event["text"] for text in reader.said("events") for event in text["events"]]
+                assert [text for text in told if text.isdigit()] == [str(1000 * k) for k in range(1, 61)] + ["60001"]
+            readers[0].read(3, lambda r: _dropped(r) == dropped[0])
+            assert _dropped(readers[0]) == dropped[0]  # and health says the same
+
+
+def _end(reader: Reader, channel: int) -> int:
+    return reader.live[channel][-1].sequence + reader.live[channel][-1].n
+
+
+def _dropped(reader: Reader) -> int:
+    return sum(device["dropped"] for text in reader.said("health")[-1:] for device in text["devices"])
+
+
+def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "STUCK_S", 0.5)
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        source = Source(running)
+        with (
+            connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1) as dead,
+            connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as alive,
+        ):
+            reader = Reader(alive)
+            reader.subscribe(0)
+            Reader(dead).subscribe(0)
+            reader.read(5, lambda r: r.said("backfilled"))
+            end = time.monotonic() + 10
+            while len(source.hub.outboxes) > 1 and time.monotonic() < end:
+                source.send(2000)
+                reader.read(0.05)
+            assert len(source.hub.outboxes) == 1
+            reader.read(1, lambda r: _end(r, source.channel) == source.sent)
+            assert assert_whole(reader, source.channel) == 0
+            with pytest.raises(ConnectionClosed):
+                read_on(dead)
+
+
+def read_on(connection: ClientConnection) -> None:
+    while True:
+        connection.recv(timeout=5)
+
+
+def test_live_data_do_not_wait_for_history() -> None:
+    """While minutes of history are on their way, live samples arrive within a few flushes."""
+    with Running(Config(sources=("/dev/one",)), open_link) as running:
+        source = Source(running)
+        for _ in range(40):
+            source.send(5000)  # 19 MB of history
+        with connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as connection:
+            reader = Reader(connection)
+            reader.subscribe()
+            delays = []
+            while not reader.said("backfilled") and len(delays) < 1000:
+                source.send(10)
+                sent = time.monotonic()
+                reader.read(2, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
+                delays.append(time.monotonic() - sent)
+            assert assert_whole(reader, source.channel) == 0
+            assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
+            assert np.median(delays) < 0.1
