@@ -6,7 +6,7 @@
  *     server ──WebSocket──▶ worker ──decode──▶ postMessage(frames, [buffer]) ──▶ page: Store ──▶ Ring
  *
  * Lost connections are tried again after 0.25, 0.5, 1, 2, 4, 4 … s. After one, the page keeps what it holds and asks only for
- * the seconds it missed: sample numbers tell exactly which samples fill the hole. A server that was restarted says so by
+ * the seconds it missed: sample numbers tell exactly which samples it lacks. A server that was restarted says so by
  * another `run`; then everything is forgotten.
  */
 import { localNow, ServerClock } from "./clock";
@@ -38,6 +38,7 @@ let pings = 0;
 let heard = 0;
 let run: string | undefined;
 let newest = -Infinity;
+let backfilled = false;
 let stopped = true;
 const clock = new ServerClock();
 const dtypes = new Map<number, readonly Dtype[]>();
@@ -96,7 +97,8 @@ function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
     newest = -Infinity;
   }
   const most = Math.min(wanted, hello.history);
-  const missed = newest === -Infinity ? most : hello.server_time - newest + MARGIN_S;
+  const missed = newest === -Infinity || !backfilled ? most : hello.server_time - newest + MARGIN_S;
+  backfilled = false;
   post({ kind: "subscribed", fresh });
   send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null });
 }
@@ -123,6 +125,9 @@ function onText(data: string): void {
       if (estimate !== undefined) post({ kind: "clock", ...estimate });
       return;
     }
+    case "backfilled":
+      backfilled = true;
+      break;
     default:
   }
   post({ kind: "text", text });
