@@ -14,13 +14,14 @@ form or by differences far finer than any sensor: what a reader integrates comes
 ## Frames
 
 ENU: x east, y north, z up, in metres from `PLACE`. Body: x forward, y left, z up. `q_enu_from_body_wxyz` turns a vector
-in the body into ENU; roll, pitch and yaw are its ZYX angles: yaw counts from east, anticlockwise, pitch is positive with the nose down, and roll positive with the left side up. Specific force is what an accelerometer feels: acceleration
-minus gravity, (0, 0, +g) at rest. The Earth's own rotation (15°/h) is left out: it is below what these sensors resolve.
+in the body into ENU; roll, pitch and yaw are its ZYX angles: yaw counts from east, anticlockwise, pitch is positive
+with the nose down, roll with the left side up. Specific force is what an accelerometer feels: acceleration minus
+gravity, (0, 0, +g) at rest. The Earth's own rotation (15°/h) is left out: it is below what these sensors resolve.
 
 ## Sensor errors
 
 `Errors` adds what a good MEMS unit adds, in orders of magnitude from public data sheets: noise of a given density,
-white within the sampled band, and a bias that wanders slowly. All of it is a function of seed and sample number, so that
+white within the sampled band, and a bias that wanders slowly. All is a function of seed and sample number, so that
 a run can be repeated exactly, however it is cut into pieces.
 
 Rules for editing: nothing here knows a protocol or a product; ranges, rates and units of the wire belong to the twins.
@@ -219,6 +220,19 @@ def matrix(q: Array) -> Floats:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+def euler(q: Array) -> Floats:
+    """Roll, pitch and yaw (ZYX), (n, 3) rad, of unit quaternions, (n, 4); roll and yaw in (−π, π]."""
+    w, x, y, z = np.moveaxis(np.asarray(q, dtype=np.float64), -1, 0)
+    return np.stack(
+        [
+            np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+            np.arcsin(np.clip(2 * (w * y - x * z), -1.0, 1.0)),
+            np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)),
+        ],
+        axis=1,
+    )
 
 
 def to_body(q_enu_from_body: Array, v: Array) -> Floats:

@@ -43,7 +43,7 @@ def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> 
     Args:
         final: nothing follows.
         since: bytes between the last EM1000 record found before and the start of `data`. With it, a record that carries
-            on a run is believed at once; without, only by what follows it, so that the last two of a run are not reported.
+            on a run is believed at once; without, only by what follows it: the last two of a run are not reported.
     Returns:
         what was found, in order, and from where bytes must be kept because a string there may still be incomplete.
     """

@@ -1,0 +1,282 @@
+"""How does the simulated MTi answer the messages that do more than keep a number?
+
+One function per message: device, payload and device time in; the payload of the acknowledgement out, None where there
+is none. A message that cannot be obeyed raises `RefusedError` with the code that Error then carries. `ACTIONS` says in
+which state each is valid.
+
+Source: MT0101P 2020.A, 5.3.1-5.3.7.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from protocols import motion
+from protocols.xbus.settings import ERROR_MESSAGE, ERROR_PARAMETER, RefusedError
+
+if TYPE_CHECKING:
+    from protocols.xbus.device import XbusDevice
+
+MOST_ITEMS = 32  # of an output configuration
+OPTION_FLAGS, SYNC_SETTINGS, ALIGNMENT = 0x48, 0x2C, 0xEC
+SYNC_FUNCTIONS = frozenset({3, 4, 8, 9, 11, 14})  # table 11
+TRIGGER_INDICATION, INTERVAL_TRANSITION = 3, 4
+TURNING = math.radians(1)  # rad/s: more is no rest
+
+
+def _empty(payload: bytes) -> None:
+    if payload:
+        raise RefusedError(ERROR_MESSAGE)
+
+
+def _sized(payload: bytes, *sizes: int) -> None:
+    if len(payload) not in sizes:
+        raise RefusedError(ERROR_MESSAGE)
+
+
+# -- states ------------------------------------------------------------------------------------------------------------
+
+
+def wake_up_ack(device: XbusDevice, payload: bytes, now: int) -> None:
+    device.stop()
+
+
+def go_to_config(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    device.stop()
+    return b""
+
+
+def go_to_measurement(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    device.measure(now)
+    return b""
+
+
+def reset(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    device.reset(now)
+    return b""
+
+
+def restore_factory(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    device.restore()
+    return b""
+
+
+# -- what it is --------------------------------------------------------------------------------------------------------
+
+
+def device_id(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    return device.identifier()
+
+
+def product_code(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    return device.product.code.encode("ascii").ljust(20)
+
+
+def hardware_version(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    return bytes(device.product.hardware)
+
+
+def firmware(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    return struct.pack(">BBBII", *device.product.firmware)
+
+
+def selftest(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """All nine sensor axes pass; the two flags above them are the MTi-7's own."""
+    _empty(payload)
+    return struct.pack(">H", 0x7FF if device.product.name == "MTi-7" else 0x1FF)
+
+
+# -- what it is set to -------------------------------------------------------------------------------------------------
+
+
+def option_flags(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _sized(payload, 0, 8)
+    if not payload:
+        return device.settings[OPTION_FLAGS]
+    set_flags, clear_flags = struct.unpack(">II", payload)
+    flags = int.from_bytes(device.settings[OPTION_FLAGS], "big")
+    device.settings[OPTION_FLAGS] = struct.pack(">I", flags & ~clear_flags | set_flags)  # setting has precedence
+    return b""
+
+
+def configuration(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    _empty(payload)
+    return device.configuration()
+
+
+def output_configuration(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Both forms return the list as it is used; an entry 0, 0 stands for an empty list."""
+    if len(payload) % 4 or len(payload) > 4 * MOST_ITEMS:
+        raise RefusedError(ERROR_MESSAGE)
+    if payload:
+        wishes = [pair for pair in struct.iter_unpack(">HH", payload) if pair != (0, 0)]
+        device.output = tuple((identifier, device.grant(identifier, wish)) for identifier, wish in wishes)
+    return b"".join(struct.pack(">HH", *pair) for pair in device.output)
+
+
+def sync_settings(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Twelve bytes an entry: function, line, polarity, once, skip first, skip factor, pulse width, delay."""
+    if not payload:
+        return device.settings[SYNC_SETTINGS]
+    if len(payload) % 12 or len(payload) > 120:
+        raise RefusedError(ERROR_MESSAGE)
+    entries = [payload[at : at + 12] for at in range(0, len(payload), 12)]
+    entries = [entry for entry in entries if entry[2]]  # polarity 0 clears
+    if any(entry[0] not in SYNC_FUNCTIONS or entry[2] > 3 or entry[3] > 1 for entry in entries):
+        raise RefusedError(ERROR_PARAMETER)
+    device.settings[SYNC_SETTINGS] = b"".join(entries)
+    pulses = [int.from_bytes(entry[6:8], "big") + 1 for entry in entries if entry[0] == INTERVAL_TRANSITION]
+    triggered = any(entry[0] == TRIGGER_INDICATION for entry in entries)
+    # Nothing is connected to the trigger line here: once a second stands for a camera.
+    device.change(sync_out_every=pulses[0] if pulses else 0, sync_in_s=1.0 if triggered else 0.0)
+    return b""
+
+
+def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """One byte asks for a matrix, 0 sensor or 1 local; a quaternion after it sets it."""
+    _sized(payload, 1, 17)
+    which = payload[0]
+    if which > 1:
+        raise RefusedError(ERROR_PARAMETER)
+    kept = device.settings[ALIGNMENT]
+    if len(payload) == 1:
+        return kept[17 * which : 17 * which + 17]
+    if not abs(math.hypot(*struct.unpack(">4f", payload[1:])) - 1) < 1e-2:
+        raise RefusedError(ERROR_PARAMETER)
+    device.settings[ALIGNMENT] = payload + kept[17:] if which == 0 else kept[:17] + payload
+    return b""
+
+
+def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
+    _empty(payload)
+    if "orientation" not in device.product.abilities:
+        raise RefusedError(ERROR_MESSAGE)
+    rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles]
+    return b"".join(rows).ljust(5 * 22, b"\0")
+
+
+# -- what it does ------------------------------------------------------------------------------------------------------
+
+
+def reset_orientation(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Code 0 stores and is for the config state; the others are for measurement, 1 (heading) not with GNSS."""
+    _sized(payload, 2)
+    heading = () if "gnss" in device.product.abilities else (1,)
+    allowed = (0,) if device.phase == "config" else (*heading, 3, 4, 5, 6, 7)
+    if int.from_bytes(payload, "big") not in allowed:
+        raise RefusedError(ERROR_PARAMETER)
+    return b""
+
+
+def no_rotation(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """The status word then says how it goes: the drive is looked at for the first moment that is no rest."""
+    _sized(payload, 2)
+    seconds = int.from_bytes(payload, "big")
+    if not seconds:
+        raise RefusedError(ERROR_PARAMETER)
+    moments = now / 1e9 + np.arange(0, min(seconds, 3600), 0.1)
+    turning = np.linalg.norm(motion.drive(moments).rate, axis=1) > TURNING
+    end = now + seconds * 10**9
+    noticed = int(moments[int(np.argmax(turning))] * 1e9) if turning.any() else end
+    device.change(no_rotation=(now, end, noticed))
+    return b""
+
+
+def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Both forms return UTC."""
+    _sized(payload, 0, 12)
+    if payload:
+        ns, year, month, day, hour, minute, second, _ = struct.unpack(">IH6B", payload)
+        try:
+            whole = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "s")
+        except ValueError:
+            raise RefusedError(ERROR_PARAMETER) from None
+        if not 1999 <= year <= 2099 or ns >= 10**9:
+            raise RefusedError(ERROR_PARAMETER)
+        device.change(utc_ns=int(whole.astype(np.int64)) * 10**9 + ns - now, utc_valid=True)
+    state = device.run.state
+    utc = state.utc_ns + now
+    date = np.datetime64(utc // 10**9, "s").item()
+    flags = 7 if state.utc_valid or "gnss" in device.product.abilities else 0
+    return struct.pack(
+        ">IH6B", utc % 10**9, date.year, date.month, date.day, date.hour, date.minute, date.second, flags
+    )
+
+
+def adjust_utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Ticks of 0.1 ms, at most a second either way."""
+    _sized(payload, 4)
+    ticks = int.from_bytes(payload, "big", signed=True)
+    if not 1 <= abs(ticks) <= 10_000:
+        raise RefusedError(ERROR_PARAMETER)
+    device.change(utc_ns=device.run.state.utc_ns + ticks * 100_000)
+    return b""
+
+
+def icc_command(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """In-run compass calibration: 0 starts, 1 stops and gives results, 2 stores, 3 asks."""
+    _sized(payload, 1)
+    command = payload[0]
+    if command > 3:
+        raise RefusedError(ERROR_PARAMETER)
+    if (command == 2) != (device.phase == "config"):
+        raise RefusedError(ERROR_MESSAGE)
+    running = device.run.state.representative_motion
+    if command == 3:
+        return bytes([3, running])
+    if command == 1:
+        device.change(representative_motion=False)
+        return struct.pack(">BfBB", 1, 0.42 if running else 0.0, 2, 0 if running else 2)  # 2: not enough data
+    if command == 0:
+        device.change(representative_motion=True)
+    return payload
+
+
+def forward_gnss_data(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    if "rtk" not in device.product.abilities or not payload:
+        raise RefusedError(ERROR_MESSAGE)
+    return b""
+
+
+Action = Callable[["XbusDevice", bytes, int], bytes | None]
+_CONFIG, _MEASUREMENT, _BOTH = ("config",), ("measurement",), ("config", "measurement")
+
+ACTIONS: Mapping[int, tuple[tuple[str, ...], Action]] = {
+    0x3F: (("wake-up",), wake_up_ack),
+    0x30: (_BOTH, go_to_config),
+    0x10: (_CONFIG, go_to_measurement),
+    0x40: (_BOTH, reset),
+    0x0E: (_CONFIG, restore_factory),
+    0x00: (_CONFIG, device_id),
+    0x1C: (_CONFIG, product_code),
+    0x1E: (_CONFIG, hardware_version),
+    0x12: (_CONFIG, firmware),
+    0x24: (_CONFIG, selftest),
+    OPTION_FLAGS: (_CONFIG, option_flags),
+    0x0C: (_CONFIG, configuration),
+    0xC0: (_CONFIG, output_configuration),
+    SYNC_SETTINGS: (_CONFIG, sync_settings),
+    ALIGNMENT: (_CONFIG, alignment),
+    0x62: (_CONFIG, filter_profiles),
+    0xA4: (_BOTH, reset_orientation),
+    0x22: (_MEASUREMENT, no_rotation),
+    0x60: (_CONFIG, utc_time),
+    0xA8: (_CONFIG, adjust_utc_time),
+    0x74: (_BOTH, icc_command),
+    0xE2: (_MEASUREMENT, forward_gnss_data),
+}
+"""Message number → the states in which it is valid, and what answers it."""

@@ -1,0 +1,187 @@
+"""What does an MTi send while it measures? Every item of MTData2, valued by the shared drive, packed as configured.
+
+    configuration ──> streams: what is sent together, at one rate          drive(t), errors
+    (id, Hz) …          main      samples with all "every message" items        │
+                        GNSS      messages of its own, with an older time       v
+                        HR        one message each, with a timestamp       values ──> rows of bytes ──> frames
+
+A product fixes what it can send and how fast (`Source.hertz`); `granted` says what it makes of a wish: the greatest
+rate that divides the item's own. An item appears in the messages in which it is due, as in a real device: with a
+quaternion at 100 Hz beside an acceleration at 400 Hz, three messages of four carry no quaternion. PacketCounter counts
+messages, of all streams.
+
+All messages of a quarter of a second are made at once: those with the same items are rows of one array, in which an
+item is some columns, so that the cost is per item and not per message. The result depends on seed and time only, not
+on how time is cut.
+
+Source: MT0101P 2020.A, 5.3.5 SetOutputConfiguration and 5.3.6 MTData2.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols import motion
+from protocols.xbus import frames
+from protocols.xbus.quantities import ALWAYS, LOCALS, SOURCES, Run, Source, Values
+
+Array = NDArray[Any]
+
+BLOCK_NS = 250_000_000
+
+
+def source_of(identifier: int, abilities: frozenset[str]) -> Source | None:
+    """The row for a full identifier, precision and coordinate system included; None where the product lacks it."""
+    source = SOURCES.get(identifier & 0xFFF0)
+    if source is None or (source.needs and source.needs not in abilities):
+        return None
+    precision, local = identifier & 3, identifier & 0xC
+    if (precision and not source.real) or (local and not source.local) or local not in LOCALS:
+        return None
+    return source
+
+
+def granted(source: Source, wish: int, fastest: int) -> int:
+    """The rate that a device makes of `wish` Hz: the greatest that divides the item's own and is not above the wish.
+
+    Args:
+        fastest: greatest rate of the 400 Hz items in this device.
+    """
+    if source.hertz == ALWAYS:
+        return ALWAYS
+    most = fastest if source.hertz == 400 else min(source.hertz, fastest) if source.hertz == 100 else source.hertz
+    if wish in (0, ALWAYS) or wish >= most:
+        return most
+    return max(rate for rate in range(1, wish + 1) if most % rate == 0)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One uninterrupted run of the measurement state.
+
+    Args:
+        configuration: (identifier, Hz) as granted, in the order of the message.
+        begin_ns: device time of the first sample.
+        run: what the values depend on.
+    """
+
+    configuration: tuple[tuple[int, int], ...]
+    begin_ns: int
+    run: Run
+
+    @cached_property
+    def streams(self) -> tuple[_Stream, ...]:
+        """The main stream, then GNSS, then high-rate ones."""
+        always = tuple(pair for pair in self.configuration if pair[1] == ALWAYS)
+        by_kind: dict[str, list[tuple[int, int]]] = {}
+        for identifier, rate in self.configuration:
+            source = SOURCES[identifier & 0xFFF0]
+            if rate != ALWAYS:
+                kind = source.name if source.stream == "hr" else source.stream
+                by_kind.setdefault(kind, []).append((identifier, rate))
+        if not by_kind and always:
+            by_kind["main"] = []
+        found = []
+        for kind, items in sorted(by_kind.items(), key=lambda pair: (pair[0] != "main", pair[0] != "gnss", pair[0])):
+            keep = always if kind == "main" else tuple(p for p in always if p[0] in (0x1020, 0x1060))
+            ordered = tuple(p for p in self.configuration if p in items or p in keep)
+            if kind == "gnss":
+                ordered = (*items, *reversed(keep))  # as captured: the solution first, then time and counter
+            rate = math.lcm(*(rate for _, rate in items)) if items else 100
+            found.append(_Stream(self.run, kind, ordered, rate, self.begin_ns))
+        return tuple(found)
+
+    def block(self, number: int, counter: int) -> list[tuple[int, bytes]]:
+        """All messages of a quarter of a second, as (device time ns at which it is sent, frame), in order.
+
+        Args:
+            number: which quarter, from 0.
+            counter: PacketCounter of the first of them.
+        """
+        parts = [(stream, *stream.times(number)) for stream in self.streams]
+        sent = np.concatenate([times for _, _, times in parts]) if parts else np.empty(0, np.int64)
+        order = np.argsort(sent, kind="stable")
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order))
+        made: list[bytes] = [b""] * len(order)
+        at = 0
+        for stream, steps, times in parts:
+            here = place[at : at + len(times)]
+            for row, frame in zip(here.tolist(), stream.frames(steps, times, counter + here), strict=True):
+                made[row] = frame
+            at += len(times)
+        return list(zip(sent[order].tolist(), made, strict=True))
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """What is sent together, at one rate."""
+
+    run: Run
+    kind: str
+    items: tuple[tuple[int, int], ...]
+    rate: int
+    begin_ns: int
+    _errors: dict[str, motion.Errors] = field(default_factory=dict, compare=False)
+
+    @property
+    def delayed(self) -> bool:
+        return self.kind == "gnss"
+
+    def errors(self, name: str, grade: motion.Grade) -> motion.Errors:
+        if name not in self._errors:
+            self._errors[name] = motion.Errors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
+        return self._errors[name]
+
+    def times(self, number: int) -> tuple[Array, Array]:
+        """Steps of a quarter, and the device times at which their messages are sent."""
+        per_ns = self.rate / 1e9
+        steps = np.arange(math.ceil(number * BLOCK_NS * per_ns), math.ceil((number + 1) * BLOCK_NS * per_ns))
+        return steps, self.begin_ns + steps * 10**9 // self.rate
+
+    def frames(self, steps: Array, times: Array, counter: Array) -> list[bytes]:
+        """One frame per step."""
+        values = Values(self.run, self, steps, times, counter)
+        due = np.zeros(len(steps), np.int64)
+        for bit, (_, rate) in enumerate(self.items):
+            if rate != ALWAYS:
+                due |= (steps % (self.rate // rate) == 0).astype(np.int64) << bit
+        made: list[bytes] = [b""] * len(steps)
+        optional = any(rate != ALWAYS for _, rate in self.items)
+        for mask in np.unique(due).tolist():
+            rows = np.flatnonzero(due == mask)
+            if optional and not mask:
+                continue  # nothing is due but what accompanies
+            chosen = [i for bit, (i, rate) in enumerate(self.items) if rate == ALWAYS or mask >> bit & 1]
+            packed = _pack([(i, values.bytes_of(i)[rows]) for i in chosen])
+            for row, frame in zip(rows.tolist(), packed, strict=True):
+                made[row] = frame
+        return made
+
+
+def _pack(items: list[tuple[int, Array]]) -> list[bytes]:
+    """Frames of n messages with the same items, each item given as (identifier, (n, size) bytes)."""
+    n = len(items[0][1])
+    size = sum(3 + value.shape[1] for _, value in items)
+    if size > frames.MAX_STANDARD:
+        head = bytes([frames.PREAMBLE, frames.MASTER, frames.MTDATA2, frames.EXTENDED, size >> 8, size & 0xFF])
+    else:
+        head = bytes([frames.PREAMBLE, frames.MASTER, frames.MTDATA2, size])
+    rows = np.empty((n, len(head) + size + 1), np.uint8)
+    rows[:, : len(head)] = np.frombuffer(head, np.uint8)
+    at = len(head)
+    for identifier, value in items:
+        width = value.shape[1]
+        rows[:, at : at + 3] = (identifier >> 8, identifier & 0xFF, width)
+        rows[:, at + 3 : at + 3 + width] = value
+        at += 3 + width
+    rows[:, -1] = -rows[:, 1:-1].sum(axis=1, dtype=np.int64) & 0xFF
+    flat, step = rows.tobytes(), rows.shape[1]
+    return [flat[i : i + step] for i in range(0, len(flat), step)]
