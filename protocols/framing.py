@@ -26,7 +26,8 @@ any corruption before it.
 `table` is int64, one row per quantity and one column per candidate, in stream order, accepted and rejected alike:
 
     OFFSET    where the candidate begins, in bytes from the start of the scanned data
-    SIZE      its length on the wire, header and checksum included (as claimed; 0 where the header does not tell)
+    SIZE      its length on the wire, header and checksum included; of a failed one, the bytes that were looked at, or as
+              claimed where it is truncated (0: the header does not even tell)
     BODY      where its payload begins
     LENGTH    its payload's length
     ID        message number

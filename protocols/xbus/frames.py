@@ -84,6 +84,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int]:
             size = length + 7
             if length > MAX_ACCEPTED:
                 status = BAD_SIZE
+                size = 6  # the header is all that was looked at
         if status == FRAME:
             if size == 0 or size > left:
                 if not final:

@@ -64,7 +64,7 @@ def plain(frame: bytes) -> Plain:
         fields = unpack(described, payload, exact=True)
         if covered < len(payload):
             wire["trailing"] = payload[covered:].hex()
-        if _packed(mid, name, _jsonable(fields), None) != payload[:covered]:
+        if not _leads_back(mid, name, _jsonable(fields), payload[:covered]):
             wire["size"] = covered
     result: Plain = {"id": mid, "message": name, "fields": _jsonable(fields)}
     flags = {path: names for field in described for path, names in _flags(field, fields[field.name], field.name)}
@@ -73,6 +73,14 @@ def plain(frame: bytes) -> Plain:
     if wire:
         result["wire"] = wire
     return result
+
+
+def _leads_back(mid: int, name: str, fields: Plain, payload: bytes) -> bool:
+    """Do name and values alone give this payload?"""
+    try:
+        return _packed(mid, name, fields, None) == payload
+    except EncodeError:
+        return False
 
 
 def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> Non
             assert batch.time_ns is not None
             assert np.array_equal(batch.time_ns, batch.columns["SampleTimeFine"].astype(np.int64) * 100_000)
     counters = [line["1020"] for line in lines]
-    lost = sum((b - a - 1) % 65536 for a, b in zip(counters, counters[1:], strict=False))
+    lost = sum((b - a - 1) % 65536 for a, b in pairwise(counters))
     assert sum(event.missing for event in events if isinstance(event, Gap)) == lost
     assert not [event for event in events if isinstance(event, (Reject, Step))]
 

@@ -1,0 +1,294 @@
+"""What holds for every protocol, whatever the bytes: one module, one row a protocol.
+
+    - any split into chunks gives the same events; so does one byte at a time
+    - arbitrary bytes raise nothing, and leave at most one maximal frame (and an unfinished text) buffered
+    - a good frame survives whatever comes before it
+    - the fast decoder finds what the slow oracle finds
+    - what a frame says as plain values is the frame again
+    - without compilation the answers are the same
+
+Profiles `fast` and `deep` are those of tests/conftest.py.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.registry import PROTOCOLS
+from protocols.xbus.frames import MAX_FRAME, build
+from protocols.xbus.plain import frame_of, plain
+from tests.oracles import xbus as oracle
+from tests.protocols.xbus_vectors import everything, flat
+
+ROOT = Path(__file__).parents[2]
+UNFINISHED_TEXT = 1024
+
+
+@dataclass(frozen=True)
+class Speaker:
+    """One protocol, as these tests need it."""
+
+    name: str
+    frame: st.SearchStrategy[bytes]
+    longest: int
+    preamble: bytes
+    again: Callable[[bytes], bytes]
+    expected: Callable[[bytes], tuple[list[tuple[int, Any]], list[tuple[int, str]]]]
+
+
+# -- Xbus --------------------------------------------------------------------------------------------------------------
+
+VECTORS = [data for data in everything() if len(data) < 400]
+
+items = st.lists(
+    st.tuples(
+        st.sampled_from([0x1020, 0x1060, 0x1070, 0x2010, 0x4022, 0x7020, 0xA080, 0xE020, 0x4FF0]),
+        st.binary(max_size=24),
+    ),
+    max_size=5,
+).map(lambda pairs: b"".join(i.to_bytes(2, "big") + bytes([len(v)]) + v for i, v in pairs))
+
+xbus_frames = st.one_of(
+    st.sampled_from(VECTORS),
+    st.builds(build, st.just(0x36), st.one_of(items, st.builds(bytes.__add__, items, st.binary(max_size=6)))),
+    st.builds(
+        lambda counter, ticks: build(0x36, b"\x10\x20\x02" + counter + b"\x10\x60\x04" + ticks),
+        st.integers(0, 65535).map(lambda n: n.to_bytes(2, "big")),
+        st.integers(0, 2**32 - 1).map(lambda n: n.to_bytes(4, "big")),
+    ),
+    st.builds(
+        lambda mid, payload, bid, extended: build(mid, payload, bid, extended=extended),
+        st.integers(1, 255),
+        st.binary(max_size=40),
+        st.integers(0, 255),
+        st.booleans(),
+    ),
+)
+
+
+def xbus_expected(data: bytes) -> tuple[list[tuple[int, Any]], list[tuple[int, str]]]:
+    """Frames and failed candidates, as the oracle sees them: MTData2 as values by name, others as their number."""
+    found = oracle.scan(data, final=True)
+    frames = [
+        (frame.offset, canonical_values(oracle.mtdata2(frame.payload)[0]) if frame.mid == 0x36 else frame.mid)
+        for frame in found.frames
+    ]
+    return frames, found.rejects
+
+
+SPEAKERS = {
+    "xbus": Speaker("xbus", xbus_frames, MAX_FRAME, b"\xfa", lambda data: frame_of(plain(data)), xbus_expected),
+}
+
+speakers = pytest.mark.parametrize("speaker", SPEAKERS.values(), ids=lambda speaker: speaker.name)
+
+# -- events, comparable ------------------------------------------------------------------------------------------------
+
+
+def canonical_values(values: dict[str, list[Any]]) -> str:
+    return json.dumps({name: [str(number) for number in numbers] for name, numbers in values.items()})
+
+
+def canonical(events: Sequence[Event]) -> list[str]:
+    """One text per frame, reply, text, reject, gap and step; what depends on chunks (batches, arrival) is left out."""
+    lines = []
+    for event in events:
+        if isinstance(event, Batch):
+            for i, offset in enumerate(event.offset.tolist()):
+                row = {name: np.asarray(event.columns[name][i]).tobytes().hex() for name in event.columns}
+                time = None if event.time_ns is None else int(event.time_ns[i])
+                ids = [field.id for field in event.message.fields]
+                lines.append(f"{offset:08} batch {event.message.name} {ids} {row} {time}")
+        elif isinstance(event, Reply):
+            lines.append(f"{event.offset:08} reply {event.message.name} {event.size} {dict(event.values)}")
+        elif isinstance(event, Text):
+            lines.append(f"{event.offset:08} text {event.name} {event.line}")
+        elif isinstance(event, Reject):
+            lines.append(f"{event.offset:08} reject {event.size} {event.reason}")
+        elif isinstance(event, Gap):
+            lines.append(f"{event.offset:08} gap {event.missing} {event.time_ns}")
+        elif isinstance(event, Step):
+            lines.append(f"{event.offset:08} step {event.kind} {event.by_ns}")
+    return sorted(lines)
+
+
+def run(speaker: Speaker, chunks: Sequence[bytes]) -> list[Event]:
+    decoder = PROTOCOLS[speaker.name].decoder()
+    events: list[Event] = []
+    for arrival, chunk in enumerate(chunks):
+        decoder.feed(chunk, arrival)
+        events += decoder.drain()
+        assert decoder.buffered <= speaker.longest + UNFINISHED_TEXT
+    events += decoder.drain(stalled=True)
+    assert decoder.buffered == 0
+    return events
+
+
+def cut(data: bytes, places: Sequence[int]) -> list[bytes]:
+    edges = [0, *sorted(place % (len(data) + 1) for place in places), len(data)]
+    return [data[a:b] for a, b in pairwise(edges)]
+
+
+@st.composite
+def streams(draw: st.DrawFn, speaker: Speaker) -> bytes:
+    """Frames, damaged frames, sentences and noise, in any order."""
+    noise = st.one_of(
+        st.binary(max_size=30),
+        st.lists(st.sampled_from([speaker.preamble, b"\xff", b"\x00", b"\x36", b"\x05", b"$"]), max_size=12).map(
+            b"".join
+        ),
+        st.sampled_from(
+            [b"$HCHDM,123.45,M*2A\r\n", b"$HCHDM,123.45,M*00\r\n", b"$GPZDA,1", b"\xfa\xff\x36\xff\x1f\xf0"]
+        ),
+    )
+    damaged = st.builds(
+        lambda data, at, byte: data[: at % len(data)] + bytes([byte]) + data[at % len(data) + 1 :],
+        speaker.frame,
+        st.integers(0, 1000),
+        st.integers(0, 255),
+    )
+    short = st.builds(lambda data, at: data[: at % len(data)], speaker.frame, st.integers(0, 1000))
+    return b"".join(draw(st.lists(st.one_of(speaker.frame, speaker.frame, noise, damaged, short), max_size=12)))
+
+
+# -- properties --------------------------------------------------------------------------------------------------------
+
+
+@speakers
+@given(data=st.data())
+def test_any_chunks(speaker: Speaker, data: st.DataObject) -> None:
+    stream = data.draw(streams(speaker))
+    places = data.draw(st.lists(st.integers(0, 100_000), max_size=12))
+    assert canonical(run(speaker, cut(stream, places))) == canonical(run(speaker, [stream]))
+
+
+@speakers
+@given(data=st.data())
+def test_one_byte_at_a_time(speaker: Speaker, data: st.DataObject) -> None:
+    stream = data.draw(streams(speaker))[:600]
+    assert canonical(run(speaker, [bytes([byte]) for byte in stream])) == canonical(run(speaker, [stream]))
+
+
+@speakers
+@given(noise=st.binary(max_size=3000), places=st.lists(st.integers(0, 3000), max_size=4))
+@example(noise=b"\xfa" * 300, places=[])
+@example(noise=b"\x00\x90" * 300, places=[7])
+@example(noise=b"\xfa\xff\x36\xff\x1f\xf9" + b"\xfa" * 200, places=[100])
+def test_arbitrary_bytes(speaker: Speaker, noise: bytes, places: list[int]) -> None:
+    events = run(speaker, cut(noise, places))
+    for event in events:
+        if isinstance(event, Batch):
+            for name in event.columns:
+                assert len(event.columns[name]) == len(event)
+
+
+@speakers
+@given(data=st.data())
+def test_good_frame_survives(speaker: Speaker, data: st.DataObject) -> None:
+    """A frame after any damage is found, unless the damage itself holds a frame that reaches into it."""
+    before = data.draw(st.one_of(st.binary(max_size=60), streams(speaker)))
+    frame = data.draw(speaker.frame)
+    reach = [offset for offset, _ in speaker.expected(before + frame)[0]]
+    whole = speaker.expected(frame)[0]
+    events = run(speaker, [before, frame])
+    found = {int(o) for e in events if isinstance(e, Batch) for o in e.offset} | {
+        e.offset for e in events if isinstance(e, Reply)
+    }
+    assert found == set(reach)
+    swallowed = any(offset < len(before) < end for offset, end in spans(events))
+    assert not whole or swallowed or len(before) in found
+
+
+def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
+    """Where replies and batch rows lie; a row's end is the next event's business, so a generous one is used."""
+    out = [(e.offset, e.offset + e.size) for e in events if isinstance(e, Reply)]
+    for event in events:
+        if isinstance(event, Batch):
+            size = sum(np.asarray(event.columns[n][0]).nbytes + 3 for n in event.columns) + 7
+            out += [(int(o), int(o) + size) for o in event.offset]
+    return out
+
+
+@speakers
+@given(data=st.data())
+def test_like_the_oracle(speaker: Speaker, data: st.DataObject) -> None:
+    stream = data.draw(streams(speaker))
+    frames, rejects = speaker.expected(stream)
+    decoder = PROTOCOLS[speaker.name].listing()
+    decoder.feed(stream)
+    lines = decoder.drain(stalled=True)
+    got = [line for line in lines if "reject" not in line and line["protocol"] == speaker.name]
+    assert [line["offset"] for line in got] == [offset for offset, _ in frames]
+    for line, (_, expected) in zip(got, frames, strict=True):
+        assert (of_line(line) if isinstance(expected, str) else line["id"]) == expected
+    failed = [(line["offset"], line["reject"]) for line in lines if "reject" in line and stream[line["offset"]] == 0xFA]
+    assert [one for one in failed if one[1] != "bad_item"] == rejects
+
+
+def of_line(line: dict[str, Any]) -> str:
+    """The values of a listed line, as the oracle spells them."""
+    values = {}
+    for name, value in line["fields"].items():
+        numbers = list(bytes.fromhex(value)) if isinstance(value, str) else spelled(value)
+        values[name] = numbers
+    return canonical_values(values)
+
+
+def spelled(value: Any) -> list[Any]:
+    """Flat numbers; a float that is not finite from its spelling."""
+    if isinstance(value, dict) and set(value) <= {"f32", "f64"}:
+        ((kind, digits),) = value.items()
+        return [float(np.frombuffer(bytes.fromhex(digits), f">f{int(kind[1:]) // 8}")[0])]
+    if isinstance(value, dict):
+        return [number for part in value.values() for number in spelled(part)]
+    if isinstance(value, list):
+        return [number for part in value for number in spelled(part)]
+    return flat(value)
+
+
+@speakers
+@given(data=st.data())
+def test_plain_values_are_the_frame(speaker: Speaker, data: st.DataObject) -> None:
+    frame = data.draw(speaker.frame)
+    assert speaker.again(frame) == frame
+    record = json.loads(json.dumps(plain(frame), allow_nan=False))
+    assert frame_of(record) == frame
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from tests.protocols.test_properties import SPEAKERS, canonical, run
+data = Path(sys.argv[2]).read_bytes()
+for line in canonical(run(SPEAKERS[sys.argv[1]], [data[:1000], data[1000:]])):
+    print(line)
+"""
+
+
+@speakers
+def test_without_compilation(speaker: Speaker, tmp_path: Path) -> None:
+    """NUMBA_DISABLE_JIT=1 runs the same source as plain Python and gives the same answers."""
+    noise = bytes(range(256)) + b"\xfa\xff\x36\x05" + b"$HCHDM,123.45,M*2A\r\n" + b"\xfa\xff\x36\xff\x1f\xff"
+    stream = noise.join(everything())[:60_000]
+    (tmp_path / "stream").write_bytes(stream)
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
+    plain_run = subprocess.run(
+        [sys.executable, "-c", SCRIPT, speaker.name, str(tmp_path / "stream")],
+        env=environment, cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert plain_run.stdout.splitlines() == canonical(run(speaker, [stream[:1000], stream[1000:]]))
+    assert len(plain_run.stdout) > 10_000
