@@ -1,0 +1,123 @@
+"""`imuscope inspect`: one line a frame, from which the frame can be made again."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.xbus.frames import build
+from protocols.xbus.plain import frame_of
+from server.inspect import inspect_file
+from tests.protocols.xbus_vectors import everything
+
+SENTENCE = b"$HCHDM,123.45,M*18\r\n"
+
+
+def lines_of(path: Path, **options: Any) -> list[dict[str, Any]]:
+    out = io.StringIO()
+    inspect_file(path, out, format="jsonl", **options)
+    return [json.loads(line) for line in out.getvalue().splitlines()]
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """A counter, a sentence, a damaged frame, a frame with another bus identifier."""
+    good = build(0x36, bytes.fromhex("1020020007E02004 00000003"))
+    bad = bytearray(build(0x36, bytes.fromhex("1020020008")))
+    bad[-1] ^= 1
+    path = tmp_path / "capture.bin"
+    path.write_bytes(good + SENTENCE + bytes(bad) + build(0x31, bid=1) + good * 20)
+    return path
+
+
+def test_jsonl(file: Path) -> None:
+    first, sentence, second, *_ = lines_of(file)
+    assert first == {
+        "offset": 0,
+        "size": 17,
+        "protocol": "xbus",
+        "id": 54,
+        "message": "MTData2",
+        "fields": {"PacketCounter": 7, "StatusWord": 3},
+        "flags": {"StatusWord": ["Selftest", "FilterValid"]},
+    }
+    assert (sentence["offset"], sentence["size"], sentence["protocol"], sentence["id"]) == (17, 20, "nmea", None)
+    assert sentence["message"] == "HCHDM"
+    assert second["message"] == "GoToConfigAck"
+    assert second["wire"] == {"bid": 1}
+
+
+def test_rejects_are_shown_when_asked_for(file: Path) -> None:
+    assert not [line for line in lines_of(file) if "reject" in line]
+    (reject,) = [line for line in lines_of(file, rejects=True) if "reject" in line]
+    assert reject == {"offset": 37, "size": 10, "reject": "bad_checksum"}
+
+
+def test_table(file: Path) -> None:
+    out = io.StringIO()
+    inspect_file(file, out, rejects=True)
+    head, first, sentence, reject, *_ = out.getvalue().splitlines()
+    assert head.split() == ["offset", "size", "message", "fields"]
+    assert first.endswith("PacketCounter 7  StatusWord 3 (Selftest, FilterValid)")
+    assert "nmea HCHDM" in sentence
+    assert reject.endswith("bad_checksum")
+
+
+def test_every_vector_comes_back(tmp_path: Path) -> None:
+    """frame_of of each line is the frame, byte for byte; nothing else of the file is needed."""
+    frames = list(everything())
+    path = tmp_path / "all.bin"
+    path.write_bytes(b"".join(frames))
+    lines = lines_of(path, protocol="xbus")
+    assert [frame_of(line) for line in lines] == frames
+
+
+@pytest.mark.parametrize(
+    ("payload", "wire"),
+    [
+        ("1020020001 1020020002", {"items": [[0x1020, 2], [0x1020, 2]], "repeated": [[0, 1]]}),
+        ("0811040551F7CF", {"items": [[0x0811, 4]]}),
+        ("E08008 0000000000000005", {"items": [[0xE080, 8]]}),
+        ("1020020001 E02004 0000", {"trailing": "e020040000"}),
+    ],
+)
+def test_what_names_cannot_carry(tmp_path: Path, payload: str, wire: dict[str, Any]) -> None:
+    path = tmp_path / "one.bin"
+    path.write_bytes(build(0x36, bytes.fromhex(payload)))
+    (line,) = lines_of(path, protocol="xbus")
+    assert line["wire"] == wire
+    assert frame_of(line) == path.read_bytes()
+
+
+def test_extended_header_and_nan(tmp_path: Path) -> None:
+    path = tmp_path / "one.bin"
+    path.write_bytes(build(0x36, bytes.fromhex("0810047FC00001"), extended=True))
+    (line,) = lines_of(path, protocol="xbus")
+    assert line["wire"] == {"extended": True}
+    assert line["fields"] == {"Temperature": {"f32": "7fc00001"}}
+    assert frame_of(line) == path.read_bytes()
+
+
+def test_capture(captures: Path) -> None:
+    """All frames of a real capture are listed and lead back to their bytes."""
+    path = captures / "xbus" / "mti_float32_satinfo_ecef.bin"
+    if not path.is_file():
+        pytest.skip(f"no capture {path.name}")
+    data = path.read_bytes()
+    lines = lines_of(path)
+    assert len(lines) == 100
+    for line in lines:
+        assert frame_of(line) == data[line["offset"] : line["offset"] + line["size"]]
+
+
+def test_nothing_known(tmp_path: Path) -> None:
+    path = tmp_path / "noise.bin"
+    path.write_bytes(bytes(1000))
+    with pytest.raises(ValueError, match="nothing known"):
+        lines_of(path)
+    with pytest.raises(ValueError, match="no protocol 'x'"):
+        lines_of(path, protocol="x")

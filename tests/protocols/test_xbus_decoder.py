@@ -1,0 +1,242 @@
+"""Time, loss and patience of the Xbus decoder, and the texts between its frames."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.registry import PROTOCOLS, guess, warm
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.frames import MAX_ACCEPTED, build
+
+SENTENCE = b"$HCHDM,123.45,M*18\r\n"
+
+
+def sample(counter: int = 0, **items: int) -> bytes:
+    """An MTData2 frame with a counter and any of fine, coarse, accx."""
+    payload = struct.pack(">HBH", 0x1020, 2, counter & 0xFFFF)
+    if "fine" in items:
+        payload += struct.pack(">HBI", 0x1060, 4, items["fine"])
+    if "coarse" in items:
+        payload += struct.pack(">HBI", 0x1070, 4, items["coarse"])
+    return build(0x36, payload)
+
+
+def utc(year: int, flags: int) -> bytes:
+    return build(0x36, struct.pack(">HBIHBBBBBB", 0x1010, 12, 500_000_000, year, 1, 2, 3, 4, 5, flags))
+
+
+def decode(*chunks: bytes, stalled: bool = False) -> list[Event]:
+    decoder = XbusDecoder()
+    events: list[Event] = []
+    for arrival, chunk in enumerate(chunks, 1):
+        decoder.feed(chunk, 1000 * arrival)
+        events += decoder.drain()
+    return events + (decoder.drain(stalled=True) if stalled else [])
+
+
+def of(events: list[Event], kind: type) -> list[Event]:
+    return [event for event in events if isinstance(event, kind)]
+
+
+# -- time --------------------------------------------------------------------------------------------------------------
+
+
+def test_fine_wraps() -> None:
+    (batch,) = decode(b"".join(sample(i, fine=(2**32 - 20 + 10 * i) % 2**32) for i in range(4)))
+    assert isinstance(batch, Batch)
+    assert np.diff(batch.time_ns).tolist() == [1_000_000] * 3
+
+
+@pytest.mark.parametrize(
+    ("product", "wraps"), [("MTi-30-2A8G4", True), ("MTi-G-710-2A8G4", True), ("MTi-630-DK", False), ("MTi-3", False)]
+)
+def test_product_code_decides_the_wrap(product: str, wraps: bool) -> None:
+    """A day on 10- and 100-series; elsewhere the same numbers are a clock that started again."""
+    reply = build(0x1D, product.encode().ljust(20))
+    before = sample(0, fine=864_000_000 - 10)
+    events = decode(reply + before + sample(1, fine=0) + sample(2, fine=10))
+    (batch,) = of(events, Batch)
+    assert isinstance(batch, Batch)
+    assert bool(of(events, Step)) is not wraps
+    if wraps:
+        assert np.diff(batch.time_ns).tolist() == [1_000_000] * 2
+
+
+def test_a_reply_in_the_middle_counts_from_there() -> None:
+    reply = build(0x1D, b"MTi-30-2A8G4        ")
+    stream = [sample(0, fine=864_000_000 - 10), reply, sample(1, fine=0)]
+    whole, apart = decode(b"".join(stream)), decode(*stream)
+    times = [[int(t) for b in of(events, Batch) for t in b.time_ns] for events in (whole, apart)]  # type: ignore[attr-defined]
+    assert times[0] == times[1] == [86_399_999_000_000, 86_400_000_000_000]
+
+
+def test_coarse_and_utc_where_there_is_no_fine() -> None:
+    (coarse,) = decode(sample(0, coarse=5174) + sample(1, coarse=5175))
+    assert coarse.message.time == "SampleTimeCoarse"  # type: ignore[union-attr]
+    assert coarse.time_ns.tolist() == [5174 * 10**9, 5175 * 10**9]  # type: ignore[union-attr]
+    (valid,) = decode(utc(2020, 7))
+    expected = int(np.datetime64("2020-01-02T03:04:05", "s").astype(np.int64)) * 10**9 + 500_000_000
+    assert valid.time_ns.tolist() == [expected]  # type: ignore[union-attr]
+    (invalid,) = decode(utc(2020, 3))
+    assert invalid.time_ns is None  # type: ignore[union-attr]
+
+
+def test_a_better_clock_takes_over() -> None:
+    """From the first message with SampleTimeFine on that is the clock; those without it then have no time."""
+    events = decode(sample(0, coarse=10) + sample(1, coarse=10, fine=100_000) + sample(2, coarse=11))
+    times = {int(o): b.time_ns for b in of(events, Batch) for o in b.offset}  # type: ignore[attr-defined]
+    assert [None if t is None else t.tolist() for _, t in sorted(times.items())] == [[10**10], [10**10], None]
+    (step,) = of(events, Step)
+    assert isinstance(step, Step)
+    assert step.kind == "sync"
+
+
+# -- loss --------------------------------------------------------------------------------------------------------------
+
+
+def test_gaps_are_counted_over_all_layouts() -> None:
+    events = decode(sample(65534, fine=0) + sample(65535) + sample(3, fine=40) + sample(4, fine=50))
+    (gap,) = of(events, Gap)
+    assert isinstance(gap, Gap)
+    assert (gap.missing, gap.counter, gap.time_ns) == (3, "PacketCounter", 4_000_000)
+
+
+def test_restart_is_no_gap() -> None:
+    assert not of(decode(sample(40_000) + sample(0) + sample(1)), Gap)
+
+
+# -- patience ----------------------------------------------------------------------------------------------------------
+
+
+def test_false_length_costs_time_only() -> None:
+    """A stray header that claims much waits; frames behind it come when it fails, or when the link is silent."""
+    false = b"\xfa\xff\x36\xff" + MAX_ACCEPTED.to_bytes(2, "big")
+    frames = b"".join(sample(i) for i in range(10))
+    decoder = XbusDecoder()
+    decoder.feed(false + frames, 1)
+    assert decoder.drain() == []
+    assert decoder.buffered == len(false + frames)
+    events = decoder.drain(stalled=True)
+    (reject,), (batch,) = of(events, Reject), of(events, Batch)
+    assert (reject.offset, reject.reason) == (0, "truncated")  # type: ignore[attr-defined]
+    assert len(batch) == 10  # type: ignore[arg-type]
+    assert decoder.buffered == 0
+    (batch,) = of(decode(false, frames * 90, sample(9)), Batch)[:1]
+    assert batch.offset[0] == len(false)  # type: ignore[attr-defined]
+
+
+def test_impossible_length_does_not_wait() -> None:
+    events = decode(b"\xfa\xff\x36\xff\xff\xff" + sample(1))
+    assert [type(event) for event in events] == [Reject, Batch]
+
+
+def test_frames_of_nobody_are_skipped() -> None:
+    """BID and MID both 0: no frame, although it checksums."""
+    (reject,) = of(decode(build(0, b"", bid=0), sample(1)), Reject)
+    assert reject.reason == "bad_id"  # type: ignore[attr-defined]
+
+
+def test_any_bus_identifier() -> None:
+    (reply,) = decode(build(0x31, bid=7))
+    assert isinstance(reply, Reply)
+
+
+def test_arrival_is_that_of_the_last_byte() -> None:
+    frame = sample(1)
+    (batch,) = decode(frame[:3], frame[3:] + frame)
+    assert batch.arrival_ns.tolist() == [2000, 2000]  # type: ignore[union-attr]
+    first, second = decode(frame, frame)
+    assert (first.arrival_ns.tolist(), second.arrival_ns.tolist()) == ([1000], [2000])  # type: ignore[union-attr]
+
+
+# -- items -------------------------------------------------------------------------------------------------------------
+
+
+def test_bad_item_keeps_the_good_ones() -> None:
+    good, tail = bytes.fromhex("1020020007E02004 00000003"), bytes.fromhex("2010103F80")
+    events = decode(build(0x36, good + tail) + sample(8))
+    batch, reject = of(events, Batch)[0], of(events, Reject)[0]
+    assert batch.columns["PacketCounter"].tolist() == [7]  # type: ignore[attr-defined]
+    assert batch.columns["StatusWord"].tolist() == [3]  # type: ignore[attr-defined]
+    assert (reject.offset, reject.size, reject.reason) == (4 + len(good), 5, "bad_item")  # type: ignore[attr-defined]
+
+
+def test_item_of_a_wrong_size_is_opaque() -> None:
+    events = decode(build(0x36, bytes.fromhex("1020020007 20100400000000 E0200400000003")))
+    (batch,), (reject,) = of(events, Batch), of(events, Reject)
+    assert list(batch.columns) == ["PacketCounter", "0x2010", "StatusWord"]  # type: ignore[attr-defined]
+    assert (reject.offset, reject.size) == (9, 7)  # type: ignore[attr-defined]
+
+
+def test_the_last_of_a_repeated_item_counts() -> None:
+    (batch,) = decode(build(0x36, bytes.fromhex("102002000B102002000C")))
+    assert batch.columns["PacketCounter"].tolist() == [12]  # type: ignore[union-attr]
+
+
+def test_many_layouts() -> None:
+    """Three thousand layouts in one drain are three thousand batches, and quick."""
+    frames = [build(0x36, struct.pack(">HB", 0x6000 + i, 1) + b"x") for i in range(3000)]
+    assert len(decode(b"".join(frames))) == 3000
+
+
+def test_legacy_data_are_kept() -> None:
+    (reply,) = decode(build(0x32, b"\x01\x02\x03"))
+    assert reply.message.name == "MTData"  # type: ignore[union-attr]
+    assert reply.values == {"data": b"\x01\x02\x03"}  # type: ignore[union-attr]
+
+
+def test_unknown_message_is_named_by_number() -> None:
+    (reply,) = decode(build(0x7A, b"\x01"))
+    assert (reply.message.name, reply.values) == ("0x7A", {"data": b"\x01"})  # type: ignore[union-attr]
+
+
+# -- texts -------------------------------------------------------------------------------------------------------------
+
+
+def test_sentences_between_frames() -> None:
+    events = decode(sample(1) + SENTENCE[:7], SENTENCE[7:] + sample(2))
+    assert [type(event) for event in events] == [Batch, Text, Batch]
+    text = events[1]
+    assert isinstance(text, Text)
+    assert (text.name, text.offset, text.line) == ("HCHDM", len(sample(1)), SENTENCE.decode().strip())
+
+
+def test_bad_sentence_is_a_reject() -> None:
+    (reject,) = decode(SENTENCE.replace(b"123", b"124") + sample(1))[:1]
+    assert isinstance(reject, Reject)
+    assert (reject.reason, reject.size) == ("bad_checksum", len(SENTENCE))
+
+
+def test_strings_alone() -> None:
+    tss2 = b":12345  0000H 0123 -0456F\r\n"
+    texts = of(decode(SENTENCE + tss2 + SENTENCE, stalled=True), Text)
+    assert [text.name for text in texts] == ["HCHDM", "TSS2", "HCHDM"]  # type: ignore[attr-defined]
+
+
+def test_skipped_bytes_are_counted() -> None:
+    decoder = XbusDecoder()
+    decoder.feed(b"\x01\x02\x03" + sample(1) + SENTENCE, 1)
+    decoder.drain(stalled=True)
+    assert decoder.skipped == 3
+
+
+# -- registry ----------------------------------------------------------------------------------------------------------
+
+
+def test_guess() -> None:
+    frames = b"".join(sample(i) for i in range(50))
+    (best, *_) = guess(frames[5:300])
+    assert (best.protocol, best.score) == ("xbus", 1.0) or best.score > 0.9
+    assert "Xbus frames (MTData2)" in best.why
+    assert guess(SENTENCE * 10)[0].score == pytest.approx(0.5)
+    assert guess(bytes(500))[0].score == 0
+    assert guess(b"")[0].score == 0
+
+
+def test_warm() -> None:
+    assert set(warm()) == set(PROTOCOLS)
+    assert all(warm().values())
