@@ -225,6 +225,7 @@ def test_live_data_do_not_wait_for_history() -> None:
         with connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as connection:
             reader = Reader(connection)
             reader.subscribe()
+            reader.read(5, lambda r: r.history[source.channel])  # the first of many
             delays = []
             while not reader.said("backfilled") and len(delays) < 1000:
                 source.send(10)
