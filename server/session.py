@@ -289,6 +289,8 @@ class Session:
         """Ten times a second: stalls, silence, sums of what happened."""
         last = self._figures.last_arrival
         if self._opened_at is not None:
+            if self._link.notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
+                self._set(notices=list(self._link.notices))
             quiet = now - max(last or 0.0, self._opened_at)
             if self._intake is None and self._unknown:
                 self._dirty = True
