@@ -30,6 +30,8 @@ const BREAK_FACTOR = 2.5;
 const BURST_S = 0.05;
 /** Spacings looked at for the usual one. */
 const STEPS_SEEN = 63;
+/** Rows judged by one usual spacing. */
+const STRETCH = 256;
 /** Row number of the first row: room to prepend, and small enough for fast integers. */
 const START = 1 << 28;
 const REBASE_AT = 1 << 30;
@@ -282,9 +284,9 @@ export class Ring {
     this.first -= n;
     this.#write(frame, skip, this.first, n);
     this.#settle(this.first, joint);
-    // A late sample may stand just behind the joint and belong just before it.
+    // A late sample may stand just behind the joint and belong before it.
     let settled = joint;
-    while (settled < this.end && settled - joint < LATE_ROWS && this.#behind(settled)) settled = Math.max(settled + 1, this.#settle(settled, settled + 1) && settled + 1);
+    while (settled < this.end && this.#behind(settled)) this.#settle(settled, ++settled);
     const gap = frame.sequence + frame.n < this.#firstSequence;
     this.#firstSequence = frame.sequence + skip;
     this.#touch(this.first, Math.min(this.end, settled + 1));
@@ -351,31 +353,34 @@ export class Ring {
   /** Rows from ≤ row < to are new: bring pyramids, usual spacing, breaks and wraps up to date. */
   #touch(from: number, to: number): void {
     for (const pyramid of this.pyramids) pyramid.update(from, to);
-    if (!(to - this.#stepAt < 32) || this.#step !== this.#step) this.#measureStep(from, to);
     const end = Math.min(this.end, to + 1);
-    this.#mark(this.breaks, from, end, (row) => this.times[row & this.mask]! - this.times[(row - 1) & this.mask]! > this.#longest());
+    // In stretches, because the rate may change within a long block of history.
+    for (let a = from; a < end; a += STRETCH) this.#judge(a, Math.min(a + STRETCH, end));
+  }
+
+  #judge(from: number, to: number): void {
+    const step = this.#usualStep(to);
+    const longest = BREAK_FACTOR * step + (this.clocked ? 0 : BURST_S);
+    this.#mark(this.breaks, from, to, (row) => this.times[row & this.mask]! - this.times[(row - 1) & this.mask]! > longest);
     this.wraps.forEach((wraps, c) => {
       if (wraps === undefined) return;
       const values = this.columns[c]!;
       const half = this.#kinds[c]!.period / 2;
-      this.#mark(wraps, from, end, (row) => Math.abs(values[row & this.mask]! - values[(row - 1) & this.mask]!) > half);
+      this.#mark(wraps, from, to, (row) => Math.abs(values[row & this.mask]! - values[(row - 1) & this.mask]!) > half);
     });
   }
 
-  #longest(): number {
-    return this.clocked ? BREAK_FACTOR * this.#step : BREAK_FACTOR * this.#step + BURST_S;
-  }
-
-  /** Median spacing of the last rows before `to`; on arrival time the mean, because bursts make the median zero. */
-  #measureStep(from: number, to: number): void {
-    const a = Math.max(this.first, Math.min(from, to - 1 - STEPS_SEEN), to - 1 - STEPS_SEEN);
+  /** Median spacing of the rows before `to`; on arrival time the mean, because bursts make the median zero. */
+  #usualStep(to: number): number {
+    if (to >= this.#stepAt && to - this.#stepAt < STEPS_SEEN / 2 && this.#step === this.#step) return this.#step;
+    const a = Math.max(this.first, to - 1 - STEPS_SEEN);
     const n = to - 1 - a;
-    if (n < 3) return;
+    if (n < 3) return this.#step;
     const steps = new Float64Array(n);
     for (let k = 0; k < n; k++) steps[k] = this.times[(a + k + 1) & this.mask]! - this.times[(a + k) & this.mask]!;
-    steps.sort();
-    this.#step = this.clocked ? steps[n >> 1]! : (this.times[(to - 1) & this.mask]! - this.times[a & this.mask]!) / n;
-    this.#stepAt = to;
+    const step = this.clocked ? steps.sort()[n >> 1]! : (this.times[(to - 1) & this.mask]! - this.times[a & this.mask]!) / n;
+    if (to >= this.#stepAt || this.#step !== this.#step) [this.#step, this.#stepAt] = [step, to];
+    return step;
   }
 
   /** Replace what a sorted list says of rows from ≤ row < to by what `test` says of them, and drop rows no longer held. */

@@ -1,0 +1,277 @@
+/**
+ * What does the page know? Devices, channels, health and events as signals (small, seldom, reactive) and samples in rings (large,
+ * often, never reactive). Everything comes from the socket worker as `FromWorker` messages and goes through `receive`, which
+ * a bench or a test can call as well.
+ *
+ *     worker ──frames──▶ receive ──norm──▶ Ring of the channel
+ *                           └──Euler angles──▶ Ring of the derived channel (negative id)
+ *
+ * After a lost connection the worker asks only for the seconds missed. What comes then is held back (`Refill`) until the
+ * server says `backfilled`, and goes into the rings in its order: sample numbers skip what is already there.
+ */
+import { signal, type Signal } from "@preact/signals";
+import { localNow } from "../wire/clock";
+import type { SampleFrame } from "../wire/codec";
+import type { FromWorker, ToWorker } from "../wire/messages";
+import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo, ServerText } from "../wire/types";
+import { addNorm, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
+import { LossBook, type Loss } from "./losses";
+import { Budget, Ring } from "./ring";
+
+/** One quantity of one device and its samples. */
+export interface Channel {
+  readonly info: ChannelInfo;
+  readonly ring: Ring;
+}
+
+interface Source extends Channel {
+  /** Columns whose norm is added, if any. */
+  readonly norm: readonly number[] | undefined;
+}
+
+/** Most seconds of history asked for. The server keeps what it keeps, the rings hold what their budget allows. */
+const HISTORY_S = 3600;
+/** A refill is not waited for longer than this: a plot that stands still says less than one with a gap. */
+const REFILL_S = 3;
+const EVENTS_KEPT = 10_000;
+const LATENCIES_KEPT = 4096;
+
+/** Frames after a reconnect, until the gap before them is filled. */
+interface Refill {
+  readonly history: SampleFrame[];
+  readonly live: SampleFrame[];
+  readonly timer: ReturnType<typeof setTimeout>;
+}
+
+export class Store {
+  readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
+  readonly channels: Signal<readonly Channel[]> = signal([]);
+  readonly health: Signal<ReadonlyMap<string, DeviceHealth>> = signal(new Map());
+  readonly events: Signal<readonly EventInfo[]> = signal([]);
+  readonly connection: Signal<"connecting" | "open" | "closed"> = signal("connecting");
+  /** When the connection is tried again, unix s by the server's clock; undefined while open. */
+  readonly nextTry: Signal<number | undefined> = signal(undefined);
+  /** What could not be read, or was refused, last. */
+  readonly problem: Signal<string | undefined> = signal(undefined);
+  /** True from a subscription until all of its history is here. */
+  readonly filling: Signal<boolean> = signal(false);
+
+  readonly #sources = new Map<number, Source>();
+  readonly #derived = new Map<number, Channel>();
+  readonly #losses = new LossBook();
+  readonly #latencies = new Float64Array(LATENCIES_KEPT);
+  #measured = 0;
+  #budget = new Budget();
+  #worker: Worker | undefined;
+  #refill: Refill | undefined;
+  #offset = 0;
+  #uncertainty = NaN;
+
+  /** Connect to `url` (ws:// or wss://) and stay connected. */
+  start(url: string): void {
+    this.stop();
+    this.#worker = new Worker(new URL("../wire/worker.ts", import.meta.url), { type: "module" });
+    this.#worker.onmessage = ({ data }: MessageEvent<FromWorker>) => this.receive(data);
+    this.#post({ kind: "start", url, history: HISTORY_S });
+  }
+
+  stop(): void {
+    this.#post({ kind: "stop" });
+    this.#worker?.terminate();
+    this.#worker = undefined;
+  }
+
+  /** Try the connection again now. */
+  retry(): void {
+    this.#post({ kind: "retry" });
+  }
+
+  /** The server's clock, unix s. */
+  serverNow(): number {
+    return localNow() + this.#offset;
+  }
+
+  /** How far off `serverNow` can be, ± s; NaN before the first ping. */
+  get clockUncertainty(): number {
+    return this.#uncertainty;
+  }
+
+  /** The living channel of that quantity name, derived ones included. */
+  channel(device: string, name: string): Channel | undefined {
+    return this.channels.peek().find(({ info }) => info.device === device && info.name === name);
+  }
+
+  /** Samples dropped for this browser, all channels together. */
+  dropped(): number {
+    let sum = 0;
+    for (const { ring } of this.#sources.values()) sum += ring.dropped;
+    return sum;
+  }
+
+  /** Everything known to be missing of a device, by its beginning. */
+  losses(device: string): readonly Loss[] {
+    return this.#losses.of(device);
+  }
+
+  /** From the host's read to typed arrays in the worker, ms, of the last live frames (at most 4096). */
+  latencies(): Float64Array {
+    const n = Math.min(this.#measured, LATENCIES_KEPT);
+    return this.#latencies.slice(0, n);
+  }
+
+  /** Take one message of the worker. */
+  receive(message: FromWorker): void {
+    switch (message.kind) {
+      case "frames":
+        for (const frame of message.frames) this.#onFrame(frame, message.received);
+        return;
+      case "text":
+        return this.#onText(message.text);
+      case "connection":
+        this.connection.value = message.state;
+        this.nextTry.value = message.nextTry === undefined ? undefined : message.nextTry + this.#offset;
+        return;
+      case "subscribed":
+        return this.#onSubscribed(message.fresh);
+      case "clock":
+        this.#offset = message.offset;
+        this.#uncertainty = message.uncertainty;
+        return;
+      case "problem":
+        this.problem.value = message.message;
+        return;
+    }
+  }
+
+  #post(message: ToWorker): void {
+    this.#worker?.postMessage(message);
+  }
+
+  #onSubscribed(fresh: boolean): void {
+    this.#endRefill(); // one that never ended: its frames are older than what comes now
+    this.filling.value = true;
+    if (!fresh) {
+      this.#refill = { history: [], live: [], timer: setTimeout(() => this.#endRefill(), 1000 * REFILL_S) };
+      return;
+    }
+    this.#sources.clear();
+    this.#derived.clear();
+    this.#losses.clear();
+    this.#budget = new Budget();
+    this.channels.value = [];
+    this.events.value = [];
+    this.health.value = new Map();
+  }
+
+  #onText(text: ServerText): void {
+    switch (text.op) {
+      case "hello":
+        if (!Number.isFinite(this.#uncertainty)) this.#offset = text.server_time - localNow();
+        this.problem.value = undefined;
+        return;
+      case "devices":
+        this.devices.value = text.devices;
+        return;
+      case "channels":
+        return this.#onChannels(text.channels);
+      case "health":
+        this.health.value = new Map(text.devices.map((health) => [health.device, health]));
+        return;
+      case "events":
+        return this.#onEvents(text.events);
+      case "backfilled":
+        this.#endRefill();
+        this.filling.value = false;
+        return;
+      case "error":
+        this.problem.value = text.hint ? `${text.message} ${text.hint}` : text.message;
+        return;
+      case "pong":
+        return; // the worker keeps the clock
+    }
+  }
+
+  #onEvents(events: readonly EventInfo[]): void {
+    const last = this.events.peek().at(-1)?.seq ?? -Infinity;
+    const fresh = events.filter(({ seq }) => seq > last); // a new subscription repeats what is known
+    if (fresh.length === 0) return;
+    this.#losses.addEvents(fresh);
+    this.events.value = [...this.events.peek(), ...fresh].slice(-EVENTS_KEPT);
+  }
+
+  #onChannels(infos: readonly ChannelInfo[]): void {
+    for (const plain of infos) {
+      if (this.#sources.has(plain.id)) continue;
+      const info = withNorm(plain);
+      this.#sources.set(info.id, { info, norm: normOf(plain), ring: this.#ring(info) });
+    }
+    this.#arrange();
+  }
+
+  #ring(info: ChannelInfo): Ring {
+    const status = info.kind === "status";
+    return new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
+  }
+
+  /** Of channels with one name the newest lives; Euler angles are derived where a device sends none itself. */
+  #arrange(): void {
+    const living = new Map<string, Channel>();
+    for (const source of this.#sources.values()) {
+      const key = `${source.info.device} ${source.info.name}`;
+      const other = living.get(key);
+      if (other === undefined || other.info.id < source.info.id) living.set(key, source);
+    }
+    const kept = [...living.values()];
+    for (const [id, { ring }] of this.#sources) {
+      if (kept.some(({ info }) => info.id === id)) continue;
+      ring.release();
+      this.#sources.delete(id);
+    }
+    for (const device of new Set(kept.map(({ info }) => info.device))) {
+      const own = kept.filter(({ info }) => info.device === device);
+      const source = own.some(({ info }) => info.kind === "euler") ? undefined : this.#rotation(own);
+      for (const [id, { info, ring }] of this.#derived) {
+        if (info.device !== device || id === source?.info.id) continue;
+        ring.release();
+        this.#derived.delete(id);
+      }
+      if (source === undefined) continue;
+      const info = eulerInfo(source.info);
+      if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, { info, ring: this.#ring(info) });
+    }
+    this.channels.value = [...kept, ...this.#derived.values()];
+  }
+
+  #rotation(channels: readonly Channel[]): Channel | undefined {
+    const rotations = channels.filter(({ info }) => isRotation(info));
+    return rotations.find(({ info }) => info.kind === "quaternion") ?? rotations[0];
+  }
+
+  #onFrame(frame: SampleFrame, received: number): void {
+    const last = frame.arrival[frame.n - 1];
+    if (!frame.history && last !== undefined && received === received) {
+      this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
+    }
+    if (this.#refill !== undefined) (frame.history ? this.#refill.history : this.#refill.live).push(frame);
+    else this.#keep(frame);
+  }
+
+  #keep(frame: SampleFrame): void {
+    const source = this.#sources.get(frame.channel);
+    if (source === undefined) return;
+    const before = source.ring.newest;
+    source.ring.take(source.norm === undefined ? frame : addNorm(frame, source.norm));
+    if (frame.dropped > 0) this.#losses.addDrop(source.info, before, frame.arrival[0] ?? before, frame.dropped);
+    this.#derived.get(frame.channel)?.ring.take(eulerFrame(frame));
+  }
+
+  /** Put what was held back into the rings: history came newest block first, so it goes in backwards. */
+  #endRefill(): void {
+    const refill = this.#refill;
+    if (refill === undefined) return;
+    this.#refill = undefined;
+    clearTimeout(refill.timer);
+    for (const frame of refill.history.reverse()) this.#keep({ ...frame, history: false });
+    for (const frame of refill.live) this.#keep(frame);
+  }
+}
