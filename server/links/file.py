@@ -80,9 +80,8 @@ class FileLink(Link):
             while not self._stop.is_set():
                 self._play_once(inbox)
                 if not self.loop:
-                    inbox.fail(
-                        LinkError("ended", f"{self.path.name} has been played to its end.", "Retry plays it again.")
-                    )
+                    ended = f"{self.path.name} has been played to its end."
+                    inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))
                     return
         except OSError as error:
             inbox.fail(

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import logging
 import os
 import select
 import termios
@@ -39,6 +40,8 @@ from server.links.cable import Cable, Faults
 from server.links.pump import closed
 from server.links.serial import Line, SerialLink
 from server.links.sources import Source
+
+log = logging.getLogger(__name__)
 
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
 JUMP_S = 10.0
@@ -158,6 +161,15 @@ class Bench(threading.Thread):
         self._stopped = False
 
     def run(self) -> None:
+        try:
+            self._live()
+        except Exception:  # the thread's top: a fault here looks like a pulled plug, and is not silent
+            log.exception("The twin at %s failed.", self.slave)
+        finally:
+            self._unplug()
+
+    def _live(self) -> None:
+        """Until it is stopped or unplugged."""
         options = self._options
         born_ns = powered_ns = self._now_ns()
         device = self._make(powered_ns)
@@ -179,7 +191,6 @@ class Bench(threading.Thread):
                 baud = self._to_host.baud = self._to_device.baud = device.baud
             self._put(self._to_host.arrived(now_ns, self._host_baud()))
             self._take(poll, now_ns)
-        self._unplug()
 
     def _take(self, poll: select.poll, now_ns: int) -> None:
         """Wait until something is due, taking what the host sends meanwhile."""
@@ -197,9 +208,10 @@ class Bench(threading.Thread):
         """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads."""
         if data:
             try:
-                os.write(self._master, data)
+                lost = len(data) - os.write(self._master, data)
             except BlockingIOError:
-                self._to_host.overflowed += len(data)
+                lost = len(data)
+            self._to_host.overflowed += lost
 
     def _host_baud(self) -> int | None:
         """The rate that the host has set, as the terminal knows it."""
@@ -266,7 +278,11 @@ class TwinLink(Link):
             raise LinkError("not-found", f"{self.source} is unplugged.", "It comes back by itself in a few seconds.")
         # The first device loads what is compiled: not on the loop, and before the port exists.
         await asyncio.to_thread(self._make, 0)
-        self._bench = Bench(self._make, self.options)
+        try:
+            self._bench = Bench(self._make, self.options)
+        except OSError as error:
+            hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
+            raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
         self._bench.start()
         self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
         try:

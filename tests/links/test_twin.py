@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import os
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from server.links import open_link
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink
 from server.links.twin import TwinLink
-from tests.links.bench import Metronome, fails, frame, gather, joined, left_behind, settings, xbus
+from tests.links.bench import Metronome, dies, fails, frame, gather, joined, left_behind, settings, xbus
 
 
 def run(coroutine: Any) -> Any:
@@ -50,7 +51,7 @@ def test_a_twin_is_unplugged_and_returns() -> None:
         before = left_behind()
         link = twin("unplug_s=0.2&away_s=0.2")
         await link.open()
-        error = await fails(drain(link))
+        error = await dies(link)
         assert error.kind == "gone"
         await link.close()
         error = await fails(link.open())
@@ -63,11 +64,6 @@ def test_a_twin_is_unplugged_and_returns() -> None:
         assert left_behind() == before
 
     run(check())
-
-
-async def drain(link: TwinLink) -> None:
-    while True:
-        await link.read()
 
 
 def test_bursts_arrive_as_bursts() -> None:
@@ -93,6 +89,35 @@ def test_a_twin_that_is_told_another_rate_is_noise_until_the_port_follows() -> N
         await link.close()
 
     run(check())
+
+
+def test_a_fault_in_a_twin_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFixture) -> None:
+    class Faulty(Metronome):
+        def advance(self, now_ns: int) -> bytes:
+            if self.sent > 5:
+                raise RuntimeError("broken")
+            return super().advance(now_ns)
+
+    async def check() -> None:
+        before = left_behind()
+        link = TwinLink("twin:xbus", settings(), twin().options, lambda start_ns: Faulty(start_ns))
+        await link.open()
+        assert (await dies(link)).kind == "gone"
+        await link.close()
+        assert left_behind() == before
+
+    run(check())
+    assert "broken" in caplog.text
+
+
+def test_no_pseudo_terminal_to_be_had(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none_left() -> tuple[int, int]:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "openpty", none_left)
+    error = run(fails(twin().open()))
+    assert error.kind == "refused"
+    assert "/dev/ptmx" in error.hint
 
 
 def test_the_line_is_fast_enough_for_the_samples() -> None:
