@@ -26,8 +26,8 @@ any corruption before it.
 `table` is int64, one row per quantity and one column per candidate, in stream order, accepted and rejected alike:
 
     OFFSET    where the candidate begins, in bytes from the start of the scanned data
-    SIZE      its length on the wire, header and checksum included; of a failed one, the bytes that were looked at, or as
-              claimed where it is truncated (0: the header does not even tell)
+    SIZE      its length on the wire, header and checksum included; of a failed one, the bytes that were looked at, or
+              as claimed where it is truncated (0: the header does not even tell)
     BODY      where its payload begins
     LENGTH    its payload's length
     ID        message number
@@ -39,6 +39,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,11 @@ QUANTITIES = 7
 REASONS = ("", "bad_checksum", "bad_size", "bad_id", "truncated", "bad_item", "bad_type")
 FRAME, BAD_CHECKSUM, BAD_SIZE, BAD_ID, TRUNCATED, BAD_ITEM, BAD_TYPE = range(7)
 
-Scan = Callable[[Bytes, int, bool, Ints], tuple[int, int]]
-"""scan(data, at, final, table) -> (columns written, where to go on). Stops when the data or the table is at its end."""
+Scan = Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]
+"""scan(data, at, final, table) -> (columns written, where to go on, failed candidates, bytes in frames).
+
+Stops when the data or the table is at its end.
+"""
 
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in a second-level cache
 
@@ -112,19 +116,34 @@ class Buffer:
         return np.array(self._arrivals, np.int64)[np.minimum(places, len(self._arrivals) - 1)]
 
 
-def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool) -> tuple[Ints, int]:
-    """Run `scan` to the end of `data`.
+@dataclass(slots=True)
+class Scanned:
+    """What a scan of everything found.
 
-    Returns:
-        The table (QUANTITIES, n), and the index from which the next scan goes on: where a candidate waits for more
-        bytes, or the end.
+    Args:
+        table: (QUANTITIES, n).
+        at: from where the next scan goes on: where a candidate waits for more bytes, or the end.
+        failed: how many of the candidates failed.
+        framed: bytes in accepted frames.
     """
+
+    table: Ints
+    at: int
+    failed: int
+    framed: int
+
+
+def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool) -> Scanned:
+    """Run `scan` from `at` to the end of `data`."""
     columns = min(_TABLE_COLUMNS, len(data) - at + 1)
     parts: list[Ints] = []
+    all_failed = all_framed = 0
     while True:
         table = np.empty((QUANTITIES, columns), np.int64)
-        found, at = scan(data, at, final, table)
+        found, at, failed, framed = scan(data, at, final, table)
         parts.append(table[:, :found])
+        all_failed += failed
+        all_framed += framed
         if found < columns:
             break
-    return (parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)), at
+    return Scanned(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), at, all_failed, all_framed)

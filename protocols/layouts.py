@@ -247,7 +247,7 @@ class Layout:
 
     def __init__(self, places: Sequence[Place], size: int) -> None:
         self.size = size
-        self.places = {field.name: (field, pieces) for field, pieces in places}
+        self.readers = {field.name: _Reader(field, pieces, size) for field, pieces in places}
 
     @classmethod
     def of(cls, fields: Sequence[Field]) -> Layout:
@@ -260,8 +260,37 @@ class Layout:
         return cls(places, at)
 
     def columns(self, rows: NDArray[np.uint8]) -> Columns:
-        """Columns of gathered frames, (n, size) uint8."""
+        """Columns of gathered frames, (n, size) uint8, contiguous."""
         return Columns(self, rows)
+
+
+class _Reader:
+    """One field's bytes in gathered rows → its column. What does not depend on the rows is worked out once."""
+
+    __slots__ = ("_at", "_field", "_inner", "_native", "_pieces", "_plain", "_stride", "_wire")
+
+    def __init__(self, field: Field, pieces: tuple[tuple[int, int], ...], stride: int) -> None:
+        self._field = field
+        self._pieces = pieces
+        self._at = pieces[0][0]
+        self._stride = stride
+        self._wire = element(field)
+        self._native = native(field)
+        self._inner = tuple(self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
+        encoded = field.dtype in _FIXED_POINT or field.fields or field.column_major
+        self._plain = not encoded and field.scale == 1 and field.bias == 0
+
+    def column(self, rows: NDArray[np.uint8]) -> Array:
+        """The field of n rows."""
+        field = self._field
+        if field.dtype == "bytes":
+            parts = [rows[:, at : at + size] for at, size in self._pieces]
+            return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        shape = (len(rows), *field.shape)
+        if not rows.size or 0 in shape:
+            return np.empty(shape, self._native)
+        wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, (self._stride, *self._inner))
+        return wire.astype(self._native) if self._plain else shown(field, wire)
 
 
 class Columns(Mapping[str, Array]):
@@ -277,30 +306,14 @@ class Columns(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         column = self._done.get(name)
         if column is None:
-            field, pieces = self._layout.places[name]
-            column = self._done[name] = _column(field, pieces, self._rows)
+            column = self._done[name] = self._layout.readers[name].column(self._rows)
         return column
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._layout.places)
+        return iter(self._layout.readers)
 
     def __len__(self) -> int:
-        return len(self._layout.places)
-
-
-def _column(field: Field, pieces: tuple[tuple[int, int], ...], rows: NDArray[np.uint8]) -> Array:
-    n = len(rows)
-    if len(pieces) != 1:
-        return np.concatenate([rows[:, at : at + size] for at, size in pieces], axis=1)
-    at, size = pieces[0]
-    if field.dtype == "bytes":
-        return rows[:, at : at + size]
-    if size == 0:
-        return np.empty((n, *field.shape), native(field))
-    dtype = np.dtype(
-        {"names": ["x"], "formats": [(element(field), field.shape)], "offsets": [at], "itemsize": len(rows[0])}
-    )
-    return shown(field, rows.view(dtype)["x"][:, 0]) if n else np.empty((0, *field.shape), native(field))
+        return len(self._layout.readers)
 
 
 def native(field: Field) -> np.dtype[Any]:

@@ -57,6 +57,8 @@ WRAP = 2**32
 WRAP_DAY = 864_000_000
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
+Flags = NDArray[np.bool_]
+
 _CLOCKS = {"": 0, "UtcTime": 1, "SampleTimeCoarse": 2, "SampleTimeFine": 3}
 _UTC, _COARSE, _FINE = 1, 2, 3
 _LAYOUTS = 1024  # layouts remembered; a device has a handful
@@ -131,10 +133,11 @@ class XbusDecoder(Decoder):
         table, arrivals = cut.table, cut.arrival_ns
         if not table.shape[1]:
             return sorted(events, key=_offset) if len(events) > 1 else events
-        is_data = table[ID] == MTDATA2
-        if not is_data.all():
-            replies = self._replies(cut, np.flatnonzero(~is_data))
+        other = table[ID] != MTDATA2
+        if other.any():
+            replies = self._replies(cut, np.flatnonzero(other))
             events += replies
+            is_data = ~other
             table, arrivals = np.ascontiguousarray(table[:, is_data]), arrivals[is_data]
             if not table.shape[1]:
                 self._learn(replies)
@@ -172,20 +175,25 @@ class XbusDecoder(Decoder):
         order = np.empty(n, np.int64)
         bounds = np.empty(n + 1, np.int64)
         body = table[BODY]
-        groups = walk(cut.array, body, table[LENGTH], walked, order, bounds)
+        groups, bad, without_fine, without_counter = walk(cut.array, body, table[LENGTH], walked, order, bounds)
         offsets = table[OFFSET] + cut.start
         events: list[Event] = []
-        times, timed = self._times(cut, walked, offsets, arrivals, replies, events)
-        self._gaps(walked[COUNTER], offsets, arrivals, times, timed, events)
-        if (walked[GOOD] < table[LENGTH]).any():
+        if without_fine or replies or self._clock not in (0, _FINE):
+            times, timed = self._times(cut, walked, offsets, arrivals, replies, events)
+        else:  # the usual case
+            self._clock = _FINE
+            times, timed = self._unwrap(self._fine, TICK_NS, walked[FINE], offsets, arrivals, events), None
+        self._gaps(walked[COUNTER], bool(without_counter), offsets, arrivals, times, timed, events)
+        if bad:
             self._bad_tails(table, walked[GOOD], cut.start, arrivals, events)
         for g in range(groups):
             which: Any = order[bounds[g] : bounds[g + 1]] if groups > 1 else slice(None)
             starts = body[which]
             layout = self._layout(cut.data, int(starts[0]), int(walked[GOOD, which][0]))
-            self._batches(
-                cut.array, starts, layout, arrivals[which], offsets[which], times[which], timed[which], events
-            )
+            rows = np.empty((len(starts), layout.layout.size), np.uint8)
+            gather(cut.array, starts, rows)
+            has_time = None if timed is None else timed[which]
+            events += _batches(layout, rows, arrivals[which], offsets[which], times[which], has_time)
             for at, size in layout.bad:
                 places = zip((starts + (cut.start + at)).tolist(), arrivals[which].tolist(), strict=True)
                 events += [Reject(place, size, "bad_item", arrival) for place, arrival in places]
@@ -206,29 +214,6 @@ class XbusDecoder(Decoder):
         return layout
 
     @staticmethod
-    def _batches(
-        array: Bytes,
-        starts: Ints,
-        layout: DataLayout,
-        arrivals: Ints,
-        offsets: Ints,
-        times: Ints,
-        timed: NDArray[np.bool_],
-        events: list[Event],
-    ) -> None:
-        """One batch; two where only some of the frames have a device time."""
-        rows = np.empty((len(starts), layout.layout.size), np.uint8)
-        gather(array, starts, rows)
-        if timed.all():
-            events.append(Batch(layout.message, "", arrivals, offsets, times, layout.layout.columns(rows)))
-            return
-        for part, has_time in ((timed, True), (~timed, False)):
-            if part.any():
-                time = times[part] if has_time else None
-                columns = layout.layout.columns(rows[part])
-                events.append(Batch(layout.message, "", arrivals[part], offsets[part], time, columns))
-
-    @staticmethod
     def _bad_tails(table: Ints, good: Ints, start: int, arrivals: Ints, events: list[Event]) -> None:
         """The item that did not fit in its payload, and with it the rest of the payload."""
         for i in np.flatnonzero(good < table[LENGTH]).tolist():
@@ -239,12 +224,9 @@ class XbusDecoder(Decoder):
 
     def _times(
         self, cut: Cut, walked: Ints, offsets: Ints, arrivals: Ints, replies: list[Reply], events: list[Event]
-    ) -> tuple[Ints, NDArray[np.bool_]]:
+    ) -> tuple[Ints, Flags]:
         """Device time of each frame, ns, and whether it has one."""
         fine = walked[FINE]
-        if int(fine.min()) >= 0 and self._clock in (0, _FINE) and not replies:
-            self._clock = _FINE
-            return self._unwrap(self._fine, TICK_NS, fine, offsets, arrivals, events), np.ones(len(fine), bool)
         utc = _utc_ns(cut.data, walked[UTC_AT])
         has = np.where(fine >= 0, _FINE, np.where(walked[COARSE] >= 0, _COARSE, np.where(utc >= 0, _UTC, 0)))
         used = np.maximum.accumulate(np.maximum(has, self._clock))
@@ -271,18 +253,39 @@ class XbusDecoder(Decoder):
         return ticks * tick_ns
 
     def _gaps(
-        self, raw: Ints, offsets: Ints, arrivals: Ints, times: Ints, timed: NDArray[np.bool_], events: list[Event]
+        self,
+        raw: Ints,
+        holes: bool,
+        offsets: Ints,
+        arrivals: Ints,
+        times: Ints,
+        timed: Flags | None,
+        events: list[Event],
     ) -> None:
-        counted = raw >= 0
-        whole = bool(counted.all())
-        missing = self._counter.missing(raw if whole else raw[counted])
+        """What PacketCounter says is missing; `holes`: some frames do not carry it."""
+        rows = np.flatnonzero(raw >= 0) if holes else None
+        missing = self._counter.missing(raw if rows is None else raw[rows])
         if not missing.any():
             return
-        rows = np.arange(len(raw)) if whole else np.flatnonzero(counted)
         for k in np.flatnonzero(missing).tolist():
-            i = int(rows[k])
-            time = int(times[i]) if timed[i] else None
+            i = k if rows is None else int(rows[k])
+            time = int(times[i]) if timed is None or timed[i] else None
             events.append(Gap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
+
+
+def _batches(
+    layout: DataLayout, rows: Bytes, arrivals: Ints, offsets: Ints, times: Ints, timed: Flags | None
+) -> list[Batch]:
+    """One batch; two where only some of the frames have a device time. `timed` None: all have."""
+    if timed is None or timed.all():
+        return [Batch(layout.message, "", arrivals, offsets, times, layout.layout.columns(rows))]
+    batches = []
+    for part, time in ((timed, times), (~timed, None)):
+        if part.any():
+            columns = layout.layout.columns(rows[part])
+            part_time = None if time is None else time[part]
+            batches.append(Batch(layout.message, "", arrivals[part], offsets[part], part_time, columns))
+    return batches
 
 
 def _stretches(

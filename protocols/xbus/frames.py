@@ -44,7 +44,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, ROWS, TABLE, compiled, unsigned
 
 PREAMBLE = 0xFA
 EXTENDED = 0xFF
@@ -59,11 +59,13 @@ MTDATA2 = 0x36
 UTC_TIME, PACKET_COUNTER, SAMPLE_TIME_FINE, SAMPLE_TIME_COARSE = 0x1010, 0x1020, 0x1060, 0x1070
 
 
-@compiled(PAIR, BYTES, INT, FLAG, TABLE)
-def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int]:
+@compiled(FOUR, BYTES, INT, FLAG, TABLE)
+def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
     """Find candidates in `data[at:]`; see protocols/framing.py for the table and the rule."""
     end = len(data)
     n = 0
+    failed = 0
+    framed = 0
     while at < end and n < table.shape[1]:
         if int(data[at]) != PREAMBLE:
             at += 1
@@ -100,8 +102,13 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int]:
         table[SENDER, n] = int(data[at + 1]) if left >= 2 else -1
         table[STATUS, n] = status
         n += 1
-        at += size if status == FRAME else 1
-    return n, at
+        if status == FRAME:
+            framed += size
+            at += size
+        else:
+            failed += 1
+            at += 1
+    return n, at, failed, framed
 
 
 GROUP, GOOD, COUNTER, FINE, COARSE, UTC_AT = range(6)
@@ -129,8 +136,8 @@ def _u4(data: Bytes, at: int) -> int:
     return int(data[at]) << 24 | int(data[at + 1]) << 16 | int(data[at + 2]) << 8 | int(data[at + 3])
 
 
-@compiled(INT, BYTES, INTS, INTS, TABLE, INTS, INTS)
-def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: Ints) -> int:
+@compiled(FOUR, BYTES, INTS, INTS, TABLE, INTS, INTS)
+def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: Ints) -> tuple[int, int, int, int]:
     """Follow the items of n MTData2 payloads and group those of equal layout.
 
     Args:
@@ -142,14 +149,14 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
         order: (n,), written: the frames sorted by group, in stream order within each.
         bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
     Returns:
-        How many groups there are.
+        How many groups there are, and how many frames have a bad tail, no SampleTimeFine, no PacketCounter.
     """
     n = len(body)
     slots = 4
     while slots < 2 * n:
         slots *= 2
     first_of = np.full(slots, -1, np.int64)  # an open-addressed table: slot → first frame of a layout
-    groups = 0
+    groups = bad = without_fine = without_counter = 0
     # Most frames have the layout of the one before, or of the one before that: these two are compared with first, and
     # where the clocks are in their payloads is remembered (COUNTER … UTC_AT minus COUNTER; 0 where absent).
     recent = np.full(2, -1, np.int64)
@@ -206,7 +213,10 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
                     break
                 slot = (slot + 1) & (slots - 1)
         recent[same] = f
+        bad += out[GOOD, f] < length[f]
         counter, fine, coarse, utc = spots[same, 0], spots[same, 1], spots[same, 2], spots[same, 3]
+        without_fine += fine == 0
+        without_counter += counter == 0
         out[COUNTER, f] = int(data[start + counter]) << 8 | int(data[start + counter + 1]) if counter else -1
         out[FINE, f] = _u4(data, start + fine) if fine else -1
         out[COARSE, f] = _u4(data, start + coarse) if coarse else -1
@@ -224,7 +234,7 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
     for g in range(groups, 0, -1):
         bounds[g] = bounds[g - 1]
     bounds[0] = 0
-    return groups
+    return groups, bad, without_fine, without_counter
 
 
 @compiled(NOTHING, BYTES, INTS, ROWS)

@@ -76,17 +76,17 @@ class Stream:
         data = buffer.data()
         start = buffer.start
         array = np.frombuffer(data, np.uint8)
-        table, at = scan_all(scan, array, self._scan_at - start, final=stalled)
+        scanned = scan_all(scan, array, self._scan_at - start, final=stalled)
+        table = scanned.table
         rejects: list[Reject] = []
-        if table.shape[1] and table[STATUS].any():
+        if scanned.failed:
             rejects = self._rejects(table, start)
             table = np.ascontiguousarray(table[:, table[STATUS] == FRAME])
         arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
-        self._scan_at = start + at
-        framed = int(table[SIZE].sum())
-        self._known += framed
+        self._scan_at = start + scanned.at
+        self._known += scanned.framed
         texts: list[Text] = []
-        if framed != self._scan_at - min(self._nmea_at, self._strings_at):
+        if scanned.framed != self._scan_at - min(self._nmea_at, self._strings_at):
             texts = self._texts(data, start, table, rejects, stalled)
         else:
             self._nmea_at = self._strings_at = self._scan_at
