@@ -1,12 +1,13 @@
 /** How does the sensor lie in the world? A turning box with its own axes over a floor that names the frame's axes. */
 import { css, font, type Surface } from "../ui/canvas";
-import { apply, axesOf, type Camera, type Frame, type Matrix, project, type Vector } from "./maths";
+import type { Matrix3, Vector3, WorldFrame } from "../data/derive";
+import { apply, axesOf, type Camera, project } from "./maths";
 
 /** The viewer stands south-west and above, looking north-east: north goes away to the left, east to the right. */
 const CAMERA: Camera = { azimuth: 0.62, elevation: 0.46 };
 /** Half length, half width and half height of the box, along x, y and z. */
-const BOX: Vector = [0.5, 0.36, 0.17];
-const ARROWS: readonly { readonly letter: "x" | "y" | "z"; readonly tip: Vector }[] = [
+const BOX: Vector3 = [0.5, 0.36, 0.17];
+const ARROWS: readonly { readonly letter: "x" | "y" | "z"; readonly tip: Vector3 }[] = [
   { letter: "x", tip: [1.12, 0, 0] },
   { letter: "y", tip: [0, 0.98, 0] },
   { letter: "z", tip: [0, 0, 0.95] },
@@ -17,18 +18,18 @@ const FLOOR = -0.62;
 const EXTENT = 1.2;
 
 /** Draws a body turned by `enu` (world from body, ENU); the floor is labelled with the axes of `frame`. */
-export function drawBody(to: Surface, enu: Matrix | undefined, frame: Frame): void {
+export function drawBody(to: Surface, enu: Matrix3 | undefined, frame: WorldFrame): void {
   if (!to.begin()) return;
   const x = to.context;
   const scale = Math.min(to.width(), to.height()) * 0.34;
-  const at = (p: Vector): Vector => {
+  const at = (p: Vector3): Vector3 => {
     const [right, up, away] = project(CAMERA, p);
     return [to.width() / 2 + right * scale, to.height() / 2 + 16 - up * scale, away];
   };
   x.lineCap = "round";
   drawFloor(x, at, frame);
   if (!enu) return;
-  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k): Vector => {
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k): Vector3 => {
     const [l, w, h] = BOX;
     return apply(enu, [k % 4 === 0 || k % 4 === 3 ? -l : l, k % 4 < 2 ? -w : w, k < 4 ? -h : h]);
   });
@@ -40,9 +41,9 @@ export function drawBody(to: Surface, enu: Matrix | undefined, frame: Frame): vo
   for (const arrow of arrows) if (!behind.includes(arrow)) drawArrow(x, at, arrow.letter, arrow.tip);
 }
 
-type Place = (p: Vector) => Vector;
+type Place = (p: Vector3) => Vector3;
 
-function line(x: CanvasRenderingContext2D, at: Place, from: Vector, to: Vector): void {
+function line(x: CanvasRenderingContext2D, at: Place, from: Vector3, to: Vector3): void {
   const [a, b] = [at(from), at(to)];
   x.beginPath();
   x.moveTo(a[0], a[1]);
@@ -50,7 +51,7 @@ function line(x: CanvasRenderingContext2D, at: Place, from: Vector, to: Vector):
   x.stroke();
 }
 
-function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: Frame): void {
+function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: WorldFrame): void {
   x.strokeStyle = css("--grid-zero");
   x.lineWidth = 1;
   for (let k = -3; k <= 3; k++) {
@@ -64,8 +65,8 @@ function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: Frame): void {
     x.fillStyle = css("--ink-3");
     const vertical = to[2] !== 0;
     // Up or down stands at the floor's left corner, clear of the body; the others at the floor's edge.
-    const corner: Vector = [-EXTENT, EXTENT, FLOOR];
-    const end: Vector = vertical ? [corner[0], corner[1], FLOOR + 0.34 * to[2]] : [to[0] * 1.38, to[1] * 1.38, FLOOR];
+    const corner: Vector3 = [-EXTENT, EXTENT, FLOOR];
+    const end: Vector3 = vertical ? [corner[0], corner[1], FLOOR + 0.34 * to[2]] : [to[0] * 1.38, to[1] * 1.38, FLOOR];
     if (vertical) {
       x.strokeStyle = css("--edge");
       line(x, at, corner, end);
@@ -75,14 +76,14 @@ function drawFloor(x: CanvasRenderingContext2D, at: Place, frame: Frame): void {
   }
 }
 
-function polygon(x: CanvasRenderingContext2D, points: readonly Vector[]): void {
+function polygon(x: CanvasRenderingContext2D, points: readonly Vector3[]): void {
   x.beginPath();
   for (const [px, py] of points) x.lineTo(px, py);
   x.closePath();
 }
 
 /** The shadow straight below, as one shape: every face is wound the same way, so that overlaps do not darken or cancel. */
-function drawShadow(x: CanvasRenderingContext2D, at: Place, corners: readonly Vector[]): void {
+function drawShadow(x: CanvasRenderingContext2D, at: Place, corners: readonly Vector3[]): void {
   x.beginPath();
   for (const face of FACES) {
     const points = face.map((k) => at([corners[k]?.[0] ?? 0, corners[k]?.[1] ?? 0, FLOOR]));
@@ -100,9 +101,9 @@ function drawShadow(x: CanvasRenderingContext2D, at: Place, corners: readonly Ve
   x.globalAlpha = 1;
 }
 
-function drawBox(x: CanvasRenderingContext2D, at: Place, corners: readonly Vector[]): void {
+function drawBox(x: CanvasRenderingContext2D, at: Place, corners: readonly Vector3[]): void {
   const faces = FACES.map((face) => face.map((k) => at(corners[k] ?? [0, 0, 0])));
-  const depth = (face: readonly Vector[]): number => face.reduce((sum, p) => sum + p[2], 0);
+  const depth = (face: readonly Vector3[]): number => face.reduce((sum, p) => sum + p[2], 0);
   faces.sort((a, b) => depth(b) - depth(a));
   for (const face of faces) {
     polygon(x, face);
@@ -116,7 +117,7 @@ function drawBox(x: CanvasRenderingContext2D, at: Place, corners: readonly Vecto
   }
 }
 
-function drawArrow(x: CanvasRenderingContext2D, at: Place, letter: "x" | "y" | "z", tip: Vector): void {
+function drawArrow(x: CanvasRenderingContext2D, at: Place, letter: "x" | "y" | "z", tip: Vector3): void {
   const [from, to] = [at([0, 0, 0]), at(tip)];
   const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);
   const beside = (length: number, turn: number): readonly [number, number] => [

@@ -4,6 +4,7 @@
  * that sends no attitude gets words that say which output to switch on, and no empty instrument.
  */
 import { effect } from "@preact/signals";
+import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/derive";
 import type { Channel } from "../data/store";
 import { frame as chosenFrame } from "../data/view";
 import { channelsOf, type Deps, reading, sampleAt } from "../panels/deps";
@@ -13,7 +14,7 @@ import { number } from "../ui/format";
 import { drawBody } from "./body";
 import { mountGnss, positionOf } from "./gnss";
 import { drawHorizon } from "./horizon";
-import { eulerOf, type Frame, FRAMES, fromEnu, headingOf, horizonOf, inEnu, pitchSign } from "./maths";
+import { FRAMES, headingOf, horizonOf, pitchSign } from "./maths";
 import { type Source, sourceOf } from "./source";
 
 /** Mounts into `host`, which becomes the attitude row; rebuilt when the device's channels change. */
@@ -58,7 +59,7 @@ function numeral(list: HTMLElement, name: string, axis: string, note: Node | str
 }
 
 /** The switch of frames; pressing the one the device speaks returns to "as it is sent". */
-function frameSwitch(native: Frame): { readonly node: HTMLElement; dispose(): void } {
+function frameSwitch(native: WorldFrame): { readonly node: HTMLElement; dispose(): void } {
   const group = el("div", { class: "seg small", role: "group", "aria-label": "Frame of the numbers" });
   const buttons = FRAMES.map((name) => {
     const button = el("button", { type: "button" }, name);
@@ -105,17 +106,17 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       const { ring } = source.channel;
       const key = `${ring.revision} ${i} ${frame} ${document.documentElement.dataset["theme"]}`;
       const sent = i < 0 ? undefined : source.at(i);
-      const enu = sent && inEnu(sent, source.frame);
+      const enu = sent && matrixIn(sent, source.frame, "ENU");
       if (key !== drawn) {
         drawn = key;
         drawHorizon(horizonOn, enu && horizonOf(enu, source.frame));
         drawBody(bodyOn, enu, frame);
       }
       if (!textDue(now)) return;
-      const angles = enu && eulerOf(fromEnu(enu, frame));
+      const angles = sent && eulerOfMatrix(matrixIn(sent, source.frame, frame));
       heading.set(number(enu && headingOf(enu), 1));
-      roll.set(number(angles?.roll, 1));
-      pitch.set(number(angles?.pitch, 1));
+      roll.set(number(angles?.[0], 1));
+      pitch.set(number(angles?.[1], 1));
       frameName.set(frame);
       pitchNote.set(`about y, ${pitchSign(frame)}`);
     },

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
+import { eulerOfMatrix, type Matrix3 } from "../data/derive";
 import type { Channel } from "../data/store";
 import type { ChannelInfo } from "../wire/types";
-import { eulerOf, IDENTITY } from "./maths";
 import { sourceOf } from "./source";
 
 /** A channel with one sample. */
@@ -18,7 +18,9 @@ describe("sourceOf", () => {
   it("prefers the quaternion, and says so", () => {
     const source = sourceOf([derived, matrix, euler, quaternion]);
     expect(source).toMatchObject({ words: "from quaternion", frame: "NED" });
-    expect(eulerOf(source?.at(0) ?? IDENTITY).yaw).toBeCloseTo(90);
+    const m: Matrix3 | undefined = source?.at(0);
+    expect(m && eulerOfMatrix(m)[2]).toBeCloseTo(90);
+    expect(sourceOf([channel(1, "quaternion", "", [0, 0, 0, 0])])?.at(0)).toBeUndefined();
   });
   it("reads a matrix through its derived angles, and takes angles as they come", () => {
     expect(sourceOf([matrix, derived])).toMatchObject({ words: "from rotation matrix", frame: "NWU", channel: derived });

@@ -3,15 +3,16 @@
  * A matrix is read through the Euler angles derived from it, so that the order of its elements is known in one place only.
  */
 import type { Channel } from "../data/store";
-import { type Frame, FRAMES, type Matrix, matrixOfEuler, matrixOfQuaternion } from "./maths";
+import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/derive";
+import { FRAMES } from "./maths";
 
 export interface Source {
   readonly words: "from quaternion" | "from rotation matrix" | "from Euler angles";
   /** The frame the device speaks. */
-  readonly frame: Frame;
+  readonly frame: WorldFrame;
   readonly channel: Channel;
   /** Frame from body at sample `i`; undefined when the sample is no rotation. */
-  at(i: number): Matrix | undefined;
+  at(i: number): Matrix3 | undefined;
 }
 
 /** The source among the channels of one device; undefined when it sends no attitude. */
@@ -29,15 +30,20 @@ export function sourceOf(channels: readonly Channel[]): Source | undefined {
   return undefined;
 }
 
-function byQuaternion({ ring }: Channel, i: number): Matrix | undefined {
-  return matrixOfQuaternion(ring.value(0, i), ring.value(1, i), ring.value(2, i), ring.value(3, i));
+function byQuaternion({ ring }: Channel, i: number): Matrix3 | undefined {
+  return finite(matrixOfQuaternion([ring.value(0, i), ring.value(1, i), ring.value(2, i), ring.value(3, i)]));
 }
 
-function byEuler({ ring }: Channel, i: number): Matrix | undefined {
-  return matrixOfEuler(ring.value(0, i), ring.value(1, i), ring.value(2, i));
+function byEuler({ ring }: Channel, i: number): Matrix3 | undefined {
+  return finite(matrixOfEuler([ring.value(0, i), ring.value(1, i), ring.value(2, i)]));
+}
+
+/** A device that has no attitude yet sends zeros or NaN. */
+function finite(m: Matrix3): Matrix3 | undefined {
+  return m.every(Number.isFinite) ? m : undefined;
 }
 
 /** "ENU from body" → ENU, which is also what is taken where nothing is said. */
-function frameOf(channel: Channel): Frame {
+function frameOf(channel: Channel): WorldFrame {
   return FRAMES.find((frame) => channel.info.frame.startsWith(frame)) ?? "ENU";
 }

@@ -204,16 +204,11 @@ export function OfflineBand({ app }: { readonly app: App }) {
           : "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."}
       </span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => reconnect(app)}>
+      <button type="button" class="btn edge" onClick={() => app.store.retry()}>
         Try now
       </button>
     </div>
   );
-}
-
-function reconnect(app: App): void {
-  app.store.stop();
-  app.store.start(socketUrl());
 }
 
 /** Where the WebSocket is: the page's own host, with the page's own kind of security. */
