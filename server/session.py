@@ -98,6 +98,7 @@ class Session:
         self._unknown: list[Chunk] = []
         self._unknown_since = 0.0
         self._opened_at: float | None = None
+        self._died_at: float | None = None  # last arrival before the link went while it was live
         self._interval = 0.0  # the usual time between chunks of this device, s
         self._chunks = 0
         self._stalled = False
@@ -172,6 +173,8 @@ class Session:
         self._drain(final=True)
         was_live = self.info.status == "live"
         self._opened_at = None
+        if self.info.status in ("live", "lost") and self._died_at is None:
+            self._died_at = self._figures.last_arrival
         if error.kind in ("ended", "bad-source"):
             status: wire.DeviceStatus = "ended" if error.kind == "ended" else "idle"
             self._set(status=status, message=error.message, hint=error.hint, next_try=None)
@@ -284,6 +287,12 @@ class Session:
         self._set(status="live", message="", hint="", next_try=None, last_arrival=self._figures.last_arrival)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._incidents.say("link", "info", text, data={"kind": "back" if back else "live"})
+        if self._died_at is not None and back and self._figures.last_arrival is not None:
+            # A new connection has a new decoder, which cannot know what its predecessor missed.
+            span = (self._died_at, self._figures.last_arrival)
+            text = f"Nothing came for {span[1] - span[0]:.1f} s: the link was down. How many samples is not known."
+            self._incidents.say("gap", "fault", text, span=span, data={"counter": "", "by": "link"})
+        self._died_at = None
 
     def tick(self, now: float) -> None:
         """Ten times a second: stalls, silence, sums of what happened."""

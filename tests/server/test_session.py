@@ -143,6 +143,9 @@ def test_a_dead_link_shows_at_once_and_comes_back() -> None:
         assert stage.status == "live"
         assert set(stage.hub.channels) == ids  # the same channels go on
         assert [event.data["kind"] for event in stage.events("link")] == ["live", "gone", "back"]
+        (gap,) = stage.events("gap")  # so that the page hatches what the link missed
+        assert gap.data["by"] == "link"
+        assert 0.0 < gap.t1 - gap.t0 < 1.0
 
     play(test)
 
