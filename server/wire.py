@@ -43,8 +43,8 @@ advertised. Every column starts 8-byte aligned within the message, so `new Float
 copy. Padding bytes have no meaning.
 
 A channel is one quantity of one device (an MTData2 item, an ISB data set). The nine columns of a `matrix` are row by
-row. A `rows` channel is a table: several rows
-share one time (satellites); the rows with the newest time are the table now.
+row. A `rows` channel is a table: several rows share one time (satellites); the rows with the newest time are the table
+now.
 
 ## History
 

@@ -1,0 +1,85 @@
+"""Captures of real devices, whole, through decoder, intake and hub: every value of the expected files is on a channel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.xbus.decoder import XbusDecoder
+from server.channels import Channels
+from server.health import Figures
+from server.hub import Hub
+from server.incidents import Incidents
+from server.intake import Intake
+from server.links.base import Chunk
+from tests.server.fakes import Clock
+
+RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture
+
+
+def play(path: Path, chunk: int) -> tuple[Hub, Figures]:
+    clock = Clock()
+    hub, figures = Hub(clock), Figures()
+    intake = Intake(
+        hub,
+        "1",
+        XbusDecoder(),
+        figures=figures,
+        channels=Channels("1", hub.advertise),
+        incidents=Incidents(hub, "1"),
+        byte_time_ns=10e9 / 115_200,
+        link_kind="serial",
+    )
+    data = path.read_bytes()
+    for at in range(0, len(data), chunk):
+        clock.move(chunk / RATE)
+        intake.feed(Chunk(data[at : at + chunk], clock.ns))
+        intake.drain()
+        hub.flush()
+    intake.drain(stalled=True)
+    hub.flush()
+    return hub, figures
+
+
+def columns(hub: Hub, name: str) -> dict[str, Any]:
+    channel = next(one for one in hub.channels.values() if one.info.name == name)
+    names = ["arrival", "time", *(column.name for column in channel.info.columns)]
+    return dict(zip(names, channel.ring.read(), strict=True))
+
+
+def test_layouts_that_alternate_stay_in_order(captures: Path) -> None:
+    """mti_100hz_49s.bin mixes inertial frames and GNSS solutions, which carry no acceleration but the same counter."""
+    hub, figures = play(captures / "xbus" / "mti_100hz_49s.bin", 4096)
+    counter = columns(hub, "PacketCounter")["value"].astype(int)
+    assert (np.diff(counter) % 65536 == 1).all()
+    assert figures.gaps == figures.rejects == 0
+    assert figures.messages["MTData2"].total == len(counter)
+    acceleration = columns(hub, "Acceleration")
+    assert len(acceleration["x"]) < len(counter)
+    assert (np.diff(acceleration["time"]) > 0).all()
+    assert np.median(np.diff(acceleration["time"])) == pytest.approx(0.01, rel=0.05)
+
+
+@pytest.mark.parametrize("chunk", [64, 1000, 100_000])
+def test_chunks_do_not_matter(captures: Path, chunk: int) -> None:
+    path = captures / "xbus" / "mti_float32.bin"
+    whole, _ = play(path, 10**9)
+    cut, _ = play(path, chunk)
+    assert [one.info.name for one in whole.channels.values()] == [one.info.name for one in cut.channels.values()]
+    for number, channel in whole.channels.items():
+        for wanted, got in zip(channel.ring.read()[2:], cut.channels[number].ring.read()[2:], strict=True):
+            np.testing.assert_array_equal(wanted, got)
+
+
+def test_satellites_are_a_table(captures: Path) -> None:
+    hub, _ = play(captures / "xbus" / "mti_float32_satinfo_ecef.bin", 2048)
+    channel = next(one for one in hub.channels.values() if one.info.name == "GnssSatInfo")
+    assert channel.info.kind == "rows"
+    table = columns(hub, "GnssSatInfo")
+    assert {"svId", "cno"} <= table.keys()
+    times = np.unique(table["arrival"])
+    assert 0 < len(times) < len(table["arrival"])
+    assert table["cno"].max() < 64
