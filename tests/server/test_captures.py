@@ -1,4 +1,4 @@
-"""Captures of real devices, whole, through decoder, intake and hub: every value of the expected files is on a channel."""
+"""Captures of real devices, whole, through decoder, intake and hub: in order, complete, however they were cut."""
 
 from __future__ import annotations
 
