@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.envelope import Mapping
+from protocols.ticks import NEAR_SHARE, OPEN_FROM, OPEN_TO, RESET, STATES, WRAP, follow
 
 Array = NDArray[Any]
 Times = NDArray[np.int64]
@@ -34,7 +35,7 @@ Times = NDArray[np.int64]
 # -- counters ----------------------------------------------------------------------------------------------------------
 
 LATE_S = 10.0  # a row this much older than the newest is an old row, not a restart (PVT on an MTi: 2.5 s measured)
-LATE_ROWS = 8  # ... unless so many come in a row
+_UNKNOWN = np.empty(0, np.int64)
 AHEAD_S = 1.0  # device time that ran ahead of arrival time by more than this has jumped
 
 
@@ -53,19 +54,23 @@ class Unwrap:
     """
 
     def __init__(self, wrap: int, *, auto: tuple[int, ...] = (), tick_ns: int = 0) -> None:
-        self.wrap = wrap
         self.steps: list[tuple[int, str, int]] = []
-        self._auto = tuple(sorted({wrap, *auto})) if auto else ()
+        self._wraps = np.array(sorted({wrap, *auto}), np.int64)
         self._tick_ns = tick_ns
-        self._turns = 0  # added to every raw value, ticks
-        self._newest: int | None = None
-        self._newest_arrival = 0
-        self._late_run = 0
+        self._late = int(LATE_S * 1e9 / tick_ns) if tick_ns else max(wrap // NEAR_SHARE, 1)
+        self._state = np.zeros(STATES, np.int64)
+        self._state[WRAP] = self._wraps.tolist().index(wrap)
+        self._state[OPEN_TO] = len(self._wraps)
+
+    @property
+    def wrap(self) -> int:
+        """The modulus in effect."""
+        return int(self._wraps[self._state[WRAP]])
 
     def set_wrap(self, wrap: int) -> None:
         """The modulus is known now (from the product code)."""
-        self.wrap = wrap
-        self._auto = ()
+        self._wraps = np.array([wrap], np.int64)
+        self._state[WRAP], self._state[OPEN_FROM], self._state[OPEN_TO] = 0, 0, 1
 
     def ticks(self, raw: Array, arrival_ns: Array | None = None) -> Times:
         """Unwrapped ticks of the rows `raw`, (n,) int64, going on from the last call.
@@ -73,144 +78,15 @@ class Unwrap:
         `steps` then lists (row, kind, by ticks): "reset" where the clock started again from near zero, "jump" where it
         moved otherwise; `by` is negative backwards.
         """
-        values = np.asarray(raw).astype(np.int64)
-        self.steps = []
-        if len(values) == 1 and arrival_ns is None and self._goes_on(int(values[0])):
-            return values + self._turns
+        values = np.ascontiguousarray(raw, np.int64)
+        arrival = _UNKNOWN if arrival_ns is None else np.ascontiguousarray(arrival_ns, np.int64)
         out = np.empty(len(values), np.int64)
-        done = 0
-        while done < len(values):
-            done = self._stretch(values, out, arrival_ns, done)
+        steps = np.empty((3, len(values)), np.int64)
+        found = follow(
+            values, arrival, self._state, self._wraps, self._late, self._tick_ns, int(AHEAD_S * 1e9), out, steps
+        )
+        self.steps = [(row, "reset" if kind == RESET else "jump", by) for row, kind, by in steps[:, :found].T.tolist()]
         return out
-
-    def _goes_on(self, value: int) -> bool:
-        """Is this one row plainly the next? The usual case of a live stream, decided without arrays."""
-        if self._newest is None or self._newest_arrival or (self._auto and value >= self.wrap):
-            return False
-        if not 0 <= value + self._turns - self._newest <= self._near():
-            return False
-        self._newest = value + self._turns
-        self._late_run = 0
-        return True
-
-    def _stretch(self, raw: Times, out: Times, arrival: Array | None, start: int) -> int:
-        """Unwrap rows from `start` up to the first that needs a decision; take that decision; where to go on."""
-        if self._newest is None:
-            self._newest = int(raw[start])
-            self._newest_arrival = 0 if arrival is None else int(arrival[start])
-        values = raw[start:] + self._turns
-        newest = np.maximum.accumulate(np.concatenate(([self._newest], values)))
-        ahead = np.diff(newest) > self._near()
-        if arrival is not None and self._tick_ns:
-            ahead |= self._ran_ahead(newest, arrival[start:])
-        behind = newest[:-1] - values
-        suspect = ahead | (behind > 0)
-        if not suspect.any():
-            self._accept(values, arrival, start, out)
-            self._late_run = 0
-            return len(raw)
-        odd = ahead | (behind > min(self._late(), self.wrap // 4))
-        plain = int(np.argmax(odd)) if odd.any() else len(values)
-        if plain and self._only_late(behind[:plain]):
-            self._newest = int(newest[plain])
-            self._accept(values[:plain], arrival, start, out)
-            return start + plain
-        first = int(np.argmax(suspect))
-        if first:
-            self._accept(values[:first], arrival, start, out)
-            self._late_run = 0
-            return start + first
-        return self._decide(raw, out, arrival, start, behind, bool(ahead[0]))
-
-    def _only_late(self, behind: Times) -> bool:
-        """Are only few in a row of these rows late, none of them by much? Then they keep their own times."""
-        on_time = np.flatnonzero(behind <= 0)
-        if not len(on_time):
-            return False
-        tail = len(behind) - 1 - int(on_time[-1])
-        between = int(np.diff(on_time).max()) - 1 if len(on_time) > 1 else 0
-        if max(int(on_time[0]) + self._late_run, between, tail) >= LATE_ROWS:
-            return False
-        self._late_run = tail
-        return True
-
-    def _decide(self, raw: Times, out: Times, arrival: Array | None, at: int, behind: Times, ahead: bool) -> int:
-        """Row `at` does not simply go on counting: a late row, a wrap, a reset or a jump."""
-        value = int(raw[at])
-        newest = self._newest
-        assert newest is not None
-        if ahead:
-            self.steps.append((at, "jump", value + self._turns - newest))
-            return self._settle(value, out, arrival, at)
-        if self._wrapped(value, newest, arrival, at):
-            self._turns += self.wrap
-            return self._settle(value, out, arrival, at)
-        before = value + self._turns - self.wrap  # a late row from before a wrap
-        if 0 <= newest - before <= self._late():
-            out[at] = before
-            return at + 1
-        depth = int(behind[0])
-        run = _leading(behind > 0)
-        if depth <= self._late() and run + self._late_run < LATE_ROWS:
-            out[at : at + run] = raw[at : at + run] + self._turns
-            self._late_run += run
-            return at + run
-        kind = "reset" if value < max(self._near() // 4, 1) else "jump"
-        self.steps.append((at, kind, value + self._turns - newest))
-        if kind == "reset":
-            self._turns = 0
-        return self._settle(value, out, arrival, at)
-
-    def _settle(self, value: int, out: Times, arrival: Array | None, at: int) -> int:
-        """Count on from row `at`, whatever came before."""
-        self._newest = value + self._turns
-        self._newest_arrival = 0 if arrival is None else int(arrival[at])
-        self._late_run = 0
-        out[at] = self._newest
-        return at + 1
-
-    def _accept(self, values: Times, arrival: Array | None, start: int, out: Times) -> None:
-        out[start : start + len(values)] = values
-        self._newest = max(int(values[-1]), self._newest or 0)
-        if arrival is not None:
-            self._newest_arrival = int(arrival[start + len(values) - 1])
-        for candidate in self._auto:  # a value at or past a candidate rules it out
-            if self.wrap == candidate and self._newest - self._turns >= candidate:
-                self._auto = tuple(c for c in self._auto if c > candidate)
-                self.wrap = self._auto[0] if self._auto else self.wrap
-
-    def _wrapped(self, value: int, newest: int, arrival: Array | None, at: int) -> bool:
-        """Did the clock wrap between the newest row and `value`? Learns the modulus where it is open."""
-        raw_newest = newest - self._turns
-        for wrap in self._auto or (self.wrap,):
-            forward = value + wrap - raw_newest
-            near = raw_newest < wrap and 0 <= forward <= wrap // 4096
-            if not near and arrival is not None and self._tick_ns and self._newest_arrival and raw_newest < wrap:
-                waited = (int(arrival[at]) - self._newest_arrival) / self._tick_ns  # an outage across the wrap
-                near = abs(forward - waited) <= AHEAD_S * 1e9 / self._tick_ns + 1e-3 * waited
-            if near:
-                self.set_wrap(wrap)
-                return True
-        return False
-
-    def _ran_ahead(self, newest: Times, arrival: Array) -> NDArray[np.bool_]:
-        """Rows whose clock advanced by more than the time that passed at the host."""
-        before = np.concatenate(([self._newest_arrival or arrival[0]], arrival[:-1]))
-        passed = (arrival - before) * 1.001 + AHEAD_S * 1e9
-        return np.asarray(np.diff(newest) * self._tick_ns > passed)
-
-    def _near(self) -> int:
-        if self._tick_ns and self._newest_arrival:
-            return self.wrap  # arrival times judge instead
-        return max(self.wrap // 4096, 1)
-
-    def _late(self) -> int:
-        return int(LATE_S * 1e9 / self._tick_ns) if self._tick_ns else max(self.wrap // 4096, 1)
-
-
-def _leading(flags: NDArray[np.bool_]) -> int:
-    """How many of `flags` are set before the first that is not."""
-    return len(flags) if flags.all() else int(np.argmin(flags))
 
 
 class Counter:
@@ -293,13 +169,13 @@ class HostClock:
         self._now: Mapping | None = None
         self._before: Mapping | None = None  # the mapping before the last restart, for rows of the same chunk
         self._candidate: Mapping | None = None
-        self._candidate_rows: list[tuple[int, int, float]] = []
-        self._back_rows: list[tuple[int, int, float]] = []
+        self._candidate_rows = 0
+        self._back_rows: list[tuple[int, int, int]] = []
 
     def restart(self) -> None:
         """Forget the mapping: the next row added begins a new one. For a new link; steps of the clock need no call."""
-        self._before, self._now, self._candidate = self._now, None, None
-        self._candidate_rows, self._back_rows = [], []
+        self._before, self._now = self._now, None
+        self._forget()
 
     def add(self, device_ns: Array, arrival_ns: Array, size: Array | int = 0) -> None:
         """Learn from rows.
@@ -350,7 +226,8 @@ class HostClock:
             sent = arrival - np.asarray(size * self.byte_time_ns).astype(np.int64)
         now = self._now
         if now is None:
-            now = self._now = self._begin(int(device[-1]), int(sent[-1]))
+            now = self._now = Mapping(int(device[-1]), int(sent[-1]))
+            self.restarts += 1
         x = (device - now.origin).astype(np.float64)
         delay = (sent - now.host_origin).astype(np.float64)
         delay -= x
@@ -361,14 +238,10 @@ class HostClock:
             self._row_by_row(device, sent, arrival)
             return
         if self._candidate_rows or self._back_rows:
-            self._candidate, self._candidate_rows, self._back_rows = None, [], []
+            self._forget()
         now.learn(x, delay, int(arrival[-1]))
         if self._before is not None and now.newest > LATE_NS:
             self._before = None
-
-    def _begin(self, device: int, sent: int) -> Mapping:
-        self.restarts += 1
-        return Mapping(device, sent)
 
     @staticmethod
     def _odd(now: Mapping, x: Array, arrival: Array, delay: Array) -> bool:
@@ -389,35 +262,52 @@ class HostClock:
             elif back:
                 self._back_rows.append((d, s, a))
                 if len(self._back_rows) >= BACK_ROWS and a - self._back_rows[0][2] >= BACK_NS:
-                    self._switch(self._back_rows)
+                    self._turn_back()
                 del self._back_rows[:-64]
             else:
-                self._candidate, self._candidate_rows, self._back_rows = None, [], []
+                self._forget()
                 now.learn(np.array([x]), np.array([delay]), a)
 
     def _suspect(self, device: int, sent: int, arrival: int) -> None:
         """A row that the mapping cannot explain: it begins, or confirms, another."""
-        rows = self._candidate_rows
-        if rows and abs((sent - device) - (rows[-1][1] - rows[-1][0])) > 10 * STEP_NS:
-            rows.clear()  # not even its predecessor explains it
-            self._candidate = None
-        rows.append((device, sent, arrival))
-        if self._candidate is None:
-            self._candidate = Mapping(device, sent)
-        self._candidate.newest = max(self._candidate.newest, float(device - self._candidate.origin))
-        if len(rows) >= CONFIRM_ROWS:
-            self._switch(rows)
+        new = self._candidate
+        if new is not None:
+            x = float(device - new.origin)
+            delay = float(sent - new.host_origin) - x - new.intercept
+            if abs(delay) > 10 * STEP_NS:
+                new = None  # not even its predecessor explains it
+            else:
+                new.learn(np.array([x]), np.array([delay]), arrival)
+                self._candidate_rows += 1
+        if new is None:
+            new, self._candidate_rows = self._following(device, sent, arrival), 1
+        self._candidate = new
+        if self._candidate_rows >= CONFIRM_ROWS:
+            self._switch(new)
 
-    def _switch(self, rows: list[tuple[int, int, float]]) -> None:
-        """Another mapping from `rows` on. Host time does not run backwards where it begins."""
-        old = self._now
-        assert old is not None
-        device, sent, _ = rows[0]
-        new = self._begin(device, sent)
-        best = min(s - d for d, s, _ in rows)
+    def _following(self, device: int, sent: int, arrival: int) -> Mapping:
+        """A mapping that begins with this row. Host time does not run backwards there."""
+        new = Mapping(device, sent)
+        new.learn(np.zeros(1), np.zeros(1), arrival)
+        if self._now is not None:
+            new.begin_at(max(0.0, self._now.last_host() - float(sent)))
+        return new
+
+    def _turn_back(self) -> None:
+        """The clock was set back: the rows that repeated old times are the mapping."""
+        (device, sent, arrival), *rows = self._back_rows
+        new = self._following(device, sent, arrival)
         for d, s, a in rows:
             x = float(d - new.origin)
-            new.learn(np.array([x]), np.array([float(s - new.host_origin) - x - new.intercept]), int(a))
-        new.begin_at(max(float(device + best - new.host_origin), old.last_host() - float(new.host_origin)))
-        self._now, self._before, self._candidate = new, old, None
-        self._candidate_rows, self._back_rows = [], []
+            new.learn(np.array([x]), np.array([float(s - new.host_origin) - x - new.intercept]), a)
+        self._switch(new)
+
+    def _switch(self, new: Mapping) -> None:
+        """Another mapping from now on."""
+        self.restarts += 1
+        self._now, self._before = new, self._now
+        self._forget()
+
+    def _forget(self) -> None:
+        """No doubt about the mapping."""
+        self._candidate, self._candidate_rows, self._back_rows = None, 0, []

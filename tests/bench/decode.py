@@ -1,15 +1,15 @@
 """How fast do bytes become columns on one core?
 
-    python tests/bench/decode.py --protocol xbus FILE [--size MB]
+    python tests/bench/decode.py --protocol xbus FILE [--size MB] [--save]
 
-The file is repeated to at least `--size` megabytes, fed in chunks of 1 MB, drained after each, and every column of every
-batch is asked for, so that all conversion is done. Best of several passes. The yardstick, in the same run: zlib.adler32
-over the same buffer. One line of JSON is printed:
+The file is repeated to at least `--size` megabytes, fed in chunks of 1 MB, drained after each, and every column of
+every batch is asked for, so that all conversion is done. Best of several passes. The yardstick, in the same run:
+zlib.adler32 over the same buffer. One line of JSON is printed (and with `--save` kept in results/):
 
     {"protocol", "frames", "mb_per_s", "adler32_mb_per_s", "ratio", "us_per_frame_alone", …}
 
-`us_per_frame_alone` is what a live stream costs: one frame is fed and drained at a time (median, best pass), once drained
-only and once with all its columns.
+`us_per_frame_alone` is what a live stream costs: one frame is fed and drained at a time (median, best pass), once
+drained only and once with all its columns.
 
 Budget (design, section 9): ratio at least 0.15 for Xbus.
 """
@@ -17,11 +17,11 @@ Budget (design, section 9): ratio at least 0.15 for Xbus.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 import zlib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ sys.path.insert(0, str(ROOT))
 
 from protocols.events import Batch, Reply, Text  # noqa: E402
 from protocols.registry import PROTOCOLS  # noqa: E402
+from tests.bench.report import report  # noqa: E402
 
 CHUNK = 1 << 20
 PASSES = 7
@@ -72,7 +73,7 @@ def alone(protocol: str, data: bytes, *, columns: bool) -> float:
     offsets = sorted(offsets)[:2000]
     decoder = PROTOCOLS[protocol].decoder()
     times = []
-    for begin, end in zip(offsets, offsets[1:], strict=False):
+    for begin, end in pairwise(offsets):
         frame = data[begin:end]
         start = time.perf_counter()
         decoder.feed(frame, begin)
@@ -95,11 +96,11 @@ def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     return {
         "protocol": protocol,
         "frames": frames,
-        "mb_per_s": round(speed, 1),
-        "adler32_mb_per_s": round(yardstick, 1),
-        "ratio": round(speed / yardstick, 4),
-        "us_per_frame_alone": round(min(alone(protocol, once, columns=False) for _ in range(3)), 1),
-        "us_per_frame_alone_with_columns": round(min(alone(protocol, once, columns=True) for _ in range(3)), 1),
+        "mb_per_s": speed,
+        "adler32_mb_per_s": yardstick,
+        "ratio": speed / yardstick,
+        "us_per_frame_alone": min(alone(protocol, once, columns=False) for _ in range(3)),
+        "us_per_frame_alone_with_columns": min(alone(protocol, once, columns=True) for _ in range(3)),
     }
 
 
@@ -108,9 +109,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--protocol", required=True, choices=sorted(PROTOCOLS))
     parser.add_argument("--size", type=float, default=16, help="megabytes to decode in a pass")
+    parser.add_argument("--save", action="store_true", help="keep the figures in tests/bench/results")
     parser.add_argument("file", type=Path)
     arguments = parser.parse_args()
-    print(json.dumps(measure(arguments.protocol, arguments.file, int(arguments.size * 1e6))))
+    figures = measure(arguments.protocol, arguments.file, int(arguments.size * 1e6))
+    report(f"decode-{arguments.protocol}", {**figures, "file": arguments.file.name})
 
 
 if __name__ == "__main__":

@@ -127,6 +127,6 @@ def test_no_place_for_machine_code(tmp_path: Path) -> None:
         "import numba.core.caching as c\n"
         "c.CacheImpl._locator_classes = []\n"
         "from protocols import jit, checksums\n"
-        "assert jit.uncached == ['protocols.checksums.sum8'], jit.uncached\n"
+        "assert 'protocols.checksums.sum8' in jit.uncached, jit.uncached\n"
     )
     subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=True)

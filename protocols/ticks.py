@@ -1,0 +1,115 @@
+"""The ticks of a clock that wraps, row by row: does this row go on, wrap, come late, jump or start again?
+
+The loop of clocks.Unwrap, compiled. It decides each row from the rows before it alone, so the result does not depend on
+how the stream was cut. With `newest` the highest unwrapped tick so far and `value` this row's raw ticks plus the turns
+made so far:
+
+    newest − late              newest        newest + near
+    ────┼──────────────────────────┼──────────────┼────>
+        │ late: keeps its time, if │ goes on      │ jumped ahead
+        │ few in a row are         │              │
+    far behind: it wrapped if value + wrap is just after newest; else the clock was set back (jump) or restarted (reset)
+
+With arrival times, `near` is what time passed at the host, so that an outage is no jump.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.jit import INT, INTS, TABLE, compiled
+
+Ints = NDArray[np.int64]
+
+LATE_ROWS = 8  # so many late rows in a row are not late: the clock was set back
+NEAR_SHARE = 4096  # without arrival times, a step of more than this share of the wrap is a jump
+
+# The state of a clock between calls.
+STARTED, NEWEST, TURNS, LATE_RUN, ARRIVAL, WRAP, OPEN_FROM, OPEN_TO = range(8)
+STATES = 8
+
+RESET, JUMP = 0, 1
+
+
+@compiled(INT, INTS, INTS, INTS, INTS, INT, INT, INT, INTS, TABLE)
+def follow(
+    raw: Ints,
+    arrival: Ints,
+    state: Ints,
+    wraps: Ints,
+    late: int,
+    tick_ns: int,
+    slack_ns: int,
+    out: Ints,
+    steps: Ints,
+) -> int:
+    """Unwrap the rows `raw`.
+
+    Args:
+        raw: (n,) ticks as sent.
+        arrival: (n,) ns, or (0,) where not known.
+        state: (STATES,), updated. WRAP: index into `wraps` of the modulus in effect; OPEN_FROM, OPEN_TO: those that are
+            still possible.
+        wraps: candidates for the modulus, ascending.
+        late: ticks by which a row may be older than the newest.
+        tick_ns: length of a tick, for comparison with arrival times; 0: not known.
+        slack_ns: how much further than the host's clock the device's may advance in a step.
+        out: (n,), written.
+        steps: (3, n), written: row, RESET or JUMP, by how many ticks.
+    Returns:
+        How many steps there were.
+    """
+    found = 0
+    timed = len(arrival) > 0 and tick_ns > 0
+    for row in range(len(raw)):
+        ticks = raw[row]
+        if state[STARTED] == 0:
+            state[STARTED] = 1
+            state[NEWEST] = ticks + state[TURNS]
+            if timed:
+                state[ARRIVAL] = arrival[row]
+        wrap = wraps[state[WRAP]]
+        newest = state[NEWEST]
+        value = ticks + state[TURNS]
+        passed = arrival[row] - state[ARRIVAL] if timed else 0
+        near = (passed + passed // 1000 + slack_ns) // tick_ns if timed else max(wrap // NEAR_SHARE, 1)
+        if value < newest or value - newest > near:
+            before = value - wrap
+            if state[TURNS] > 0 and before <= newest <= before + late:
+                out[row] = before  # late, and from before the wrap
+                continue
+            wrapped = False
+            if value < newest:
+                for candidate in range(state[OPEN_FROM], state[OPEN_TO]):
+                    last = newest - state[TURNS]
+                    forward = ticks + wraps[candidate] - last
+                    limit = near if timed else max(wraps[candidate] // NEAR_SHARE, 1)
+                    if last < wraps[candidate] and 0 <= forward <= limit:
+                        state[WRAP] = candidate
+                        state[OPEN_FROM] = candidate
+                        state[OPEN_TO] = candidate + 1
+                        state[TURNS] += wraps[candidate]
+                        wrapped = True
+                        break
+            if not wrapped and value < newest and newest - value <= late and state[LATE_RUN] + 1 < LATE_ROWS:
+                state[LATE_RUN] += 1
+                out[row] = value
+                continue
+            if not wrapped:
+                restarted = value < newest and ticks < max(wrap // NEAR_SHARE // 4, 1)
+                steps[0, found] = row
+                steps[1, found] = RESET if restarted else JUMP
+                steps[2, found] = value - newest
+                found += 1
+                if restarted:
+                    state[TURNS] = 0
+        state[NEWEST] = ticks + state[TURNS]
+        state[LATE_RUN] = 0
+        if timed:
+            state[ARRIVAL] = arrival[row]
+        while state[OPEN_FROM] + 1 < state[OPEN_TO] and ticks >= wraps[state[OPEN_FROM]]:
+            state[OPEN_FROM] += 1  # a value at or past a candidate rules it out
+            state[WRAP] = max(state[WRAP], state[OPEN_FROM])
+        out[row] = state[NEWEST]
+    return found
