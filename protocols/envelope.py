@@ -51,7 +51,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
-WINDOW_S = 240  # how long the envelope remembers: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm
+WINDOW_S = 120  # how long the envelope remembers: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm;
+# longer, and a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
 BUCKET_NS = 1e9  # one point is kept per bucket
 SHRINK_S = 8.0  # span at which the fitted drift counts half
 MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
@@ -63,7 +64,8 @@ EARLY_NS = 3e9
 KNOTS = 1024
 RESIDUALS = 2048  # delays remembered for jitter and uncertainty
 RECENT_NS = 5e9
-PRIOR_NS = 16e6  # before anything is known: one burst of a USB adapter
+PRIOR_NS, PRIOR_ROWS = 16e6, 16  # before anything is known: one burst of a USB adapter; what so many rows halve
+COMMON_DRIFT = 1e-4  # what a drift not yet known may be
 FLOOR_NS = 50e3  # scheduling of the reading thread itself
 
 
@@ -237,19 +239,19 @@ class Mapping:
 
     def uncertainty(self) -> float:
         """± in ns, from the ways to be wrong: few rows so far; no recent row touched the line; the delays come in steps
-        (a poll grid that beats with the stream), so that the smallest may itself be most of a step; the mapping is
-        still on its way to the line."""
+        (a poll grid that beats with the stream), so that the smallest may itself be most of a step; the drift is not
+        known yet; the mapping is still on its way to the line."""
         when, value = self._uncertainty
         if self.newest - when < 0.2e9 and self._rows > 64:
             return value
         recent = np.sort(self._recent())
-        value = PRIOR_NS
+        value = PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self._rows)
         if len(recent) >= 2:
-            prior = PRIOR_NS * 8 / (8 + len(recent))
             steps = float(np.diff(recent[: len(recent) * 5 // 8 + 2]).max())
-            value = max(prior, max(float(recent[0]), 0.0) + steps) + FLOOR_NS
-        lag = abs(self.newest * (1 + self.slope) + self.intercept - self._at(self.newest))
-        value = max(value, lag)
+            value = max(value, max(float(recent[0]), 0.0) + steps)
+        span = self.newest / 1e9
+        value += COMMON_DRIFT * self.newest * SHRINK_S**2 / (SHRINK_S**2 + span**2)
+        value += abs(self.newest * (1 + self.slope) + self.intercept - self._at(self.newest)) + FLOOR_NS
         self._uncertainty = (self.newest, value)
         return value
 
