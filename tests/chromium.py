@@ -12,8 +12,13 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PLACES = (
@@ -68,6 +73,22 @@ def version(path: Path) -> str:
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return answer.stdout.strip() if answer.returncode == 0 else ""
+
+
+def until(page: Page, expression: str, argument: Any = None, *, timeout_s: float = 20) -> Any:
+    """Ask a page again and again until a JavaScript expression or function is true, and return what it gave.
+
+    Playwright's own `wait_for_function` compiles text inside the page, which the page's security policy forbids.
+
+    Raises:
+        TimeoutError: it never was; the message holds the expression and its last value.
+    """
+    deadline = time.monotonic() + timeout_s
+    while not (found := page.evaluate(expression, argument)):
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"not within {timeout_s:g} s: {expression} (last: {found!r})")
+        time.sleep(0.01)
+    return found
 
 
 def _candidates() -> Iterator[Path]:

@@ -25,13 +25,15 @@ from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
 
 from tests import chromium
+from tests.chromium import until
 from tests.process import ROOT, ServerProcess
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
 
-READY = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)"
-"""In a page: samples have arrived."""
+READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)
+    && document.querySelector("[data-numeral]") !== null"""
+"""In a page: samples have arrived and are shown."""
 
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
@@ -134,7 +136,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
 def page(open_page: Callable[..., Page], server: ServerProcess) -> Page:
     """The page of `server`, wide and dark, once samples are arriving."""
     page = open_page(server.url)
-    page.wait_for_function(READY)
+    until(page, READY)
     return page
 
 

@@ -98,7 +98,7 @@ def product(browser: Browser, clients: int, rate: float, seconds: float) -> dict
             context = contexts.enter_context(browser.new_context(viewport={"width": 1440, "height": 900}))
             page = context.new_page()
             page.goto(server.url)
-            page.wait_for_function("window.imuscope?.store.connection.value === 'open'")
+            chromium.until(page, "window.imuscope?.store.connection.value === 'open'")
             workers.append(page.workers[0])
         for worker in workers:
             worker.evaluate(NOTE)

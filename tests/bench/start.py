@@ -44,7 +44,7 @@ def start(browser: Browser, data: Path) -> dict[str, Any]:
     with ServerProcess("twin:xbus", data=data) as server:
         answering = time.monotonic() - began
         page.goto(server.url)
-        page.wait_for_function(USABLE, polling=10)
+        chromium.until(page, USABLE)
         usable = time.monotonic() - began
         requests = page.evaluate("performance.getEntriesByType('resource').length") + 1
     context.close()

@@ -1,0 +1,122 @@
+"""A real capture plays in a real browser, and the attitude on the page is the attitude in the capture.
+
+The expected angles are worked out here from the quaternions of the capture's published values, by the textbook formula,
+with nothing of the product in between: bytes, decoder, wire, rings, derived channel, cursor and table must all be right
+for the numbers on the page to agree.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.chromium import until
+from tests.process import ServerProcess
+
+TIMES = (0.1, 0.3, 0.5, 0.7, 0.9)  # as a share of the capture
+
+# Where a sample with this packet counter stands in time, and the derived Euler angles there.
+FIND = """counter => {
+  const {store} = window.imuscope, of = name => store.channels.value.find(channel => channel.info.name === name);
+  const counters = of("PacketCounter").ring, euler = of("EulerAngles");
+  for (let i = 0; i < counters.length; i++) {
+    if (counters.value(0, i) !== counter) continue;
+    const time = counters.time(i) + 1e-4, at = euler.ring.indexAt(time, "device");
+    return {time, angles: Object.fromEntries(euler.info.columns.map((c, k) => [c.name, euler.ring.value(k, at)]))};
+  }
+}"""
+# What is written on the page: the three rows under "Euler angles", and the numerals beside the horizon.
+SHOWN = """() => {
+  const rows = [...document.querySelectorAll("table.vals tr")], shown = {};
+  const start = rows.findIndex(row => row.className === "g" && /^Euler angles/.test(row.innerText.trim()));
+  for (const {cells} of rows.slice(start + 1, start + 4)) shown[cells[0].innerText.trim()] = cells[1].innerText.trim();
+  for (const numeral of document.querySelectorAll("[data-numeral]"))
+    shown["numeral " + numeral.dataset.numeral] = numeral.innerText.trim();
+  return shown;
+}"""
+PIN = "time => { window.imuscope.cursor.value = {kind: 'pinned', time}; }"
+
+
+def euler_degrees(w: float, x: float, y: float, z: float) -> dict[str, float]:
+    """Roll, pitch, yaw in °, turned in the order yaw, pitch, roll about the axes z, y, x."""
+    sine = max(-1.0, min(1.0, 2 * (w * y - z * x)))
+    return {
+        "roll": math.degrees(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))),
+        "pitch": math.degrees(math.asin(sine)),
+        "yaw": math.degrees(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))),
+    }
+
+
+def number(text: str) -> float:
+    """A number as the page writes it: true minus, thin spaces, unit behind."""
+    return float(text.replace("\u2212", "-").replace("\u2009", "").rstrip("° "))
+
+
+@pytest.fixture(scope="module")
+def expected(captures: Path) -> dict[int, list[float]]:
+    """Packet counter → quaternion, of every frame of the capture that has one."""
+    rows = map(json.loads, (captures / "xbus" / "mti_100hz_49s.expected.jsonl").read_text().splitlines())
+    return {row["1020"]: row["2010"] for row in rows if "2010" in row}
+
+
+def pinned(page: Page, counter: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Pin the cursor on a sample. Returns the derived angles in memory and those written on the page."""
+    found: dict[str, Any] = page.evaluate(FIND, counter)
+    page.evaluate(PIN, found["time"])
+    page.wait_for_timeout(400)  # the table is written a few times a second
+    return found["angles"], {name: number(text) for name, text in page.evaluate(SHOWN).items()}
+
+
+def test_a_capture_plays_and_its_attitude_is_right(
+    serve: Callable[..., ServerProcess],
+    open_page: Callable[..., Page],
+    captures: Path,
+    expected: dict[int, list[float]],
+) -> None:
+    server = serve(f"{captures}/xbus/mti_100hz_49s.bin?speed=10")
+    page = open_page(server.url)
+    counters = list(expected)
+    last = counters[-1]
+    until(
+        page,
+        """last => { const c = window.imuscope?.store.channels.value.find(c => c.info.name === "PacketCounter");
+                     return c && c.ring.length && c.ring.value(0, c.ring.length - 1) >= last - 2; }""",
+        last,
+        timeout_s=30,
+    )
+    yaws = set()
+    for share in TIMES:
+        counter = counters[round(share * (len(counters) - 1))]
+        truth = euler_degrees(*expected[counter])
+        memory, shown = pinned(page, counter)
+        for angle, value in truth.items():
+            assert memory[angle] == pytest.approx(value, abs=2e-4), f"{angle} in memory at counter {counter}"
+            assert shown[angle] == pytest.approx(value, abs=0.0052), f"{angle} in the table at counter {counter}"
+        # The numerals beside the horizon have one decimal. This device speaks ENU: heading is clockwise from north.
+        for angle, value in {**truth, "heading": (90 - truth["yaw"]) % 360}.items():
+            if angle != "yaw":
+                assert shown[f"numeral {angle}"] == pytest.approx(value, abs=0.052), f"{angle} at counter {counter}"
+        yaws.add(round(truth["yaw"], 2))
+    assert len(yaws) > 2, "the capture moves, so the test must have seen different angles"
+
+
+def test_it_plays_at_its_own_pace(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], captures: Path
+) -> None:
+    page = open_page(serve(f"{captures}/xbus/mti_100hz_49s.bin").url)
+    newest = """() => {
+      const ring = window.imuscope?.store.channels.value.find(c => c.info.name === "PacketCounter")?.ring;
+      return ring && ring.length > 50 ? [ring.value(0, ring.length - 1), performance.now()] : null;
+    }"""
+    first = until(page, newest)
+    page.wait_for_timeout(3000)
+    later = page.evaluate(newest)
+    per_second = 1000 * (later[0] - first[0]) / (later[1] - first[1])
+    # 100 Hz of samples; GNSS frames count too, four a second.
+    assert per_second == pytest.approx(102, abs=8)

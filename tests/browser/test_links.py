@@ -1,0 +1,168 @@
+"""A link that dies is seen on the page within a second, and one that comes back goes on without a hand.
+
+A pseudo-terminal behind a symbolic link stands for a USB adapter that is pulled out and plugged in again; a TCP
+listener that closes for a device server that restarts.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import socket
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.bench.feed import frame
+from tests.chromium import until
+from tests.process import ServerProcess
+
+RATE = 100.0
+STATUS = "window.imuscope?.store.devices.value[0]?.status"
+COUNT = """() => { const c = window.imuscope?.store.channels.value.find(c => c.info.name === "Acceleration");
+                   return c ? c.ring.length : 0; }"""
+
+
+class Sender:
+    """Sends 100 frames a second through `write` until stopped or until nobody is there."""
+
+    def __init__(self, write: Callable[[bytes], object]) -> None:
+        self._write = write
+        self._stop = threading.Event()
+        self.index = 0
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        began = time.monotonic()
+        while not self._stop.wait(max(0.0, began + self.index / RATE - time.monotonic())):
+            try:
+                self._write(frame(self.index, RATE))
+            except OSError:
+                return
+            self.index += 1
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join(5)
+
+
+class Adapter:
+    """A serial port that can be pulled out: a symbolic link to a pseudo-terminal."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.source = f"serial://{path}?baud=115200"
+        self._plugged = False
+
+    def plug(self) -> None:
+        self._plugged = True
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.path.symlink_to(os.ttyname(slave))
+        self._slave = slave
+        self._sender = Sender(lambda data: os.write(self._master, data))
+
+    def pull(self) -> None:
+        if not self._plugged:
+            return
+        self._plugged = False
+        self._sender.stop()
+        self.path.unlink()
+        os.close(self._slave)
+        os.close(self._master)
+
+
+class Peer:
+    """A device server on TCP that can be switched off."""
+
+    def __init__(self) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as door:
+            self.port = door.getsockname()[1]
+        self.source = f"tcp://127.0.0.1:{self.port}"
+
+    def plug(self) -> None:
+        self._door = socket.create_server(("127.0.0.1", self.port))
+        self._off = threading.Event()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        self._door.settimeout(0.1)
+        while not self._off.is_set():
+            try:
+                connection, _ = self._door.accept()
+            except TimeoutError:
+                continue
+            with connection:
+                sender = Sender(connection.sendall)
+                self._off.wait()
+                sender.stop()
+
+    def pull(self) -> None:
+        self._off.set()
+        self._thread.join(5)
+        self._door.close()
+
+
+@pytest.fixture(params=["serial", "tcp"])
+def plug(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Adapter | Peer]:
+    """A device that is there, and can be made to go."""
+    device = Adapter(tmp_path / "ttyUSB0") if request.param == "serial" else Peer()
+    device.plug()
+    yield device
+    device.pull()
+
+
+def test_a_killed_link_shows_within_a_second_and_recovers(
+    plug: Adapter | Peer, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    page = open_page(serve(plug.source).url)
+    until(page, f"{STATUS} === 'live' && ({COUNT})() > 50")
+    plug.pull()
+    began = time.monotonic()
+    # Not live any more, and said in a word that a person can see.
+    until(page, f"{STATUS} !== 'live'", timeout_s=5)
+    until(page, "/\\blost\\b/i.test(document.body.innerText)", timeout_s=5)
+    assert time.monotonic() - began < 1.0
+    held = page.evaluate(COUNT)
+    plug.plug()
+    until(page, f"{STATUS} === 'live' && ({COUNT})() > {held} + 100", timeout_s=15)
+    links = page.evaluate("window.imuscope.store.events.value.filter(event => event.kind === 'link').length")
+    assert links >= 2, "the loss and the return are events"
+
+
+def test_nothing_else_stops_when_one_link_dies(
+    tmp_path: Path, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    device = Adapter(tmp_path / "ttyUSB0")
+    device.plug()
+    page = open_page(serve(device.source, "twin:xbus").url)
+    both = """() => window.imuscope?.store.devices.value.map(device => window.imuscope.store.channels.value
+        .filter(c => c.info.device === device.id).reduce((n, c) => n + c.ring.length, 0))"""
+    until(page, f"(({both})() ?? []).filter(n => n > 100).length === 2")
+    device.pull()
+    until(page, "window.imuscope.store.devices.value.some(device => device.status === 'lost')", timeout_s=5)
+    before = page.evaluate(both)
+    page.wait_for_timeout(1000)
+    after = page.evaluate(both)
+    assert after[0] == before[0]
+    assert after[1] > before[1] + 50
+
+
+def test_a_server_that_restarts_is_found_again(
+    tmp_path: Path, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    server = serve("twin:xbus")
+    page = open_page(server.url)
+    until(page, f"({COUNT})() > 20")
+    port = server.url.rsplit(":", 1)[1]
+    server.stop()
+    until(page, "window.imuscope.store.connection.value !== 'open'", timeout_s=3)
+    serve("twin:xbus", arguments=("--port", port))
+    until(page, f"window.imuscope.store.connection.value === 'open' && ({COUNT})() > 20", timeout_s=15)

@@ -1,0 +1,72 @@
+"""Pictures of the page for people, in artifacts/: both widths, both themes, and the states that say what to do next.
+
+Each is also a test: the state is there, and its words are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.chromium import until
+from tests.conftest import ARTIFACTS, READY
+from tests.process import ServerProcess
+
+SIZES = {"1440": (1440, 900), "phone": (390, 844)}
+
+
+def picture(page: Page, name: str) -> None:
+    """Keep what the page shows as artifacts/NAME.png."""
+    ARTIFACTS.mkdir(exist_ok=True)
+    path = ARTIFACTS / f"{name}.png"
+    page.screenshot(path=path)
+    assert path.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("dark", [True, False], ids=["dark", "light"])
+@pytest.mark.parametrize("width", SIZES)
+def test_live(server: ServerProcess, open_page: Callable[..., Page], width: str, dark: bool) -> None:
+    size = SIZES[width]
+    page = open_page(server.url, width=size[0], height=size[1], dark=dark, touch=width == "phone")
+    until(page, READY)
+    page.wait_for_timeout(2500)
+    picture(page, f"live-{width}-{'dark' if dark else 'light'}")
+
+
+def test_paused_with_a_cursor(page: Page) -> None:
+    page.wait_for_timeout(2000)
+    page.keyboard.press("Space")
+    box = page.locator("canvas").nth(3).bounding_box()
+    assert box
+    page.mouse.move(box["x"] + box["width"] * 0.6, box["y"] + box["height"] / 2)
+    page.wait_for_timeout(500)
+    picture(page, "paused-1440")
+
+
+def test_empty(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    page = open_page(serve("twin:xbus").url)
+    until(page, "window.imuscope?.store.devices.value.length === 1")
+    page.evaluate("fetch('/api/devices/' + window.imuscope.store.devices.value[0].id, {method: 'DELETE'})")
+    until(page, "window.imuscope.store.devices.value.length === 0")
+    page.wait_for_timeout(500)
+    assert "No device" in page.inner_text("body")
+    picture(page, "empty-1440")
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "words"),
+    [
+        ("connecting", "tcp-listen://127.0.0.1:0", "connect"),
+        ("lost", "/dev/ttyNOTHERE", "ttyNOTHERE"),
+    ],
+)
+def test_waiting(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page], name: str, source: str, words: str
+) -> None:
+    page = open_page(serve(source).url)
+    until(page, "window.imuscope?.store.devices.value.length === 1")
+    page.wait_for_timeout(1000)
+    assert words.lower() in page.inner_text("body").lower()
+    picture(page, f"{name}-1440")
