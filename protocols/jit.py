@@ -33,6 +33,7 @@ TABLE = types.Array(types.int64, 2, "C")  # one row per quantity, one column per
 INT = types.int64
 FLAG = types.boolean
 NOTHING = types.void
+PAIR: Any = types.Tuple([INT, INT])  # type: ignore[no-untyped-call]
 FOUR: Any = types.Tuple([INT, INT, INT, INT])  # type: ignore[no-untyped-call]
 
 unsigned = np.uint64

@@ -44,7 +44,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, ROWS, TABLE, compiled, unsigned
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, NOTHING, PAIR, ROWS, TABLE, compiled, unsigned
 
 PREAMBLE = 0xFA
 EXTENDED = 0xFF
@@ -136,6 +136,64 @@ def _u4(data: Bytes, at: int) -> int:
     return int(data[at]) << 24 | int(data[at + 1]) << 16 | int(data[at + 2]) << 8 | int(data[at + 3])
 
 
+@compiled(PAIR, BYTES, INT, INT, INTS)
+def follow_items(data: Bytes, start: int, stop: int, spots: Ints) -> tuple[int, int]:
+    """The items of one payload, `data[start:stop]`.
+
+    Args:
+        spots: (4,), written: where, from `start`, the values of PacketCounter, SampleTimeFine, SampleTimeCoarse and
+            UtcTime are; 0 where there is none. Of repeated ones the last counts.
+    Returns:
+        Where the items end that fit, and a number that is the same for equal sequences of (identifier, size).
+    """
+    spots[:] = 0
+    mark = 0
+    at = start
+    while at + 3 <= stop:
+        ident = int(data[at]) << 8 | int(data[at + 1])
+        size = int(data[at + 2])
+        if at + 3 + size > stop:
+            break
+        mark = (mark * 1000003 + (ident << 8 | size) + 1) % 2147483647
+        spot = at + 3 - start
+        if ident == PACKET_COUNTER and size == 2:
+            spots[0] = spot
+        elif ident == SAMPLE_TIME_FINE and size == 4:
+            spots[1] = spot
+        elif ident == SAMPLE_TIME_COARSE and size == 4:
+            spots[2] = spot
+        elif ident == UTC_TIME and size == 12:
+            spots[3] = spot
+        at += 3 + size
+    return at, mark
+
+
+@compiled(NOTHING, BYTES, INT, INT, INTS, TABLE)
+def _pick_up(data: Bytes, frame: int, start: int, spots: Ints, out: Ints) -> None:
+    """Counter and clocks of one payload whose items are at `spots`, into column `frame` of `out`."""
+    counter, fine, coarse, utc = spots[0], spots[1], spots[2], spots[3]
+    out[COUNTER, frame] = int(data[start + counter]) << 8 | int(data[start + counter + 1]) if counter else -1
+    out[FINE, frame] = _u4(data, start + fine) if fine else -1
+    out[COARSE, frame] = _u4(data, start + coarse) if coarse else -1
+    out[UTC_AT, frame] = start + utc if utc else -1
+
+
+@compiled(NOTHING, INTS, INT, INTS, INTS)
+def _sort_by_group(group: Ints, groups: int, order: Ints, bounds: Ints) -> None:
+    """A counting sort: `order[bounds[g] : bounds[g + 1]]` are the frames of group g, as they come."""
+    bounds[: groups + 1] = 0
+    for f in range(len(group)):
+        bounds[group[f] + 1] += 1
+    for g in range(groups):
+        bounds[g + 1] += bounds[g]
+    for f in range(len(group)):
+        order[bounds[group[f]]] = f
+        bounds[group[f]] += 1
+    for g in range(groups, 0, -1):
+        bounds[g] = bounds[g - 1]
+    bounds[0] = 0
+
+
 @compiled(FOUR, BYTES, INTS, INTS, TABLE, INTS, INTS)
 def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: Ints) -> tuple[int, int, int, int]:
     """Follow the items of n MTData2 payloads and group those of equal layout.
@@ -143,9 +201,8 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
     Args:
         body, length: (n,) where each payload begins in `data`, and its length.
         out: (WALKED, n), written. GROUP: number of the layout, by first appearance. GOOD: bytes up to the first bad
-            item. COUNTER, FINE, COARSE: PacketCounter, SampleTimeFine, SampleTimeCoarse, -1 where absent; of repeated
-            ones the last.
-            UTC_AT: where the value of UtcTime is in `data`, or -1.
+            item. COUNTER, FINE, COARSE: PacketCounter, SampleTimeFine, SampleTimeCoarse, -1 where absent. UTC_AT: where
+            the value of UtcTime is in `data`, or -1.
         order: (n,), written: the frames sorted by group, in stream order within each.
         bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
     Returns:
@@ -157,83 +214,44 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
         slots *= 2
     first_of = np.full(slots, -1, np.int64)  # an open-addressed table: slot → first frame of a layout
     groups = bad = without_fine = without_counter = 0
-    # Most frames have the layout of the one before, or of the one before that: these two are compared with first, and
-    # where the clocks are in their payloads is remembered (COUNTER … UTC_AT minus COUNTER; 0 where absent).
+    # Most frames have the layout of the one before, or of the one before that: these two are compared with first.
     recent = np.full(2, -1, np.int64)
     spots = np.zeros((2, 4), np.int64)
     for f in range(n):
-        start = int(body[f])
-        stop = start + int(length[f])
+        start, size = int(body[f]), int(length[f])
         same = -1
         for r in range(2):
             model = recent[r]
-            if (
-                model >= 0
-                and length[model] == length[f]
-                and out[GOOD, model] == length[f]
-                and same_items(data, int(body[model]), start, int(length[f]))
-            ):
+            whole = model >= 0 and length[model] == size and out[GOOD, model] == size
+            if whole and same_items(data, int(body[model]), start, size):
                 same = r
                 break
         if same >= 0:
             out[GROUP, f] = out[GROUP, recent[same]]
-            out[GOOD, f] = length[f]
+            out[GOOD, f] = size
         else:
             same = 0 if recent[0] < recent[1] else 1  # the older of the two gives way
-            spots[same, :] = 0
-            mark = 0
-            at = start
-            while at + 3 <= stop:
-                ident = int(data[at]) << 8 | int(data[at + 1])
-                size = int(data[at + 2])
-                if at + 3 + size > stop:
-                    break
-                mark = (mark * 1000003 + (ident << 8 | size) + 1) % 2147483647
-                if ident == PACKET_COUNTER and size == 2:
-                    spots[same, 0] = at + 3 - start
-                elif ident == SAMPLE_TIME_FINE and size == 4:
-                    spots[same, 1] = at + 3 - start
-                elif ident == SAMPLE_TIME_COARSE and size == 4:
-                    spots[same, 2] = at + 3 - start
-                elif ident == UTC_TIME and size == 12:
-                    spots[same, 3] = at + 3 - start
-                at += 3 + size
-            good = at - start
+            end, mark = follow_items(data, start, start + size, spots[same])
+            good = end - start
             out[GOOD, f] = good
             slot = mark & (slots - 1)
-            while True:
+            while first_of[slot] >= 0:
                 first = first_of[slot]
-                if first < 0:
-                    first_of[slot] = f
-                    out[GROUP, f] = groups
-                    groups += 1
-                    break
                 if out[GOOD, first] == good and same_items(data, int(body[first]), start, good):
-                    out[GROUP, f] = out[GROUP, first]
                     break
                 slot = (slot + 1) & (slots - 1)
+            if first_of[slot] < 0:
+                first_of[slot] = f
+                out[GROUP, f] = groups
+                groups += 1
+            else:
+                out[GROUP, f] = out[GROUP, first_of[slot]]
+            bad += good < size
         recent[same] = f
-        bad += out[GOOD, f] < length[f]
-        counter, fine, coarse, utc = spots[same, 0], spots[same, 1], spots[same, 2], spots[same, 3]
-        without_fine += fine == 0
-        without_counter += counter == 0
-        out[COUNTER, f] = int(data[start + counter]) << 8 | int(data[start + counter + 1]) if counter else -1
-        out[FINE, f] = _u4(data, start + fine) if fine else -1
-        out[COARSE, f] = _u4(data, start + coarse) if coarse else -1
-        out[UTC_AT, f] = start + utc if utc else -1
-    for g in range(groups + 1):
-        bounds[g] = 0
-    for f in range(n):
-        bounds[out[GROUP, f] + 1] += 1
-    for g in range(groups):
-        bounds[g + 1] += bounds[g]
-    for f in range(n):
-        g = out[GROUP, f]
-        order[bounds[g]] = f
-        bounds[g] += 1
-    for g in range(groups, 0, -1):
-        bounds[g] = bounds[g - 1]
-    bounds[0] = 0
+        without_counter += spots[same, 0] == 0
+        without_fine += spots[same, 1] == 0
+        _pick_up(data, f, start, spots[same], out)
+    _sort_by_group(out[GROUP], groups, order, bounds)
     return groups, bad, without_fine, without_counter
 
 
