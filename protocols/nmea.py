@@ -216,7 +216,7 @@ def _standard(line: bytes, content: bytes) -> dict[str, Any]:
     except (*bad, ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
         message = None  # the checksum was right, so the sentence stands; its words are kept as they are
     if message is None:
-        return {f"field_{i:02d}": word for i, word in enumerate(_text(content).split(",")[1:], 1)}
+        return {f"field_{i:02d}": word or None for i, word in enumerate(_text(content).split(",")[1:], 1)}
     return {name: _plain(value) for name, value in vars(message).items() if not name.startswith("_")}
 
 

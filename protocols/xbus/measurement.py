@@ -142,8 +142,8 @@ class _Stream:
 
     def times(self, number: int) -> tuple[Array, Array]:
         """Steps of a quarter, and the device times at which their messages are sent."""
-        per_ns = self.rate / 1e9
-        steps = np.arange(math.ceil(number * BLOCK_NS * per_ns), math.ceil((number + 1) * BLOCK_NS * per_ns))
+        first, end = (-(-quarter * BLOCK_NS * self.rate // 10**9) for quarter in (number, number + 1))
+        steps = np.arange(first, end)
         return steps, self.begin_ns + steps * 10**9 // self.rate
 
     def frames(self, steps: Array, times: Array, counter: Array) -> list[bytes]:

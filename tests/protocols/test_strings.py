@@ -1,0 +1,113 @@
+"""Are the two binary strings of an MTi found where they are, and nowhere else?
+
+Computed by hand from MT0101P 2020.A, 5.3.5: heading 123.45°, roll −1.50°, pitch 2.50°, heave 0.
+"""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.nmea import Found
+from protocols.xbus.strings import WINDOW, find
+
+TSS2 = b":12345  0000H-0150  0250F"
+EM1000 = bytes.fromhex("00 90 6A FF FA 00 00 00 39 30")  # −150, 250, 0, 12345: least significant byte first
+
+
+def test_tss2() -> None:
+    found, kept = find(TSS2 + b"\r\n", final=False)
+    assert found == [
+        Found(
+            0,
+            27,
+            "tss2",
+            "TSS2",
+            TSS2.decode(),
+            {"heading": 123.45, "heave": 0.0, "status": "H", "roll": -1.5, "pitch": 2.5, "headingStatus": "F"},
+        )
+    ]
+    assert kept == 27
+
+
+def test_tss2_without_line_ends() -> None:
+    found, _ = find(TSS2 * 3, final=True)
+    assert [(one.offset, one.size) for one in found] == [(0, 25), (25, 25), (50, 25)]
+
+
+@pytest.mark.parametrize(
+    "wrong", [b":36000  0000H-0150  0250F", b":1234x  0000H-0150  0250F", b":12345  0000H+0150  0250F"]
+)
+def test_what_only_looks_like_tss2_is_not(wrong: bytes) -> None:
+    assert find(wrong + b"\r\n", final=True)[0] == []
+
+
+def test_em1000_is_believed_when_two_more_follow() -> None:
+    found, _ = find(EM1000 * 5, final=True)
+    assert [one.offset for one in found] == [0, 10, 20]
+    assert found[0].fields == {"roll": -1.5, "pitch": 2.5, "heave": 0.0, "heading": 123.45}
+    assert (found[0].protocol, found[0].name, found[0].size) == ("em1000", "EM1000", 10)
+    assert find(EM1000 * 2, final=True)[0] == []
+
+
+def test_em1000_carries_on_a_run() -> None:
+    assert [one.offset for one in find(EM1000 * 5, final=True, since=0)[0]] == [0, 10, 20, 30, 40]
+    assert find(EM1000, final=True, since=WINDOW + 1)[0] == []
+
+
+def test_em1000_among_other_strings() -> None:
+    found, _ = find((EM1000 + TSS2 + b"\r\n" + b"$HCHDM,1.0,M*00\r\n") * 4, final=True, since=0)
+    assert [one.name for one in found] == ["EM1000", "TSS2"] * 4
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        "00 90 6A FF FA 00 01 00 39 30",  # a heave
+        "00 90 6A FF FA 00 00 00 A0 8C",  # heading 360.00°
+        "00 90 00 80 FA 00 00 00 39 30",  # roll −327.68°
+        "00 90 6A FF 29 23 00 00 39 30",  # pitch 90.01°
+    ],
+)
+def test_what_only_looks_like_em1000_is_not(record: str) -> None:
+    assert find(bytes.fromhex(record) * 4, final=True)[0] == []
+
+
+def test_noise_holds_no_strings() -> None:
+    data = random.Random(1).randbytes(1_000_000)
+    assert find(data, final=True)[0] == []
+
+
+def pieces(data: bytes, cuts: list[int], stateful: bool) -> list[tuple[int, str]]:
+    found: list[tuple[int, str]] = []
+    start = end = 0
+    last: int | None = None
+    for size in [*cuts, len(data)]:
+        end = min(end + size, len(data))
+        since = start - last if stateful and last is not None else None
+        now, kept = find(data[start:end], final=end == len(data), since=since)
+        for one in now:
+            found.append((one.offset + start, one.name))
+            last = one.offset + start + one.size if one.name == "EM1000" else last
+        start += kept
+    return found
+
+
+parts = st.binary(max_size=12) | st.sampled_from(
+    [TSS2, TSS2 + b"\r\n", EM1000, EM1000 * 3, b"\0", b"\0\x90", b":", b"\r"]
+)
+
+
+@given(st.lists(parts, max_size=9).map(b"".join), st.lists(st.integers(0, 30), max_size=25))
+def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
+    assert pieces(data, cuts, stateful=False) == [(one.offset, one.name) for one in find(data, final=True)[0]]
+
+
+@given(st.binary(max_size=200), st.booleans(), st.none() | st.integers(0, 1000))
+def test_any_bytes_are_survived(data: bytes, final: bool, since: int | None) -> None:
+    found, kept = find(memoryview(data), final=final, since=since)
+    assert 0 <= kept <= len(data)
+    assert all(one.offset + one.size <= kept for one in found)
