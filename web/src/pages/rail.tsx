@@ -85,10 +85,9 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
 }
 
 function Facts({ device }: { readonly device: DeviceInfo }) {
-  const product = device.product || (device.protocol ? `${device.protocol}, product not told yet` : "nothing known yet");
   return (
     <span class="facts">
-      {product}
+      {productWords(device)}
       <br />
       {device.serial_number !== "" && (
         <>
@@ -109,6 +108,13 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
       )}
     </span>
   );
+}
+
+/** What is known of the product beyond the name above it. */
+function productWords({ name, product, protocol, firmware }: DeviceInfo): string {
+  if (protocol === "") return "nothing known yet";
+  const said = product === name ? "" : product || "product not told yet";
+  return [said, protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
 }
 
 interface WhyProps {
