@@ -1,12 +1,13 @@
 # imuscope in a container: built with nothing but Python, run without root, without a home, with a read-only root.
 #
 #   docker build -t imuscope .
-#   docker run --rm --read-only --tmpfs /tmp -v imuscope:/data -p 8080:8080 \
+#   docker run --rm --read-only --tmpfs /tmp -v imuscope:/data --hostname "$(hostname)" -p 8080:8080 \
 #       --device /dev/ttyUSB0 --group-add "$(stat -c %g /dev/ttyUSB0)" imuscope /dev/ttyUSB0
 #
 # --device       hands the serial port in; --group-add gives the group that owns it (dialout), since nobody here is root.
 # a port that comes and goes: -v /dev:/dev --device-cgroup-rule 'c 188:* rmw' (188: USB serial, 166: ttyACM) instead.
 # UDP and TCP    sources that the robot sends to need their port too: -p 5005:5005/udp, or --network host.
+# --hostname     the machine's own name: the address that is printed uses it, and requests to it are let in.
 # The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
 # /data          recordings; without a volume there they end with the container.
 # /tmp           where the compiled loops of the image are copied to, because numba reads no cache it cannot write; without
