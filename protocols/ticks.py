@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.jit import INT, INTS, TABLE, compiled
+from protocols.jit import FLAG, INT, INTS, TABLE, compiled
 
 Ints = NDArray[np.int64]
 
@@ -30,6 +30,26 @@ STARTED, NEWEST, TURNS, LATE_RUN, ARRIVAL, WRAP, OPEN_FROM, OPEN_TO = range(8)
 STATES = 8
 
 RESET, JUMP = 0, 1
+
+
+@compiled(FLAG, INT, INT, INTS, INTS)
+def _wraps(ticks: int, near: int, state: Ints, wraps: Ints) -> bool:
+    """Is `ticks` just after the newest tick across the end of the clock? Then the turn is counted, the modulus known.
+
+    Args:
+        near: how many ticks "just after" is; -1: the usual share of the modulus.
+    """
+    last = state[NEWEST] - state[TURNS]
+    for candidate in range(state[OPEN_FROM], state[OPEN_TO]):
+        wrap = wraps[candidate]
+        limit = near if near >= 0 else max(wrap // NEAR_SHARE, 1)
+        if last < wrap and 0 <= ticks + wrap - last <= limit:
+            state[WRAP] = candidate
+            state[OPEN_FROM] = candidate
+            state[OPEN_TO] = candidate + 1
+            state[TURNS] += wrap
+            return True
+    return False
 
 
 @compiled(INT, INTS, INTS, INTS, INTS, INT, INT, INT, INTS, TABLE)
@@ -79,19 +99,7 @@ def follow(
             if state[TURNS] > 0 and before <= newest <= before + late:
                 out[row] = before  # late, and from before the wrap
                 continue
-            wrapped = False
-            if value < newest:
-                for candidate in range(state[OPEN_FROM], state[OPEN_TO]):
-                    last = newest - state[TURNS]
-                    forward = ticks + wraps[candidate] - last
-                    limit = near if timed else max(wraps[candidate] // NEAR_SHARE, 1)
-                    if last < wraps[candidate] and 0 <= forward <= limit:
-                        state[WRAP] = candidate
-                        state[OPEN_FROM] = candidate
-                        state[OPEN_TO] = candidate + 1
-                        state[TURNS] += wraps[candidate]
-                        wrapped = True
-                        break
+            wrapped = value < newest and _wraps(ticks, near if timed else -1, state, wraps)
             if not wrapped and value < newest and newest - value <= late and state[LATE_RUN] + 1 < LATE_ROWS:
                 state[LATE_RUN] += 1
                 out[row] = value

@@ -33,16 +33,17 @@ from protocols.registry import PROTOCOLS  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 CHUNK = 1 << 20
-PASSES = 7
+PASSES = 9
 
 
-def best(run: Callable[[], Any], passes: int = PASSES) -> float:
-    """The shortest of several passes, s."""
-    shortest = float("inf")
-    for _ in range(passes):
-        start = time.perf_counter()
-        run()
-        shortest = min(shortest, time.perf_counter() - start)
+def best(*runs: Callable[[], Any]) -> list[float]:
+    """The shortest of several passes of each, s. They take turns, so that a busy machine slows all of them alike."""
+    shortest = [float("inf")] * len(runs)
+    for _ in range(PASSES):
+        for i, run in enumerate(runs):
+            start = time.perf_counter()
+            run()
+            shortest[i] = min(shortest[i], time.perf_counter() - start)
     return shortest
 
 
@@ -91,8 +92,7 @@ def measure(protocol: str, file: Path, size: int) -> dict[str, Any]:
     data = once * -(-size // len(once))
     megabytes = len(data) / 1e6
     frames = decode(protocol, data)  # also warms everything
-    speed = megabytes / best(lambda: decode(protocol, data))
-    yardstick = megabytes / best(lambda: zlib.adler32(data))
+    speed, yardstick = (megabytes / s for s in best(lambda: decode(protocol, data), lambda: zlib.adler32(data)))
     return {
         "protocol": protocol,
         "frames": frames,

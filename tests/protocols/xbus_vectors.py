@@ -1,4 +1,10 @@
-"""The Xbus vectors of tests/golden/xbus, and where each came from."""
+"""The Xbus vectors of tests/golden/xbus, and where each came from.
+
+data.json, commands.json   vendor: encoded or read back by the vendor's public code, or examples of the document
+hex_frames.json            device-capture: frames quoted from real devices
+sample.mtb                 a file in the layout of the vendor's program
+computed.json              computed by tests/oracles/xbus.py, for rows that the others do not meet
+"""
 
 from __future__ import annotations
 
