@@ -31,11 +31,11 @@ PYTHON = sys.executable
 
 @dataclass(frozen=True)
 class Part:
-    """One runner. `closing` picks the line that says how it ended from those it printed."""
+    """One runner."""
 
     name: str
     command: Callable[[argparse.Namespace], list[str]]
-    closing: Callable[[list[str]], str] = lambda lines: lines[-1] if lines else ""
+    closing: str = ""  # how the line begins that says how it ended; "" for the last one
 
 
 @dataclass(frozen=True)
@@ -58,21 +58,17 @@ def _web(script: str, *arguments: str) -> list[str]:
     return [_node(), str(ROOT / "web" / "node_modules" / script), *arguments]
 
 
-def _vitest_closing(lines: list[str]) -> str:
-    return next((line for line in reversed(lines) if line.strip().startswith("Tests ")), lines[-1] if lines else "")
-
-
 def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str]]:
     return lambda _: [PYTHON, "-m", name, *arguments]
 
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
-    Part("ruff", _tool("ruff", "check")),
+    Part("ruff", _tool("ruff", "check"), "Found"),
     Part("format", _tool("ruff", "format", "--check")),
     Part("mypy", _tool("mypy")),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
-    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), _vitest_closing),
+    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
     Part("pytest", lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *options.pytest]),
 )
 
@@ -98,9 +94,8 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
-    if not lines and not status:
-        lines.append("no complaint")
-    return Outcome(part.name, status, time.monotonic() - began, part.closing(lines))
+    closing = [line for line in lines if line.startswith(part.closing)] or lines or ["no complaint"]
+    return Outcome(part.name, status, time.monotonic() - began, closing[-1])
 
 
 def main() -> int:
