@@ -94,7 +94,8 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
-    closing = [line for line in lines if line.startswith(part.closing)] or lines or ["no complaint"]
+    closing = [line for line in lines if line.startswith(part.closing)] or lines
+    closing = closing or [f"exit status {status}" if status else "no complaint"]
     return Outcome(part.name, status, time.monotonic() - began, closing[-1])
 
 
