@@ -62,6 +62,12 @@ export function pan(windows: number): void {
   change({ live: false, end: clamped(rightEdge(now) + windows * now.span, now.span) });
 }
 
+/** Put the right edge at `end`, as dragging does; at now the view stays paused: only `live` goes live. */
+export function panTo(end: number): void {
+  const { span } = view.peek();
+  change({ live: false, end: clamped(end, span) });
+}
+
 /** Multiply the window's length by `factor`, keeping the moment at fraction `at` of its width. Live stays live: now is the right edge. */
 export function zoom(factor: number, at = 0.5): void {
   const now = view.peek();

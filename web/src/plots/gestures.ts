@@ -1,0 +1,151 @@
+/**
+ * What do pointer and fingers do on the plots? They call the actions; nothing here draws.
+ *
+ *     move            the cursor follows (mouse)          drag           pans, and pauses by itself
+ *     click, tap      pins the cursor there               shift + drag   selects a range
+ *     shift + click   pins the measuring cursor           double click   fits
+ *     wheel           zooms about the pointer             two fingers    zoom and pan
+ *
+ * One finger moves along time; across time it scrolls the page, which `touch-action: pan-y` leaves to the browser.
+ */
+import { cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/actions";
+import { cursor, view } from "../data/view";
+import { timeAt, xOf, type TimeWindow } from "./window";
+
+/** A press that moved less than this is a click, px. */
+const CLICK_PX = 4;
+/** A click this near to the pin takes it away, px. */
+const UNPIN_PX = 5;
+/** Change of the window's length per px of wheel: a notch of 100 px is about 15 %. */
+const WHEEL = 0.0015;
+/** Dragging the box of the strip to within this part of its end goes live again. */
+const LIVE_ZONE = 0.012;
+
+export interface Surface {
+  /** The window as drawn last; undefined before the first frame. */
+  window(): TimeWindow | undefined;
+  /** That of the memory strip. */
+  strip(): TimeWindow | undefined;
+  /** The span being selected, or undefined. */
+  selecting(span: readonly [number, number] | undefined): void;
+}
+
+interface Press {
+  readonly id: number;
+  readonly x: number;
+  readonly shift: boolean;
+  readonly end: number;
+  readonly strip: boolean;
+  moved: boolean;
+}
+
+/** Listen on the stack; the returned function stops. Canvases only: legends, names and buttons are their own. */
+export function listen(stack: HTMLElement, surface: Surface): () => void {
+  const fingers = new Map<number, number>();
+  let press: Press | undefined;
+  const stop = new AbortController();
+  const on = <K extends keyof HTMLElementEventMap>(name: K, run: (event: HTMLElementEventMap[K]) => void, passive = true): void =>
+    stack.addEventListener(name, run, { signal: stop.signal, passive });
+  const xIn = (event: MouseEvent): number => event.clientX - stack.getBoundingClientRect().left;
+  const onCanvas = (event: Event): boolean => event.target instanceof HTMLCanvasElement;
+  const inStrip = (event: Event): boolean => event.target instanceof Element && event.target.parentElement?.className === "over";
+  const inside = (w: TimeWindow, x: number): boolean => x >= w.left && x <= w.left + w.width;
+
+  const hover = (x: number): void => {
+    const w = surface.window();
+    if (w === undefined || cursor.peek()?.kind === "pinned") return;
+    cursor.value = inside(w, x) ? { kind: "pointer", fraction: (x - w.left) / w.width } : undefined;
+  };
+  const moveStrip = (x: number): void => {
+    const strip = surface.strip();
+    if (strip === undefined) return;
+    if (x > strip.left + strip.width * (1 - LIVE_ZONE)) live();
+    else centreAt(timeAt(strip, x));
+  };
+  const pinch = (event: PointerEvent): void => {
+    const w = surface.window();
+    const before = [...fingers.values()];
+    fingers.set(event.pointerId, xIn(event));
+    const after = [...fingers.values()];
+    if (w === undefined || before.length !== 2) return;
+    const spread = (xs: number[]): number => Math.max(24, Math.abs(xs[0]! - xs[1]!));
+    const middle = (after[0]! + after[1]!) / 2;
+    zoom(spread(before) / spread(after), (middle - w.left) / w.width);
+    const shift = middle - (before[0]! + before[1]!) / 2;
+    if (!view.peek().live) panTo(view.peek().end - (shift / w.width) * view.peek().span);
+  };
+  const drag = (event: PointerEvent, held: Press): void => {
+    const w = surface.window();
+    const x = xIn(event);
+    if (w === undefined || (!held.moved && Math.abs(x - held.x) < CLICK_PX)) return;
+    held.moved = true;
+    stack.classList.add("dragging");
+    if (held.strip) moveStrip(x);
+    else if (held.shift) surface.selecting([timeAt(w, held.x), timeAt(w, x)]);
+    else panTo(held.end - ((x - held.x) / w.width) * w.span);
+  };
+  const click = (event: PointerEvent, held: Press): void => {
+    const w = surface.window();
+    if (held.strip) return moveStrip(held.x);
+    if (w === undefined || !inside(w, held.x)) return;
+    const t = timeAt(w, held.x);
+    if (held.shift) return pinMeasure(t);
+    const pinned = cursor.peek()?.kind === "pinned" ? cursorTime() : undefined;
+    if (pinned !== undefined && Math.abs(xOf(w, pinned) - held.x) < UNPIN_PX) {
+      unpin();
+      if (event.pointerType === "mouse") hover(held.x);
+    } else pin(t);
+  };
+
+  on("pointerdown", (event) => {
+    if (!onCanvas(event) || event.button !== 0) return;
+    (event.target as Element).setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, xIn(event));
+    // A second finger turns the press into a pinch.
+    press = fingers.size > 1 ? undefined : { id: event.pointerId, x: xIn(event), shift: event.shiftKey, end: rightEdge(), strip: inStrip(event), moved: false };
+  });
+  on("pointermove", (event) => {
+    if (fingers.size > 1 && fingers.has(event.pointerId)) return pinch(event);
+    if (press?.id === event.pointerId) drag(event, press);
+    if (event.pointerType === "mouse" && onCanvas(event) && !inStrip(event)) hover(xIn(event));
+  });
+  const end = (event: PointerEvent): void => {
+    fingers.delete(event.pointerId);
+    stack.classList.remove("dragging");
+    const held = press;
+    if (held?.id !== event.pointerId) return;
+    press = undefined;
+    const w = surface.window();
+    surface.selecting(undefined);
+    if (event.type === "pointercancel" || w === undefined) return;
+    if (!held.moved) click(event, held);
+    else if (held.shift && !held.strip) select(timeAt(w, held.x), timeAt(w, xIn(event)));
+  };
+  on("pointerup", end);
+  on("pointercancel", end);
+  on("pointerleave", () => {
+    if (cursor.peek()?.kind === "pointer") cursor.value = undefined;
+  });
+  on("dblclick", (event) => {
+    if (!onCanvas(event) || inStrip(event)) return;
+    unpin(); // the first of the two clicks pinned
+    fit();
+  });
+  on(
+    "wheel",
+    (event) => {
+      const w = surface.window();
+      const x = xIn(event);
+      // Over the gutter the wheel scrolls the stack; with Ctrl it is the browser's own zoom (or a pinch on a touchpad: ours).
+      if (w === undefined || !onCanvas(event) || x < w.left) return;
+      event.preventDefault();
+      const unit = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
+      const sideways = event.shiftKey && event.deltaX === 0 ? event.deltaY : event.deltaX;
+      if (Math.abs(sideways) > Math.abs(event.deltaY) || (event.shiftKey && sideways !== 0)) {
+        panTo(rightEdge() + ((sideways * unit) / w.width) * view.peek().span);
+      } else zoom(Math.exp(event.deltaY * unit * (event.ctrlKey ? 4 * WHEEL : WHEEL)), (x - w.left) / w.width);
+    },
+    false,
+  );
+  return () => stop.abort();
+}

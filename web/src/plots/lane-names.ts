@@ -1,0 +1,81 @@
+/** The names of the lanes in the gutter, and one line under them that says what a lane means: by pointer, finger or keyboard. */
+import type { Loss } from "../data/losses";
+import type { Channel } from "../data/store";
+import type { TimeBase } from "../data/view";
+import { count } from "../ui/format";
+import { el } from "../ui/dom";
+import { type Lane, LANE_PX, lanesOf, lossWords, stateAt, stateWords } from "./lanes";
+
+export class LaneNames {
+  lanes: readonly Lane[] = [];
+  /** The line that explains; always there, so that nothing moves when it speaks. */
+  readonly say = el("p", { class: "lanesay", "aria-live": "polite" });
+  readonly #box: HTMLElement;
+  readonly #list = el("div", { class: "lanenames" });
+  /** Lane spoken of: 0 is the loss lane, undefined none. */
+  #spoken: number | undefined;
+  #text = "";
+
+  constructor(box: HTMLElement) {
+    this.#box = box;
+    box.append(this.#list);
+    box.addEventListener("pointermove", (event) => this.#speak(this.#laneAt(event)));
+    box.addEventListener("pointerdown", (event) => this.#speak(this.#laneAt(event)));
+    box.addEventListener("pointerleave", () => this.#speak(undefined));
+    this.#write();
+  }
+
+  /** Take on the lanes that are of interest now; true when their number changed. */
+  choose(channels: readonly Channel[]): boolean {
+    const next = lanesOf(channels);
+    if (next.length === this.lanes.length && next.every(({ key }, k) => key === this.lanes[k]?.key)) return false;
+    this.lanes = next;
+    this.#write();
+    return true;
+  }
+
+  #write(): void {
+    this.#box.style.height = `${(this.lanes.length + 1) * LANE_PX}px`;
+    const names = ["Loss", ...this.lanes.map(({ name }) => name)];
+    this.#list.replaceChildren(
+      ...names.map((name, k) => {
+        const button = el("button", { type: "button" }, name);
+        button.addEventListener("focus", () => this.#speak(k));
+        button.addEventListener("blur", () => this.#speak(undefined));
+        return button;
+      }),
+    );
+    this.#spoken = undefined;
+  }
+
+  #laneAt(event: PointerEvent): number {
+    const y = event.clientY - this.#box.getBoundingClientRect().top;
+    return Math.min(this.lanes.length, Math.max(0, Math.floor(y / LANE_PX)));
+  }
+
+  #speak(lane: number | undefined): void {
+    if (lane === this.#spoken) return;
+    this.#spoken = lane;
+    [...this.#list.children].forEach((child, k) => child.classList.toggle("on", k === lane));
+  }
+
+  /** Say what the lane spoken of means, and its state at `t`. */
+  read(t: number, base: TimeBase, losses: readonly Loss[]): void {
+    const [name, words] = this.#sentence(t, base, losses);
+    if (name + words === this.#text) return;
+    this.#text = name + words;
+    this.say.replaceChildren(...(name === "" ? [] : [el("b", {}, name), ` ${words}`]));
+  }
+
+  #sentence(t: number, base: TimeBase, losses: readonly Loss[]): readonly [string, string] {
+    if (this.#spoken === undefined) return ["", ""];
+    const lane = this.lanes[this.#spoken - 1];
+    if (lane !== undefined) {
+      const state = stateWords(lane.bits, stateAt(lane, t, base));
+      return [`${lane.name}${state === "" ? "" : `: ${state}`}`, lane.bits.doc];
+    }
+    const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);
+    if (here !== undefined) return [`Loss: ${lossWords(here)}`, here.text];
+    return ["Loss", losses.length === 0 ? "Nothing is missing." : `${count(losses.length, "stretch", "stretches")} with missing samples in memory.`];
+  }
+}

@@ -1,0 +1,208 @@
+/**
+ * What do the status words say over time? One lane per flag or bit group that has ever been of interest (set once, or an
+ * enumeration), under a lane for losses. Normal is neutral; yellow and crimson are kept for a caution and a fault.
+ *
+ * Lanes are drawn from the OR and AND of the word in every pixel (buckets.ts), so that a flag that was up for 5 ms is a mark at any
+ * zoom, and the cost is that of the pixels.
+ */
+import { OrAnd } from "../data/buckets";
+import type { Loss } from "../data/losses";
+import { lowerBound, type Ring } from "../data/ring";
+import type { Channel } from "../data/store";
+import type { TimeBase } from "../data/view";
+import { number } from "../ui/format";
+import type { BitsInfo } from "../wire/types";
+import { duration } from "./axis";
+import { PixelColumns } from "./columns";
+import { hatch, type Palette, setFont, type Sheet } from "./paint";
+import { xOf, type TimeWindow } from "./window";
+
+export const LANE_PX = 17;
+/** A loss or a fault is never narrower than this in its lane, px. */
+const LEAST_PX = 4;
+/** In `states`: no sample has come yet, or the value changed within the pixel. */
+const NOTHING = -1;
+const MIXED = -2;
+
+export interface Lane {
+  readonly key: string;
+  readonly name: string;
+  readonly channel: Channel;
+  readonly column: number;
+  readonly bits: BitsInfo;
+}
+
+const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << width) - 1) << low;
+
+/** A name of a document as words: "ClipAccX" → "Clip acc X". */
+export function words(name: string): string {
+  if (/\s/.test(name)) return name;
+  const parts = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2").replace(/([A-Z]+)([A-Z][a-z])/g, "$1 $2").split(/[ _]+/);
+  return parts.map((part, k) => (k === 0 || part.length === 1 || part === part.toUpperCase() ? part : part.toLowerCase())).join(" ");
+}
+
+/** The lanes of a device's channels: those that have been of interest, faults first. */
+export function lanesOf(channels: readonly Channel[]): Lane[] {
+  const rank = { fault: 0, caution: 1, "": 2 } as const;
+  return channels
+    .filter(({ info }) => info.kind === "status")
+    .flatMap((channel) => channel.info.columns.flatMap((info, column) => info.bits.map((bits) => ({ channel, column, bits }))))
+    .filter(({ channel, column, bits }) => {
+      const pyramid = channel.ring.pyramids[column];
+      if (!(pyramid instanceof OrAnd) || channel.ring.length === 0 || bits.low > 31) return false;
+      const enumerated = bits.width > 1 && Object.keys(bits.choices).length > 0;
+      return enumerated || (pyramid.everSet & maskOf(bits)) !== 0 || (bits.normal_set && bits.severity !== "");
+    })
+    .map(({ channel, column, bits }) => ({ key: `${channel.info.id}.${column}.${bits.name}`, name: words(bits.name), channel, column, bits }))
+    .sort((a, b) => rank[a.bits.severity] - rank[b.bits.severity]);
+}
+
+/** Is that state one to be seen? */
+function raised(bits: BitsInfo, state: number): boolean {
+  return bits.severity !== "" && state !== NOTHING && (bits.normal_set ? state === 0 : state !== 0);
+}
+
+/** A state in words: its choice, or what a flag can say. */
+export function stateWords(bits: BitsInfo, state: number): string {
+  if (state === NOTHING) return "";
+  if (state === MIXED) return "changing";
+  return bits.choices[String(state)] ?? (bits.width > 1 ? String(state) : state === 0 ? "not set" : "set");
+}
+
+/** The state of a lane at `t` (Infinity: the newest sample). */
+export function stateAt({ channel: { ring }, column, bits }: Lane, t: number, base: TimeBase): number {
+  const i = t === Infinity ? ring.length - 1 : ring.indexAt(t, base);
+  return i < 0 ? NOTHING : ((ring.value(column, i) | 0) & maskOf(bits)) >>> bits.low;
+}
+
+interface Run {
+  readonly from: number;
+  to: number;
+  readonly state: number;
+}
+
+/** Stretches of one state among the pixels of a window: `or` and `and` are those of the word per pixel. */
+export function runsOf(columns: PixelColumns, at: number, bits: BitsInfo, w: TimeWindow): Run[] {
+  const { rows, mask, ring } = columns;
+  const [or, and] = [columns.lo[at]!, columns.hi[at]!];
+  const bit = maskOf(bits);
+  const runs: Run[] = [];
+  let state = before(ring, columns.columns[at]!, rows[w.g0 & mask]!, bits);
+  let b = lowerBound(ring.breaks, rows[w.g0 & mask]!);
+  const end = rows[w.g1 & mask]!;
+  for (let g = w.g0; g < w.g1; g++) {
+    const [from, to] = [rows[g & mask]!, rows[(g + 1) & mask]!];
+    if (to > from) {
+      const [set, always] = [((or[g & mask]! & bit) >>> bits.low), ((and[g & mask]! & bit) >>> bits.low)];
+      // A flag that was up at all counts as up, and one that should be up counts as down: the worst of the pixel is shown.
+      state = set === always ? set : bits.width > 1 ? MIXED : bits.normal_set ? 0 : 1;
+    } else if (from >= end && from >= ring.end) state = NOTHING; // after the newest sample nothing is known
+    else if (ring.breaks[b] === from && from > ring.first) state = NOTHING; // inside a gap
+    while (b < ring.breaks.length && ring.breaks[b]! < to) b++;
+    const last = runs.at(-1);
+    if (last !== undefined && last.state === state && last.to === g) last.to = g + 1;
+    else if (state !== NOTHING) runs.push({ from: g, to: g + 1, state });
+  }
+  return runs;
+}
+
+/** State of the last sample before `row`: it holds until the next one. */
+function before(ring: Ring, column: number, row: number, bits: BitsInfo): number {
+  if (row <= ring.first || row >= ring.end) return NOTHING;
+  return ((ring.columns[column]![(row - 1) & ring.mask]! | 0) & maskOf(bits)) >>> bits.low;
+}
+
+/** All lanes of a device: pixel columns per status word, drawn row under row. */
+export class Lanes {
+  readonly #columns = new Map<Ring, PixelColumns>();
+
+  draw(sheet: Sheet, lanes: readonly Lane[], losses: readonly Loss[], w: TimeWindow, look: Palette): void {
+    const x = sheet.begin();
+    setFont(x, look, 11);
+    x.textBaseline = "middle";
+    x.textAlign = "left";
+    x.fillStyle = look.colour.line;
+    if (!look.narrow) {
+      x.fillRect(sheet.snap(w.left) - 1, 0, 1, sheet.height);
+      x.fillRect(sheet.snap(w.left + w.width), 0, 1, sheet.height);
+    }
+    x.save();
+    x.beginPath();
+    x.rect(w.left, 0, w.width, sheet.height);
+    x.clip();
+    this.#losses(x, losses, w, look);
+    lanes.forEach((lane, k) => this.#lane(x, lane, (k + 1) * LANE_PX, w, look));
+    x.restore();
+  }
+
+  #losses(x: CanvasRenderingContext2D, losses: readonly Loss[], w: TimeWindow, look: Palette): void {
+    x.fillStyle = look.colour.grid;
+    x.fillRect(w.left, LANE_PX - 1, w.width, 1);
+    const seen = losses.filter(({ t0, t1 }) => t1 >= w.t0 && t0 <= w.t1);
+    seen.forEach((loss, k) => {
+      const from = xOf(w, loss.t0);
+      const to = Math.max(from + LEAST_PX, xOf(w, loss.t1));
+      x.fillStyle = look.colour.loss;
+      x.fillRect(from, 1.5, to - from, LANE_PX - 4);
+      const text = lossWords(loss);
+      const next = seen[k + 1];
+      if (next !== undefined && xOf(w, next.t0) < to + x.measureText(text).width + 14) return;
+      x.fillStyle = look.colour["ink-2"];
+      x.fillText(text, to + 7, LANE_PX / 2 + 0.5);
+    });
+  }
+
+  #lane(x: CanvasRenderingContext2D, lane: Lane, y: number, w: TimeWindow, look: Palette): void {
+    const { bits, channel, column } = lane;
+    const columns = this.#of(channel, w);
+    const at = columns.columns.indexOf(column);
+    const height = LANE_PX - 4;
+    x.fillStyle = look.colour.grid;
+    x.fillRect(w.left, y + LANE_PX - 1, w.width, 1);
+    const px = (g: number): number => w.left + (g - w.g0) / w.ratio;
+    for (const { from, to, state } of runsOf(columns, at, bits, w)) {
+      const hot = raised(bits, state);
+      if (state === 0 && !hot && bits.width === 1) continue;
+      const [a, b] = [px(from), Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1))];
+      const colour = hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : state === MIXED ? "bg-active" : "bg-hover";
+      x.fillStyle = look.colour[colour];
+      x.fillRect(a, y + 1.5, b - a, height);
+      if (state === MIXED) {
+        x.fillStyle = hatch(x, look.colour.edge, 5);
+        x.globalAlpha = 0.6;
+        x.fillRect(a, y + 1.5, b - a, height);
+        x.globalAlpha = 1;
+      }
+      this.#word(x, stateWords(bits, state), hot, a, b, y, look);
+    }
+  }
+
+  #word(x: CanvasRenderingContext2D, text: string, hot: boolean, a: number, b: number, y: number, look: Palette): void {
+    if (text === "" || text === "changing") return;
+    const width = x.measureText(text).width;
+    if (!hot && b - a < width + 12) return;
+    x.fillStyle = look.colour["ink-2"];
+    x.fillText(text, hot ? b + 7 : a + 7, y + LANE_PX / 2 + 0.5);
+  }
+
+  #of(channel: Channel, w: TimeWindow): PixelColumns {
+    let columns = this.#columns.get(channel.ring);
+    if (columns === undefined) {
+      const words = channel.info.columns.flatMap(({ bits }, c) => (bits.length > 0 ? [c] : []));
+      this.#columns.set(channel.ring, (columns = new PixelColumns(channel.ring, words)));
+    }
+    columns.prepare(w.g0, w.g1, w.dt, w.base);
+    return columns;
+  }
+
+  /** Forget channels that are no more. */
+  keep(channels: readonly Channel[]): void {
+    for (const ring of this.#columns.keys()) if (!channels.some((channel) => channel.ring === ring)) this.#columns.delete(ring);
+  }
+}
+
+/** "72 samples, 180 ms". */
+export function lossWords({ samples, t0, t1, by }: Loss): string {
+  const count = samples > 0 ? `${number(samples, 0)} ${samples === 1 ? "sample" : "samples"}, ` : "";
+  return `${count}${duration(t1 - t0)}${by === "browser" ? ", this browser" : ""}`;
+}

@@ -1,0 +1,89 @@
+/**
+ * What stands beside a plot: its name and unit, and for every series its letter and the value at the cursor. A series is a
+ * button: a click hides or shows it, with Shift it stands alone.
+ */
+import { toggleKey } from "../data/actions";
+import { lowerBound } from "../data/ring";
+import type { TimeBase } from "../data/view";
+import { NONE, number } from "../ui/format";
+import { el, Live, unit } from "../ui/dom";
+import type { PlotSpec, Series } from "./select";
+
+/** A cursor this long after the newest sample still reads it, s: samples are on their way. */
+const ON_THEIR_WAY_S = 0.25;
+
+/** The row of a series' ring that a cursor at `t` reads; −1 when there is none, or a gap. */
+export function rowAt({ channel: { ring } }: Series, t: number, base: TimeBase): number {
+  if (ring.length === 0) return -1;
+  if (t === Infinity) return ring.end - 1;
+  const i = ring.indexAt(t, base);
+  if (i < 0) return -1;
+  const age = t - (base === "device" ? ring.time(i) : ring.arrival(i));
+  const fresh = 2.5 * (ring.step || 0);
+  if (i === ring.length - 1) return age <= Math.max(ON_THEIR_WAY_S, fresh) ? ring.end - 1 : -1;
+  const next = ring.first + i + 1;
+  return age > fresh && ring.breaks[lowerBound(ring.breaks, next)] === next ? -1 : next - 1;
+}
+
+/** The value there; NaN when there is none. */
+export function valueAt(series: Series, t: number, base: TimeBase): number {
+  const row = rowAt(series, t, base);
+  const { ring } = series.channel;
+  return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
+}
+
+interface Row {
+  readonly series: Series;
+  readonly button: HTMLButtonElement;
+  readonly value: Live;
+}
+
+export class Legend {
+  readonly root: HTMLElement;
+  readonly #rows: readonly Row[];
+
+  constructor(spec: PlotSpec) {
+    const head = el("b", {}, spec.title);
+    const frame = spec.frame === "" || spec.unit !== "°" ? "" : ` ${spec.frame}`;
+    if (spec.unit + frame !== "") head.append(unit(spec.unit + frame));
+    const about = spec.series[0]?.channel.info;
+    head.title = [about?.doc, spec.frame && `Frame: ${about?.frame ?? spec.frame}.`].filter(Boolean).join(" ");
+    this.#rows = spec.series.map((series) => this.#row(series));
+    this.root = el("div", { class: "leg" }, head, ...this.#rows.map(({ button }) => button));
+  }
+
+  #row(series: Series): Row {
+    const letter = el("i", { class: series.colour.slice(5) }, series.label);
+    const value = new Live();
+    const text = el("span", { class: "v" });
+    text.append(value.node);
+    const button = el("button", { type: "button", class: series.norm ? "k norm" : "k", "aria-pressed": "true" }, letter, text);
+    const name = series.channel.info.title || series.channel.info.name;
+    button.title = `${name} ${series.label}: click to hide or show, with Shift alone`;
+    button.addEventListener("click", (event) => toggleKey(series.key, event.shiftKey));
+    return { series, button, value };
+  }
+
+  /** Which series are drawn. */
+  show(hidden: ReadonlySet<string>): void {
+    for (const { series, button } of this.#rows) button.setAttribute("aria-pressed", String(!hidden.has(series.key)));
+  }
+
+  /** Values at `t` (Infinity: the newest); with `from` the differences since then. */
+  read(t: number, base: TimeBase, from: number | undefined, narrow: boolean): void {
+    for (const { series, button, value } of this.#rows) {
+      const now = valueAt(series, t, base);
+      const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
+      const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base)), decimals)}`;
+      value.set(narrow && text !== NONE ? text.padStart(decimals + 3) : text);
+      button.classList.toggle("diff", from !== undefined);
+    }
+  }
+}
+
+/** b − a, the short way round for an angle. */
+function difference(series: Series, b: number, a: number): number {
+  const period = series.channel.info.columns[series.column]?.period ?? 0;
+  const d = b - a;
+  return period > 0 ? d - period * Math.round(d / period) : d;
+}

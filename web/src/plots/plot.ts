@@ -1,0 +1,207 @@
+/**
+ * One plot: grid, scale, traces and the letters at their right end.
+ *
+ * Why a canvas of our own and not uPlot? We tried to see what of it would be left. Its data model is one x array for all series
+ * of a plot; ours are rings with a clock each, of different rates, that must not be joined or copied every frame. Its reduction
+ * of dense data works per frame on all points in view (measured: 33 ms for 18 series of 100 000 points), so extremes would have
+ * to be handed over ready-made; axes, legend, cursor, zoom, gaps, hatch and wraps follow rules of this page that it has other
+ * answers to. What remained was moveTo and lineTo, which stand in trace.ts.
+ *
+ * A plot is drawn when something changed: the window moved by a pixel, samples came (ten times a second suffices when the window
+ * stands still), a series was hidden, the theme or size changed.
+ */
+import type { Extent } from "../data/buckets";
+import type { Ring } from "../data/ring";
+import { el } from "../ui/dom";
+import { number } from "../ui/format";
+import { PixelColumns } from "./columns";
+import { Legend, valueAt } from "./legend";
+import { type Palette, setFont, Sheet } from "./paint";
+import { Scale, ticks } from "./scale";
+import type { PlotSpec, Series } from "./select";
+import { traceDots, traceSeries, type Vertical } from "./trace";
+import { timeGrid } from "./axis";
+import { xOf, type TimeWindow } from "./window";
+
+const LEGEND_HEIGHT = 26;
+const LINE = 1.15;
+/** Letters at the right end and tick labels keep this far apart, px. */
+const LETTERS_APART = 11.5;
+const LABELS_APART = 12;
+/** New samples alone redraw a window that stands still this often, ms. */
+const STILL_MS = 100;
+const STANDARD_GRAVITY = 9.80665;
+
+interface Shown {
+  readonly series: Series;
+  readonly columns: PixelColumns;
+  /** Place of the series among `columns.columns`. */
+  readonly at: number;
+}
+
+export class Plot {
+  readonly root: HTMLElement;
+  readonly legend: Legend;
+  readonly sheet: Sheet;
+  /** Place in the stack, CSS px. */
+  top = 0;
+  visible = true;
+  readonly #scale: Scale;
+  readonly #shown: readonly Shown[];
+  readonly #columns: readonly PixelColumns[];
+  readonly #extent: Extent = { lo: 0, hi: 0 };
+  #vertical: Vertical = { top: 0, hi: 1, k: 1 };
+  #stamp = "";
+  #revision = -1;
+  #drawnAt = -Infinity;
+  #zoom = NaN;
+
+  constructor(readonly spec: PlotSpec) {
+    this.legend = new Legend(spec);
+    const unit = spec.unit === "" ? "" : ` in ${spec.unit}`;
+    const canvas = el("canvas", { role: "img", "aria-label": `${spec.title}${unit} over time` });
+    this.root = el("div", { class: spec.weight < 0.7 ? "plot low" : "plot" }, this.legend.root, canvas);
+    this.root.style.setProperty("--weight", String(spec.weight));
+    this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
+    this.sheet = new Sheet(canvas);
+    this.#scale = new Scale(20 * 10 ** -spec.decimals);
+    const byRing = new Map<Ring, Series[]>();
+    for (const series of spec.series) byRing.set(series.channel.ring, [...(byRing.get(series.channel.ring) ?? []), series]);
+    this.#columns = [...byRing].map(([ring, list]) => new PixelColumns(ring, list.map(({ column }) => column)));
+    this.#shown = this.#columns.flatMap((columns) => byRing.get(columns.ring)!.map((series, at) => ({ series, columns, at })));
+  }
+
+  /** Upper edge of the drawing: below the legend where that stands above, px. */
+  inset(look: Palette): number {
+    return look.narrow ? LEGEND_HEIGHT : 0;
+  }
+
+  /** Where a value stands, CSS px from the plot's top. */
+  y(value: number): number {
+    return this.#vertical.top + (this.#vertical.hi - value) * this.#vertical.k;
+  }
+
+  /** Draw if there is something new. `now` in ms. */
+  draw(w: TimeWindow, look: Palette, hidden: ReadonlySet<string>, now: number, theme: number): void {
+    if (!this.visible || this.sheet.height < 10) return;
+    const revision = this.#columns.reduce((sum, { ring }) => sum + ring.revision, 0);
+    const shown = this.#shown.filter(({ series }) => !hidden.has(series.key));
+    const stamp = `${w.g1} ${w.dt} ${w.base} ${w.left} ${w.width} ${this.sheet.height} ${w.ratio} ${theme} ${shown.length} ${shown.map(({ series }) => series.label)}`;
+    if (stamp === this.#stamp && (revision === this.#revision || now - this.#drawnAt < STILL_MS)) {
+      if (revision === this.#revision && !this.#rescale(shown, w, now)) return;
+      if (revision !== this.#revision) return;
+    } else this.#rescale(shown, w, now);
+    [this.#stamp, this.#revision, this.#drawnAt] = [stamp, revision, now];
+    this.#paint(shown, w, look);
+  }
+
+  /** Read the extent of what is in the window; true when the scale changed. */
+  #rescale(shown: readonly Shown[], w: TimeWindow, now: number): boolean {
+    let lo = Infinity;
+    let hi = -Infinity;
+    for (const { series, columns } of shown) {
+      const { ring } = columns;
+      ring.pyramids[series.column]!.query(ring.row(w.t0, w.base), ring.row(w.t1, w.base), this.#extent);
+      if (this.#extent.lo < lo) lo = this.#extent.lo;
+      if (this.#extent.hi > hi) hi = this.#extent.hi;
+    }
+    const zoomed = w.dt !== this.#zoom;
+    this.#zoom = w.dt;
+    return this.#scale.update(lo, hi, now, zoomed);
+  }
+
+  #paint(shown: readonly Shown[], w: TimeWindow, look: Palette): void {
+    const { sheet } = this;
+    const x = sheet.begin();
+    const top = this.inset(look) + 6;
+    const k = (sheet.height - top - 5) / (this.#scale.hi - this.#scale.lo);
+    this.#vertical = { top, hi: this.#scale.hi, k };
+    this.#grid(x, w, look);
+    x.save();
+    x.beginPath();
+    x.rect(w.left, this.inset(look), w.width, sheet.height);
+    x.clip();
+    x.lineWidth = LINE;
+    x.lineJoin = "bevel";
+    x.lineCap = "round";
+    for (const columns of this.#columns) columns.prepare(w.g0, w.g1, w.dt, w.base);
+    for (let i = shown.length - 1; i >= 0; i--) {
+      const { series, columns, at } = shown[i]!;
+      x.strokeStyle = x.fillStyle = look.colour[series.colour];
+      x.setLineDash(series.dash as number[]);
+      traceSeries(x, columns, at, w, this.#vertical);
+      traceDots(x, columns, at, w, this.#vertical);
+    }
+    x.restore();
+    this.#letters(x, shown, w, look);
+  }
+
+  #grid(x: CanvasRenderingContext2D, w: TimeWindow, look: Palette): void {
+    const { sheet } = this;
+    const hair = 1 / sheet.ratio;
+    const inset = this.inset(look);
+    x.fillStyle = look.colour.grid;
+    for (const t of timeGrid(w)) x.fillRect(sheet.snap(xOf(w, t)), inset, 1, sheet.height);
+    setFont(x, look, look.small);
+    x.textAlign = "right";
+    x.textBaseline = "middle";
+    const used: number[] = [];
+    for (const { text, value } of this.#labels(look)) {
+      const y = sheet.snap(this.y(value));
+      x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
+      x.fillRect(w.left, y, w.width, Math.max(hair, 1));
+      if (y < inset + 5 || y > sheet.height - 5 || used.some((other) => Math.abs(other - y) < LABELS_APART)) continue;
+      if (x.measureText(text).width > (look.narrow ? look.gutter - 4 : look.gutter - 118)) continue;
+      used.push(y);
+      x.fillStyle = look.colour["ink-3"];
+      x.fillText(text, look.gutter - 7, y);
+    }
+    x.fillStyle = look.colour.line;
+    x.fillRect(sheet.snap(w.left) - 1, inset, 1, sheet.height);
+    x.fillRect(sheet.snap(w.left + w.width), inset, 1, sheet.height);
+  }
+
+  /** What the y axis says: zero and, for an acceleration, 1 g have the first right to a place. */
+  #labels(look: Palette): { readonly value: number; readonly text: string }[] {
+    const { lo, hi } = this.#scale;
+    const all = ticks(lo, hi, this.sheet.height - this.inset(look));
+    const labels = all.map(({ value, decimals }) => ({ value, text: number(value, decimals) }));
+    const [first, second] = [all[0], all[1]];
+    const wide = first !== undefined && second !== undefined && Math.abs(second.value - first.value) >= 2;
+    if (this.spec.unit !== "m/s²" || !wide || hi < STANDARD_GRAVITY || lo > STANDARD_GRAVITY) return labels;
+    const g = { value: STANDARD_GRAVITY, text: "g" };
+    const near = labels.filter(({ value }) => Math.abs(value - STANDARD_GRAVITY) > (hi - lo) / 40); // a line at 10 would touch it
+    return near[0]?.value === 0 ? [near[0], g, ...near.slice(1)] : [g, ...near];
+  }
+
+  /** Each trace is named where it ends, by letter, not by colour alone; letters are moved apart. */
+  #letters(x: CanvasRenderingContext2D, shown: readonly Shown[], w: TimeWindow, look: Palette): void {
+    const letters = shown
+      .map(({ series }) => ({ series, y: this.y(lastIn(series, w)) }))
+      .filter(({ y }) => y === y)
+      .sort((a, b) => a.y - b.y);
+    for (let round = 0; round < 6; round++) {
+      for (let i = 1; i < letters.length; i++) {
+        const [a, b] = [letters[i - 1]!, letters[i]!];
+        const over = LETTERS_APART - (b.y - a.y);
+        if (over > 0) [a.y, b.y] = [a.y - over / 2, b.y + over / 2];
+      }
+    }
+    x.textAlign = "left";
+    x.textBaseline = "middle";
+    setFont(x, look, 11, 650);
+    for (const { series, y } of letters) {
+      x.fillStyle = look.colour[series.colour];
+      const text = look.narrow ? series.label.slice(0, 3) : series.label;
+      x.fillText(text, w.left + w.width + 4, Math.min(this.sheet.height - 7, Math.max(this.inset(look) + 6, y)), look.tail - 5);
+    }
+  }
+}
+
+/** The newest value in the window. */
+function lastIn(series: Series, w: TimeWindow): number {
+  const { ring } = series.channel;
+  const row = ring.row(w.t1, w.base) - 1;
+  if (row < ring.first) return NaN;
+  return valueAt(series, (w.base === "device" ? ring.times : ring.arrivals)[row & ring.mask]!, w.base);
+}

@@ -1,0 +1,81 @@
+/**
+ * Which values does a plot's y axis span, and where do its lines stand?
+ *
+ * The scale widens at once, because a trace must not leave its plot, and narrows only after NARROW_MS of spare room: the eye
+ * measures by the scale and must not have it taken away while it looks. Its ends are multiples of a quarter of the tick
+ * step, so that noise does not move it.
+ */
+
+/** Spare room must last this long before the scale narrows (design, "Live"). */
+const NARROW_MS = 5000;
+/** The scale has spare room when the data need less than this part of it. */
+const SPARE = 0.66;
+/** Room above and below the data. */
+const PAD = 0.07;
+
+/** 1, 2 or 5 times a power of ten, at least `least`. */
+export function niceStep(least: number): number {
+  if (!(least > 0) || !Number.isFinite(least)) return 1;
+  const power = 10 ** Math.floor(Math.log10(least));
+  for (const m of [1, 2, 5]) if (m * power >= least * (1 - 1e-9)) return m * power;
+  return 10 * power;
+}
+
+export class Scale {
+  lo = 0;
+  hi = 1;
+  #set = false;
+  #spareSince: number | undefined;
+
+  /** @param least the smallest span shown: below it one would look at the last digit's noise */
+  constructor(readonly least: number) {}
+
+  /**
+   * Take on the data's extent.
+   * @param now ms; @param at once narrow without waiting (the window was zoomed by a person)
+   * @returns whether the scale changed
+   */
+  update(lo: number, hi: number, now: number, atOnce: boolean): boolean {
+    if (!(lo <= hi)) return false;
+    const span = Math.max(hi - lo, this.least, Math.abs(hi + lo) * 1e-9);
+    const middle = (lo + hi) / 2;
+    const half = Math.max((hi - lo) / 2, span / 2) + span * PAD;
+    const step = niceStep(half / 2) / 4;
+    const [a, b] = [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
+    if (!this.#set || atOnce) return this.#take(a, b);
+    if (a < this.lo || b > this.hi) {
+      // Widen only the end that needs it; the padding is not worth moving the scale for.
+      if (lo < this.lo || hi > this.hi) return this.#take(Math.min(a, this.lo), Math.max(b, this.hi));
+    }
+    if (b - a >= SPARE * (this.hi - this.lo)) this.#spareSince = undefined;
+    else if (this.#spareSince === undefined) this.#spareSince = now;
+    else if (now - this.#spareSince > NARROW_MS) return this.#take(a, b);
+    return false;
+  }
+
+  /** Start again with the next data. */
+  reset(): void {
+    this.#set = false;
+  }
+
+  #take(lo: number, hi: number): boolean {
+    const changed = !this.#set || lo !== this.lo || hi !== this.hi;
+    [this.lo, this.hi, this.#set, this.#spareSince] = [lo, hi, true, undefined];
+    return changed;
+  }
+}
+
+export interface Tick {
+  readonly value: number;
+  /** Digits after the point that its label needs. */
+  readonly decimals: number;
+}
+
+/** Ticks of a scale drawn `height` px high, about `apart` px from each other; zero first, it has the first right to a label. */
+export function ticks(lo: number, hi: number, height: number, apart = 22): Tick[] {
+  const step = niceStep(((hi - lo) * apart) / Math.max(height, apart));
+  const decimals = Math.min(9, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+  const out: Tick[] = [];
+  for (let k = Math.ceil(lo / step); k * step <= hi; k++) out.push({ value: k * step, decimals });
+  return out.sort((a, b) => Number(b.value === 0) - Number(a.value === 0));
+}

@@ -1,0 +1,158 @@
+/**
+ * Which plots does a device get, which stand there without being asked for, and in which order?
+ *
+ * Acceleration, rate of turn, magnetic field, roll with pitch, and yaw stand by themselves, one of each family. Everything else
+ * that is a number with a unit is offered under the plots and added with one click. A device that sends none of the five
+ * shows the first few of what it does send. Angles of different size never share a y scale; neither do units.
+ */
+import type { Channel } from "../data/store";
+import type { ColumnInfo } from "../wire/types";
+import { decimalsOf } from "../ui/format";
+
+export interface Series {
+  readonly channel: Channel;
+  /** Column of the channel. */
+  readonly column: number;
+  /** As in view.ts `hidden`: channel and column name. */
+  readonly key: string;
+  readonly label: string;
+  readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
+  /** Dashes tell series without axis colours apart; empty for a full line. */
+  readonly dash: readonly number[];
+  /** The norm of the others: read in the legend, drawn only when asked for. */
+  readonly norm: boolean;
+  readonly decimals: number;
+}
+
+export interface PlotSpec {
+  /** The same for the same quantity whenever channels are advertised anew. */
+  readonly key: string;
+  readonly title: string;
+  readonly unit: string;
+  /** World frame of the angles or the vector, "" where there is none. */
+  readonly frame: string;
+  readonly series: readonly Series[];
+  readonly decimals: number;
+  /** Share of the height (design, "Grid"). */
+  readonly weight: number;
+  /** Stands without being asked for. */
+  readonly primary: boolean;
+}
+
+interface Family {
+  readonly name: RegExp;
+  readonly weight: number;
+}
+
+/** In the design's order. The first channel of a family is the one that stands by itself. */
+const FAMILIES: readonly Family[] = [
+  { name: /^acceleration$/i, weight: 1.2 },
+  { name: /acc/i, weight: 1.2 },
+  { name: /^rate.?of.?turn$|gyr|angular.?(rate|vel)/i, weight: 1.14 },
+  { name: /rate.?of.?turn/i, weight: 1.14 },
+  { name: /mag/i, weight: 1.02 },
+];
+/** Families that are one: the second member is offered, not shown. */
+const SAME: readonly number[] = [0, 0, 1, 1, 2];
+const EULER = { tilt: 0.98, yaw: 0.66 };
+const OTHER_WEIGHT = 0.9;
+/** Shown of a device that sends none of the design's quantities. */
+const FALLBACK = 4;
+/** Offered of one record: a GNSS fix has thirty numbers, and nobody looks for the twentieth in a row of buttons. */
+const MOST_OF_RECORD = 8;
+const SERIES_IN_PLOT = 3;
+/** Says when, how many or nothing: never plotted. */
+const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|res(erved)?\d*|t_?acc)$/i;
+const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
+
+const COLOURS = { x: "axis-x", y: "axis-y", z: "axis-z", w: "axis-n", "": "axis-n" } as const;
+
+function seriesOf(channel: Channel, columns: readonly number[]): Series[] {
+  let plain = 0;
+  return columns.map((column) => {
+    const info = channel.info.columns[column]!;
+    const norm = info.name === "norm" && channel.info.kind === "vector";
+    const colour = COLOURS[info.axis];
+    const dash = colour === "axis-n" && !norm ? DASHES[plain++ % DASHES.length]! : [];
+    const label = info.label || info.name;
+    return { channel, column, key: `${channel.info.name}.${info.name}`, label, colour, dash, norm, decimals: decimalsOf(info) };
+  });
+}
+
+/** "ENU from body" and "ENU" are both ENU to the reader of a plot. */
+function frameOf(channel: Channel): string {
+  return channel.info.frame.split(" ")[0] ?? "";
+}
+
+function spec(channel: Channel, key: string, title: string, columns: readonly number[], weight: number, primary: boolean): PlotSpec {
+  const series = seriesOf(channel, columns);
+  const unit = channel.info.columns[columns[0]!]!.unit || channel.info.unit;
+  const decimals = Math.max(0, ...series.map((one) => one.decimals));
+  return { key: `${channel.info.name}${key}`, title, unit, frame: frameOf(channel), series, decimals, weight, primary };
+}
+
+function title(channel: Channel): string {
+  return channel.info.title || channel.info.name;
+}
+
+function eulerPlots(channel: Channel): PlotSpec[] {
+  const find = (name: string): number => channel.info.columns.findIndex((column) => column.name === name);
+  const [roll, pitch, yaw] = [find("roll"), find("pitch"), find("yaw")];
+  if (roll < 0 || pitch < 0 || yaw < 0) return [spec(channel, "", title(channel), channel.info.columns.map((_, c) => c), EULER.tilt, true)];
+  return [
+    spec(channel, "/tilt", "Roll, pitch", [roll, pitch], EULER.tilt, true),
+    spec(channel, "/yaw", "Yaw", [yaw], EULER.yaw, true),
+  ];
+}
+
+function isNumber(column: ColumnInfo): boolean {
+  return column.bits.length === 0 && Object.keys(column.choices).length === 0 && !NOT_PLOTTED.test(column.name);
+}
+
+/** A record, or a vector without axes: what has the same unit and the same beginning of its name stands together. */
+function loosePlots(channel: Channel): PlotSpec[] {
+  const groups = new Map<string, number[]>();
+  channel.info.columns.forEach((column, c) => {
+    if (!isNumber(column) || (column.unit === "" && channel.info.kind === "record")) return;
+    // Axes of one vector share a scale; latitude and longitude, height and accuracy do not.
+    const group = column.axis === "" ? `${column.name}` : `${column.unit} ${column.name.replace(/[a-z0-9]$/i, "")}`;
+    groups.set(group, [...(groups.get(group) ?? []), c]);
+  });
+  const alone = groups.size === 1;
+  return [...groups.values()].slice(0, MOST_OF_RECORD).map((columns) => {
+    const first = channel.info.columns[columns[0]!]!;
+    const name = columns.length > 1 ? first.name.replace(/_?[a-z0-9]$/i, "") : first.label || first.name;
+    const words = alone ? title(channel) : `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
+    return spec(channel, alone ? "" : `/${first.name}`, words, columns.slice(0, SERIES_IN_PLOT), OTHER_WEIGHT, false);
+  });
+}
+
+function otherPlots(channel: Channel): PlotSpec[] {
+  const { kind, columns } = channel.info;
+  if (kind === "quaternion" || (kind === "vector" && columns.some(({ axis }) => axis === "x"))) {
+    return [spec(channel, "", title(channel), columns.map((_, c) => c), OTHER_WEIGHT, false)];
+  }
+  return kind === "vector" || kind === "scalar" || kind === "record" ? loosePlots(channel) : [];
+}
+
+/** The plots of one device's channels, those that stand by themselves first. */
+export function plotsOf(channels: readonly Channel[]): PlotSpec[] {
+  const taken = new Set<Channel>();
+  const shown: PlotSpec[] = [];
+  const families = new Set<number>();
+  FAMILIES.forEach(({ name, weight }, f) => {
+    const found = channels.find((channel) => channel.info.kind === "vector" && name.test(channel.info.name) && !taken.has(channel));
+    if (found === undefined || families.has(SAME[f]!)) return;
+    families.add(SAME[f]!);
+    taken.add(found);
+    shown.push(spec(found, "", title(found), found.info.columns.map((_, c) => c), weight, true));
+  });
+  const euler = channels.find(({ info }) => info.kind === "euler");
+  if (euler !== undefined) {
+    taken.add(euler);
+    shown.push(...eulerPlots(euler));
+  }
+  const others = channels.filter((channel) => !taken.has(channel)).flatMap(otherPlots);
+  if (shown.length > 0) return [...shown, ...others];
+  return others.map((plot, k) => ({ ...plot, primary: k < FALLBACK }));
+}

@@ -1,0 +1,282 @@
+/**
+ * The plots of the selected device, one under the other on one time axis, with lanes, axis and memory strip.
+ *
+ *     ┌ gutter ─┬ plot area ───────────────────────────┬ tail ┐
+ *     │ legend  │ acceleration, rate, field, tilt, yaw │ x    │   each a Plot: a canvas and a legend
+ *     ├─────────┴───────────────────────────── glass ──┴──────┤   hatch, cursor, measure: one layer over all of them
+ *     │ more    further quantities, one click each            │
+ *     │ lanes   loss, then the status bits                    │
+ *     │ axis    UTC · cursor                                  │
+ *     │ memory  everything held, the window as a box          │
+ *     └───────────────────────────────────────────────────────┘
+ *
+ * `update` runs once a frame. It works out the time window, then asks each part to draw what changed. Layout is read once after it
+ * changed and never in between, so a frame causes no reflow.
+ */
+import { effect, signal } from "@preact/signals";
+import { attach, cursorTime } from "../data/actions";
+import type { Channel, Store } from "../data/store";
+import { cursor, hidden, measure, view } from "../data/view";
+import { clock } from "../ui/format";
+import { el, every } from "../ui/dom";
+import { drawAxis } from "./axis";
+import { listen } from "./gestures";
+import { drawGlass, type Pane } from "./glass";
+import { Lanes } from "./lanes";
+import { LaneNames } from "./lane-names";
+import { Memory } from "./memory";
+import { palette, type Palette, Sheet } from "./paint";
+import { Plot } from "./plot";
+import { type PlotSpec, plotsOf } from "./select";
+import { timeWindow, type TimeWindow } from "./window";
+import "./plots.css";
+
+export interface StackDeps {
+  readonly store: Store;
+}
+
+/** Further quantities that a person has asked for, by plot key. Outlives a remount. */
+const asked = signal<ReadonlySet<string>>(new Set());
+/** Norms are read in the legend and drawn only when asked for: each is hidden once, when first seen. */
+const normsSeen = new Set<string>();
+/** Legends follow live data this often, a moving cursor every frame. */
+const LEGENDS_HZ = 12;
+
+class Stack {
+  readonly #store: Store;
+  readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": "Plots" });
+  readonly #glass = new Sheet(el("canvas", { class: "glass", "aria-hidden": "true" }));
+  readonly #more = el("div", { class: "more", role: "group", "aria-label": "Further quantities" });
+  readonly #lanesBox = el("div", { class: "lanebox" });
+  readonly #lanesHost = el("div", { class: "lanes" });
+  readonly #lanesSheet = new Sheet(el("canvas", { role: "img", "aria-label": "Losses and status flags over time" }));
+  readonly #axis = new Sheet(el("canvas", { role: "img", "aria-label": "Time axis" }));
+  readonly #over = new Sheet(el("canvas", { role: "img", "aria-label": "Everything in memory" }));
+  readonly #names: LaneNames;
+  readonly #lanes = new Lanes();
+  readonly #memory = new Memory();
+  readonly #stops: (() => void)[] = [];
+  readonly #legendsDue = every(LEGENDS_HZ);
+  readonly #slowlyDue = every(2);
+  readonly #seen: IntersectionObserver;
+  #plots: Plot[] = [];
+  #specs: readonly PlotSpec[] = [];
+  #channels: readonly Channel[] = [];
+  #look: Palette;
+  #theme = 0;
+  #layoutDue = true;
+  #window: TimeWindow | undefined;
+  #selection: readonly [number, number] | undefined;
+  #cursorWas = "";
+
+  constructor(host: HTMLElement, { store }: StackDeps) {
+    this.#store = store;
+    this.#names = new LaneNames(this.#lanesBox);
+    this.#lanesBox.append(this.#lanesSheet.canvas);
+    this.#lanesHost.append(this.#lanesBox, this.#names.say);
+    const axis = el("div", { class: "axis" }, this.#axis.canvas);
+    const over = el("div", { class: "over" }, this.#over.canvas);
+    this.#root.append(this.#more, this.#lanesHost, axis, over, this.#glass.canvas);
+    host.append(this.#root);
+    this.#look = palette(this.#root);
+    this.#seen = new IntersectionObserver((entries) => {
+      for (const { target, isIntersecting } of entries) {
+        const plot = this.#plots.find(({ root }) => root === target);
+        if (plot !== undefined) plot.visible = isIntersecting;
+      }
+    });
+    this.#watch();
+  }
+
+  #watch(): void {
+    const relook = (): void => {
+      this.#theme += 1;
+      this.#layoutDue = true;
+    };
+    const resized = new ResizeObserver(relook);
+    resized.observe(this.#root);
+    const themed = new MutationObserver(relook);
+    themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+    addEventListener("imuscope:theme", relook);
+    this.#stops.push(
+      () => resized.disconnect(),
+      () => themed.disconnect(),
+      () => removeEventListener("imuscope:theme", relook),
+      listen(this.#root, { window: () => this.#window, strip: () => this.#memory.window, selecting: (span) => (this.#selection = span) }),
+      effect(() => this.#choose(this.#store.channels.value, view.value.device, asked.value)),
+      effect(() => {
+        for (const plot of this.#plots) plot.legend.show(hidden.value);
+      }),
+    );
+    attach({
+      now: () => this.#store.serverNow(),
+      bounds: () => this.#bounds(),
+      step: (t, steps) => this.#step(t, steps),
+      series: () => this.#plots.flatMap(({ spec }) => spec.series.filter(({ norm }) => !norm).map(({ key }) => key)),
+    });
+  }
+
+  /** Have the plots that the device's channels call for; those that stay keep their scale. */
+  #choose(channels: readonly Channel[], device: string | undefined, extra: ReadonlySet<string>): void {
+    this.#channels = channels.filter(({ info }) => info.device === device);
+    this.#specs = plotsOf(this.#channels);
+    const wanted = this.#specs.filter(({ primary, key }) => primary !== extra.has(key));
+    const before = this.#plots;
+    this.#plots = wanted.map((spec) => before.find((plot) => sameSeries(plot.spec, spec)) ?? new Plot(spec));
+    for (const plot of before) {
+      if (this.#plots.includes(plot)) continue;
+      this.#seen.unobserve(plot.root);
+      plot.root.remove();
+    }
+    for (const plot of this.#plots) {
+      this.#more.before(plot.root);
+      this.#seen.observe(plot.root);
+    }
+    this.#hideNorms();
+    this.#offer(extra);
+    this.#lanes.keep(this.#channels);
+    this.#memory.follow(this.#specs[0]);
+    this.#theme += 1;
+    this.#layoutDue = true;
+  }
+
+  #hideNorms(): void {
+    const fresh = this.#plots.flatMap(({ spec }) => spec.series).filter(({ norm, key }) => norm && !normsSeen.has(key));
+    for (const { key } of fresh) normsSeen.add(key);
+    if (fresh.length > 0) hidden.value = new Set([...hidden.peek(), ...fresh.map(({ key }) => key)]);
+    for (const plot of this.#plots) plot.legend.show(hidden.peek());
+  }
+
+  /** The row of further quantities. */
+  #offer(extra: ReadonlySet<string>): void {
+    const others = this.#specs.filter(({ primary }) => !primary);
+    this.#more.hidden = others.length === 0;
+    this.#more.replaceChildren("Also sent");
+    for (const { key, title, unit } of others) {
+      const button = el("button", { type: "button", "aria-pressed": String(extra.has(key)) }, title);
+      if (unit !== "") button.append(el("span", { class: "u" }, unit));
+      button.addEventListener("click", () => {
+        const next = new Set(asked.peek());
+        if (!next.delete(key)) next.add(key);
+        asked.value = next;
+        // The row was drawn anew: focus stays with the button that was pressed.
+        [...this.#more.querySelectorAll("button")].find((other) => other.textContent === button.textContent)?.focus();
+        this.#plots.find((plot) => plot.spec.key === key)?.root.scrollIntoView({ block: "nearest" });
+      });
+      this.#more.append(button);
+    }
+  }
+
+  update(now: number): void {
+    if (this.#slowlyDue(now)) this.#slowly();
+    if (this.#layoutDue) this.#layout();
+    const width = this.#axis.width - this.#look.gutter - this.#look.tail;
+    if (width < 20) return;
+    const { store } = this;
+    const w = (this.#window = timeWindow(view.peek(), store.serverNow(), this.#look.gutter, width, this.#axis.ratio));
+    const shown = hidden.peek();
+    for (const plot of this.#plots) plot.draw(w, this.#look, shown, now, this.#theme);
+    const reading = cursorTime();
+    this.#read(now, w, reading);
+    const device = view.peek().device ?? "";
+    const losses = store.losses(device);
+    if (this.#lanesSheet.height > 0) this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
+    drawAxis(this.#axis, w, this.#look, reading, measure.peek());
+    if (this.#over.height > 0) this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses);
+    drawGlass(this.#glass, this.#panes(), this.#plots, w, this.#look, {
+      losses, lostSince: this.#lostSince(device), cursor: reading, pinned: cursor.peek()?.kind === "pinned", measure: measure.peek(), selection: this.#selection,
+    }, shown);
+  }
+
+  get store(): Store {
+    return this.#store;
+  }
+
+  /** Legends and the sentence about a lane. */
+  #read(now: number, w: TimeWindow, reading: number | undefined): void {
+    const state = `${reading !== undefined && !(w.live && cursor.peek()?.kind === "pointer") ? reading : cursor.peek()?.kind} ${measure.peek()} ${w.base} ${this.#theme}`;
+    if (state === this.#cursorWas && !this.#legendsDue(now)) return;
+    this.#cursorWas = state;
+    const t = reading ?? (w.live ? Infinity : w.t1);
+    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow);
+    this.#names.read(t, w.base, this.#store.losses(view.peek().device ?? ""));
+  }
+
+  /** Twice a second: which lanes there are, what screen readers are told. */
+  #slowly(): void {
+    if (this.#names.choose(this.#channels)) this.#layoutDue = true;
+    const reading = cursorTime();
+    const { span, live } = view.peek();
+    const where = live ? `last ${span} s` : `${span} s until ${clock(view.peek().end)} UTC`;
+    this.#axis.canvas.setAttribute("aria-label", `Time axis, ${where}${reading === undefined ? "" : `, cursor at ${clock(reading, 3)} UTC`}`);
+  }
+
+  #layout(): void {
+    this.#layoutDue = false;
+    this.#look = palette(this.#root);
+    this.#root.classList.toggle("narrow", this.#look.narrow);
+    const width = this.#root.clientWidth;
+    for (const plot of this.#plots) {
+      plot.top = plot.root.offsetTop;
+      plot.sheet.resize(width, plot.root.clientHeight);
+    }
+    const box = (sheet: Sheet): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
+    [this.#lanesSheet, this.#axis, this.#over].forEach(box);
+    const bottom = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop + this.#lanesBox.offsetHeight;
+    this.#glass.resize(width, bottom);
+    this.#glass.canvas.style.height = `${bottom}px`;
+    this.#theme += 1; // a canvas that changed its size is blank
+  }
+
+  #panes(): Pane[] {
+    const panes = this.#plots.map((plot) => ({ top: plot.top + plot.inset(this.#look), bottom: plot.top + plot.sheet.height }));
+    const top = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
+    return [...panes, { top, bottom: top + this.#lanesSheet.height }];
+  }
+
+  /** When the device was heard last, if it is gone. A file that has ended is not gone, nor is one that was never here. */
+  #lostSince(device: string): number | undefined {
+    const status = this.#store.devices.peek().find(({ id }) => id === device)?.status;
+    if (status !== "lost" && status !== "denied" && status !== "connecting") return undefined;
+    const newest = Math.max(-Infinity, ...this.#channels.map(({ ring }) => ring.newest).filter((t) => t === t));
+    return Number.isFinite(newest) ? newest : undefined;
+  }
+
+  #bounds(): { readonly first: number; readonly last: number } | undefined {
+    let [first, last] = [Infinity, -Infinity];
+    for (const { ring } of this.#channels) {
+      if (ring.length === 0) continue;
+      first = Math.min(first, ring.time(0));
+      last = Math.max(last, ring.time(ring.length - 1));
+    }
+    return first <= last ? { first, last } : undefined;
+  }
+
+  /** The sample `steps` on from t, of the channel that stands first. */
+  #step(t: number, steps: number): number | undefined {
+    const ring = this.#plots[0]?.spec.series[0]?.channel.ring;
+    const base = view.peek().timeBase;
+    if (ring === undefined || ring.length === 0) return undefined;
+    // Half a microsecond: a cursor pinned to a sample must find that sample again.
+    const i = ring.indexAt(t + 5e-7, base) + steps;
+    if (i < 0 || i >= ring.length) return undefined;
+    return base === "device" ? ring.time(i) : ring.arrival(i);
+  }
+
+  dispose(): void {
+    for (const stop of this.#stops) stop();
+    this.#seen.disconnect();
+    this.#root.remove();
+  }
+}
+
+/** Would a plot of `b` draw the same samples as one of `a`? */
+function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
+  return a.key === b.key && a.series.length === b.series.length && a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key);
+}
+
+/** Put the plots into `host`; call `update` once a frame with the frame's time in ms. */
+export function mountStack(host: HTMLElement, deps: StackDeps): { update(now: number): void; dispose(): void } {
+  const stack = new Stack(host, deps);
+  return { update: (now) => stack.update(now), dispose: () => stack.dispose() };
+}
