@@ -199,13 +199,13 @@ def _write_number(field: Field, value: Any) -> bytes:
     dtype = np.dtype(field.dtype)
     if dtype.kind == "f":
         try:
-            return struct.pack(">d" if dtype.itemsize == 8 else ">f", value)[:: -1 if dtype.byteorder == "<" else 1]
+            return struct.pack(">d" if dtype.itemsize == 8 else ">f", value)[:: -1 if field.dtype.startswith("<") else 1]
         except OverflowError:
             raise EncodeError(f"{field.name} is beyond a {8 * dtype.itemsize}-bit float, given {value!r}") from None
     limits = np.iinfo(dtype)
     if int(value) != value or not limits.min <= value <= limits.max:
         raise EncodeError(f"{field.name} is a whole number from {limits.min} to {limits.max}, given {value!r}")
-    return int(value).to_bytes(dtype.itemsize, "little" if dtype.byteorder == "<" else "big", signed=limits.min < 0)
+    return int(value).to_bytes(dtype.itemsize, "little" if field.dtype.startswith("<") else "big", signed=limits.min < 0)
 
 
 def _write_spelled(field: Field, value: Mapping[str, Any]) -> bytes:

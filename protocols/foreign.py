@@ -1,0 +1,55 @@
+"""Whose messages are between the frames of a stream's own protocol? NMEA, u-blox and RTCM 3, found together.
+
+    bytes   $GNGGA,…*hh\\r\\n  B5 62 … CK CK  D3 00 … CRC
+    found   nmea              ubx            rtcm3
+
+Binary messages are looked for first, because their payloads may hold anything, a `$` too; sentences in what is left.
+Where two overlap the first from the left that checks wins. A false length costs nothing: it delays only what
+is found here, by at most ubx.LONGEST bytes, and never a frame of the stream's own protocol, which the scanner finds
+before anything here is asked.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from protocols import nmea, rtcm, ubx
+from protocols.nmea import Found
+
+_STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")
+
+
+def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+    """All foreign messages in `data`, a stretch that held no frame of the stream's own protocol.
+
+    Args:
+        final: nothing follows; what is incomplete now will never be whole.
+    Returns:
+        what was found, in order, with an empty name where a check failed; and from where bytes must be kept because a
+        message there may still be incomplete (the length of `data` when none is).
+    """
+    found: list[Found] = []
+    text = 0  # from where sentences have not been looked for
+    at = 0
+    while start := _STARTS.search(data, at):
+        at = start.start()
+        module = rtcm if data[at] == rtcm.SYNC[0] else ubx
+        one = module.message_at(data, at, final=final)
+        if one == ubx.WAIT:
+            return found + _sentences(data, text, at, final=True)[0], at  # no sentence goes on over such a byte
+        if isinstance(one, Found):
+            found += _sentences(data, text, at, final=True)[0]
+            found.append(one)
+            text = at = at + one.size
+        else:
+            at += 1
+    sentences, kept = _sentences(data, text, len(data), final=final)
+    return found + sentences, kept
+
+
+def _sentences(data: bytes, start: int, stop: int, *, final: bool) -> tuple[list[Found], int]:
+    if start >= stop:
+        return [], stop
+    found, kept = nmea.find(data[start:stop], final=final)
+    return [replace(one, offset=start + one.offset) for one in found], start + kept

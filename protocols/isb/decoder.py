@@ -1,0 +1,216 @@
+"""Bytes of an Inertial Sense device in, events out: data sets as columns, everything else by name.
+
+    chunks ──> Stream ──> packets ──┬─ DATA of sets that stream ──> sort ──> one Batch for each form
+                  │                 └─ others ─────────────────────────────> Reply
+                  ├─> Text (NMEA, u-blox, RTCM 3), Reject
+                  └─ clocks, in stream order over all sets ──> Step, times
+
+Packets of one data set, offset, size and variant have one form (messages.py) and become one batch. A packet with a part
+of a set whose whole value was seen gives a row of the whole: the last value with the part written over it, at that
+value's time. A part of something never seen whole gives its own fields, without a time.
+
+Which structure a payload has follows the firmware that the device information (DID 1; 93 of an EVB, 120 of a GPX) named
+when it passed by, and the payload's size. Time is timeline.py's business.
+
+Source: ISB document; inertial-sense-sdk 2.7.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Batch, Decoder, Event, Reply, Step
+from protocols.foreign import find
+from protocols.framing import BODY, LENGTH, OFFSET, Ints
+from protocols.isb import messages
+from protocols.isb.frames import FLAGS, SET_DATA, TYPE_MASK, WITH_OFFSET, scan
+from protocols.isb.plain import values_of
+from protocols.isb.sorting import (
+    BY,
+    FAMILIES,
+    KEY,
+    NO_STEP,
+    PART,
+    SORTED,
+    STEP,
+    TIME,
+    TIMED,
+    UNTOLD,
+    gather,
+    group,
+    no_wholes,
+    sort,
+)
+from protocols.isb.timeline import STEPS, remember
+from protocols.schema import Direction, Message
+from protocols.stream import Cut, Stream
+
+RULES = messages.rules()
+VERSION_NUMBERS = messages.version_numbers()
+_FORMS = 4096  # forms remembered; a device has some dozens
+_NOTHING = np.empty(0, np.uint8)
+
+
+class Values(Mapping[str, Any]):
+    """A reply's values by name, read when first asked for."""
+
+    __slots__ = ("_did", "_kind", "_offset", "_payload", "_read", "_version")
+
+    def __init__(self, kind: int, did: int, payload: bytes, offset: int, version: str | None) -> None:
+        self._kind, self._did, self._payload, self._offset, self._version = kind, did, payload, offset, version
+        self._read: dict[str, Any] | None = None
+
+    def _all(self) -> dict[str, Any]:
+        if self._read is None:
+            self._read = values_of(self._kind, self._did, self._payload, self._offset, self._version)
+        return self._read
+
+    def __getitem__(self, name: str) -> Any:
+        return self._all()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    def __repr__(self) -> str:
+        return repr(self._all())
+
+
+class IsbDecoder(Decoder):
+    """See events.Decoder. Packet types tell the directions apart, so one decoder reads either.
+
+    Args:
+        direction: whose side is listened to; kept for those who ask.
+    """
+
+    def __init__(self, *, direction: Direction = "to_host") -> None:
+        self.direction = direction
+        self._stream = Stream(scan, find)
+        self._forms: dict[int, messages.Form] = {}
+        self._memory = remember()
+        self._wholes = no_wholes()
+        self._firmware = np.full(FAMILIES, UNTOLD, np.int64)
+        self._whole: dict[int, bytes] = {}  # the last whole value of each set
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their packet is incomplete."""
+        return self._stream.buffered
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no packet and no text."""
+        return self._stream.skipped
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._stream.feed(data, arrival_ns)
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        """Everything complete, by offset; a batch stands where its first packet began."""
+        cut = self._stream.drain(stalled=stalled)
+        events: list[Event] = [*cut.rejects, *cut.texts]
+        n = cut.table.shape[1]
+        if n:
+            out = np.empty((SORTED, n), np.int64)
+            sort(cut.array, cut.table, RULES, VERSION_NUMBERS, self._firmware, self._memory, self._wholes, out)
+            order = np.empty(n, np.int64)
+            bounds = np.empty(n + 1, np.int64)
+            groups = group(out[KEY], order, bounds)
+            streamed = int(bounds[groups])
+            if streamed < n:
+                self._replies(cut, np.flatnonzero(out[KEY] < 0), out[KEY], events)
+            if out[STEP].any():
+                self._steps(cut, out, events)
+            for g in range(groups):
+                rows: Any = order[bounds[g] : bounds[g + 1]] if groups > 1 or streamed < n else slice(None)
+                self._batches(cut, out, rows, events)
+        return sorted(events, key=_offset) if len(events) > 1 else events
+
+    # -- data ----------------------------------------------------------------------------------------------------------
+
+    def _batches(self, cut: Cut, out: Ints, rows: Any, events: list[Event]) -> None:
+        """The packets of one key: one batch; two where only some have a device time."""
+        table = cut.table
+        parts = out[PART][rows]
+        starts = table[BODY][rows]
+        key = int(out[KEY][rows][0])
+        form = self._forms.get(key) or self._form(key)
+        did = form.message.id
+        whole: Any = _NOTHING
+        if parts[0] >= 0:
+            whole = np.frombuffer(self._whole[did], np.uint8)
+        raw = np.empty((len(starts), form.layout.size), np.uint8)
+        gather(cut.array, starts, table[LENGTH][rows], parts, whole, raw)
+        if key >> 27 & 0x7FF == 0 and int(self._wholes[0, did]) == key:
+            self._whole[did] = raw[-1].tobytes()
+        offsets = table[OFFSET][rows] + cut.start
+        arrivals = cut.arrival_ns[rows]
+        timed = out[TIMED][rows] > 0
+        times = out[TIME][rows]
+        if timed.all():
+            columns = form.layout.columns(raw)
+            events.append(Batch(form.message, "", arrivals, offsets, times, columns))
+            return
+        for part, has_time in ((timed, True), (~timed, False)):
+            if part.any():
+                time = times[part] if has_time else None
+                columns = form.layout.columns(raw[part])
+                events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns))
+
+    def _form(self, key: int) -> messages.Form:
+        if len(self._forms) >= _FORMS:
+            self._forms.clear()
+        form = self._forms[key] = messages.form_for_key(key)
+        return form
+
+    @staticmethod
+    def _steps(cut: Cut, out: Ints, events: list[Event]) -> None:
+        for i in np.flatnonzero(out[STEP] != NO_STEP).tolist():
+            offset, arrival = cut.start + int(cut.table[OFFSET, i]), int(cut.arrival_ns[i])
+            events.append(Step(offset, STEPS[int(out[STEP, i])], int(out[BY, i]), arrival))
+
+    # -- replies -------------------------------------------------------------------------------------------------------
+
+    def _replies(self, cut: Cut, which: Any, keys: Ints, events: list[Event]) -> None:
+        for i in which.tolist():
+            offset, size, body, length, did, flags = cut.table[:6, i].tolist()
+            kind = flags & TYPE_MASK
+            payload = cut.data[body : body + length]
+            part = int.from_bytes(cut.data[body - 2 : body], "little") if flags & WITH_OFFSET and kind in (4, 5) else 0
+            message = self._row(kind, did)
+            if kind == 4:
+                part, payload = self._merged(did, part, payload)
+            told = -1 - int(keys[i])
+            version = None if told == UNTOLD else messages.VERSIONS[told]
+            values = Values(kind, did, payload, part, version)
+            events.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
+
+    @staticmethod
+    def _row(kind: int, did: int) -> Message:
+        if kind in messages.COMMANDS:
+            return messages.COMMANDS[kind]
+        return messages.set_row(did) if kind == SET_DATA else messages.ROWS[did]
+
+    def _merged(self, did: int, part: int, payload: bytes) -> tuple[int, bytes]:
+        """A value, or the last whole one with a part of it written over."""
+        whole = self._whole.get(did)
+        if part and (whole is None or part + len(payload) > len(whole)):
+            return part, payload
+        if part and whole is not None:
+            payload = whole[:part] + payload + whole[part + len(payload) :]
+        self._whole[did] = payload
+        return 0, payload
+
+
+def _offset(event: Event) -> int:
+    """Where an event stands in the stream. A step comes before the packet at its offset."""
+    if isinstance(event, Batch):
+        return 2 * int(event.offset[0]) + 1
+    return 2 * event.offset
+

@@ -1,0 +1,332 @@
+"""Every data set as a row of the schema, and the form that a payload of some size has.
+
+A payload is rarely just "the structure": a GET may have asked for a part of it, a satellite list is as long as there are
+satellites, older firmware has a shorter or another structure, newer firmware a longer one. `form` says which fields a
+payload has and where, for any offset and size; what is cut in two is left out, what the table does not know has no field:
+
+    table    week  timeOfWeek  insStatus  hdwStatus  theta ×3      uvw ×3 …
+             0     4           12         16         20            32
+    payload                                          [20 … 32)                   offset 20, size 12: theta
+                                                         [24 … 36)               offset 24: theta[1], theta[2], uvw[0]
+
+Where a list says how many of its elements are in use (numSats), columns hold just these.
+
+Raw GNSS data (DID 60, 69, 70) carry one of several structures, by their dataType; a velocity of a receiver (DID 30, 31)
+is ECEF, or NED where its status says so.
+
+Commands and answers have rows of their own: GET_DATA, ACK, NACK and the stops; SET_DATA has the fields of its data set
+and is called SET_DID_….
+
+Source: inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h; ISB document.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from protocols.framing import Ints
+from protocols.isb import sorting
+from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
+from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size
+from protocols.isb.timeline import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
+from protocols.layouts import Layout, size_of
+from protocols.schema import Field, Message
+
+Place = tuple[Field, int]
+"""A field with its shape closed, and where it is in a payload."""
+
+RAW_SETS = (60, 69, 70)
+VELOCITY_SETS = (30, 31)
+POSITION_SET = 13  # the receiver whose towOffset is that of the device's clock
+DEVICE_INFOS = (1, 93, 120)
+EVB_SETS, GPX_SETS = range(80, 94), range(120, 128)
+
+RAW_KINDS = {
+    1: ("obs", "obsd_t"),
+    2: ("eph", "eph_t"),
+    3: ("gloEph", "geph_t"),
+    4: ("sbas", "sbsmsg_t"),
+    5: ("sta", "sta_t"),
+    6: ("ion", "ion_model_utc_alm_t"),
+}
+OPAQUE = Field("data", "bytes", (-1,), doc="Its layout is not public.")
+
+_TICKS = {UP: 1_000_000_000, WEEK_TOW: 1_000_000_000, FIX: 1_000_000, TOW: 1_000_000, GTIME: 1_000_000_000}
+_UTC = f"Shown as UTC with the leap seconds known on {LEAP_SECONDS_AS_OF}; a week of 0 is up-time."
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What the payloads of one offset and size hold.
+
+    Args:
+        message: the row, with the fields that are there.
+        places: these fields and where they are in the payload.
+        layout: their columns.
+    """
+
+    message: Message
+    places: tuple[Place, ...]
+    layout: Layout
+
+
+# -- rows --------------------------------------------------------------------------------------------------------------
+
+
+def clock_of(dataset: DataSet) -> int:
+    """Which kind of clock a data set carries (timeline.py)."""
+    name = dataset.clock
+    if not name:
+        return NONE
+    if name in ("obs", "time.time"):
+        return GTIME
+    if name.startswith("week+"):
+        return FIX if name.endswith("Ms") else WEEK_TOW
+    return TOW if name.startswith("timeOfWeek") else UP
+
+
+def clock_field(dataset: DataSet) -> str:
+    """The field that is the clock."""
+    return dataset.clock.rpartition("+")[2]
+
+
+def _title(name: str) -> str:
+    return name.removeprefix("DID_").replace("_", " ")
+
+
+def _row(did: int) -> Message:
+    dataset = SETS.get(did)
+    if dataset is None:
+        return Message(did, f"DID_{did}", (OPAQUE,), kind="reply", title=f"Data set {did}", doc="Not in the table.")
+    fields = tuple(field for field, _ in dataset.struct.places) if dataset.struct else (OPAQUE,)
+    clock = clock_of(dataset)
+    return Message(
+        did,
+        dataset.name,
+        fields,
+        time=clock_field(dataset),
+        tick_ns=_TICKS.get(clock, 0),
+        kind=dataset.kind,  # type: ignore[arg-type]
+        title=_title(dataset.name),
+        doc=_UTC if clock in (WEEK_TOW, FIX, TOW) else "",
+        source=SOURCE,
+    )
+
+
+ROWS = {did: _row(did) for did in range(256)}
+BY_NAME = {row.name: row for row in ROWS.values()}
+
+
+def _command(kind: int, fields: tuple[Field, ...], doc: str, *, device: bool = False) -> Message:
+    row = Message(0, TYPES[kind], fields, kind="reply" if device else "command", doc=doc, source=SOURCE)
+    return replace(row, direction="to_host" if device else "to_device", title=TYPES[kind].replace("_", " "))
+
+
+def _u2(name: str, doc: str = "") -> Field:
+    return Field(name, "<u2", doc=doc)
+
+
+_ACKED = (
+    Field("pktInfo.flags", "u1", doc="Type and flags of the packet that is answered."),
+    Field("pktInfo.id", "u1", doc="Its data set."),
+    _u2("pktCounter", "Always 0."),
+    Field("body.dataHdr.id", "u1", doc="The data set that was written; 0 unless a SET is answered."),
+    _u2("body.dataHdr.size", "Bytes written, without the offset."),
+    _u2("body.dataHdr.offset"),
+)
+
+COMMANDS = {
+    ACK: _command(ACK, _ACKED, "Answers SET_DATA and both stops of all broadcasts.", device=True),
+    NACK: _command(NACK, _ACKED, "A request was refused.", device=True),
+    GET_DATA: _command(
+        GET_DATA,
+        (
+            _u2("id", "Data set."),
+            _u2("size", "Bytes; 0 for all of it."),
+            _u2("offset"),
+            _u2("period", "Multiple of the source's period; 0 asks once and stops the broadcast."),
+        ),
+        "Asks for a data set.",
+    ),
+    STOP_ALL_PORTS: _command(STOP_ALL_PORTS, (), "Stops all broadcasts on all ports."),
+    STOP_DID: _command(STOP_DID, (), "Stops the broadcast of one data set."),
+    STOP_CURRENT_PORT: _command(STOP_CURRENT_PORT, (), "Stops all broadcasts on this port."),
+}
+SET_PREFIX = "SET_"
+
+
+@lru_cache(maxsize=256)
+def set_row(did: int) -> Message:
+    """The command that writes a data set."""
+    row = ROWS[did]
+    return replace(row, name=SET_PREFIX + row.name, kind="command", direction="to_device", title=f"Set {row.title}")
+
+
+# -- forms -------------------------------------------------------------------------------------------------------------
+
+
+def version_for(did: int, size: int, told: str | None) -> str:
+    """The firmware whose structure a whole payload of `size` bytes has.
+
+    Args:
+        told: the firmware version, of VERSIONS, that the device's information gave; None when none was seen.
+    Returns:
+        `told` (else the current one) where its size agrees or no version's does; otherwise the newest that agrees.
+    """
+    version = told or CURRENT
+    sizes = SETS[did].sizes if did in SETS else {}
+    if not sizes or sizes.get(version) == size:
+        return version
+    return next((other for other in reversed(VERSIONS) if sizes.get(other) == size), version)
+
+
+def _known(dataset: DataSet, version: str) -> tuple[Place, ...]:
+    """The places of a structure that are the same in firmware `version`."""
+    assert dataset.struct is not None
+    places = dataset.struct.places
+    names = [field.name for field, _ in places]
+    lost: set[str] = set()
+    index = VERSIONS.index(version)
+    for at, changed in dataset.changes:
+        later = VERSIONS.index(at) > index
+        if later if at != VERSIONS[-1] else index == len(VERSIONS) - 1:
+            lost.update(names[names.index(changed[1]) :] if changed[0] == "from" else changed)
+    return tuple((field, at) for field, at in places if field.name not in lost)
+
+
+def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Place | None:
+    """The whole elements of a field at `at` that lie in [offset, end), at their place in the payload."""
+    step = element_size(field)
+    total = math.prod(field.shape)
+    first = max(0, -((at - offset) // step))
+    stop = (end - at) // step
+    stop = min(stop, total) if count is None else min(stop, count) if count >= 0 else stop
+    if stop <= first and not (count is not None and stop == 0):
+        return None
+    if first or stop != total:
+        axes = field.axes[first:stop] if field.axes else ()
+        field = replace(field, shape=(stop - first,), axes=axes)
+    return field, at + first * step - offset
+
+
+def places(
+    did: int, offset: int, size: int, *, version: str | None = None, variant: int = 0, count: int = -1
+) -> tuple[Place, ...]:
+    """The fields of a payload and where they are in it.
+
+    Args:
+        offset, size: the part of the data set that the payload holds.
+        version: firmware, of VERSIONS; None when it is not known.
+        variant: see sorting.variant_of.
+        count: elements of the list in use; -1 takes all that are there.
+    """
+    dataset = SETS.get(did)
+    if dataset is None or dataset.struct is None:
+        return ((replace(OPAQUE, shape=(size,)), 0),)
+    found: list[Place] = []
+    for field, at in _known(dataset, version_for(did, size, version) if not offset else version or CURRENT):
+        counted: int | None = count if field.name in dataset.struct.counts else None
+        if did in RAW_SETS and field.name == "data":
+            field, counted = _raw(field, at, offset, size, variant, count)
+        if did in VELOCITY_SETS and field.name == "vel" and variant:
+            field = replace(field, frame="NED", axes=("north", "east", "down"))
+        place = _cut(field, at, offset, offset + size, counted)
+        if place:
+            found.append(place)
+    return tuple(found)
+
+
+def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int) -> tuple[Field, int | None]:
+    """The member of the union that raw GNSS data carry; bytes where it is not known or not whole."""
+    name, struct = RAW_KINDS.get(variant if not offset else 0, ("", ""))
+    there = offset + size - at
+    if struct and (name == "obs" or there >= TABLES.structs[struct].size):
+        fields = tuple(part for part, _ in TABLES.structs[struct].places)
+        row = Field(name, shape=(14,) if name == "obs" else (), fields=fields, source=field.source)
+        return row, count if name == "obs" else None
+    return replace(field, name="buf"), -1
+
+
+def form_of(did: int, found: tuple[Place, ...], size: int) -> Form:
+    """A row and a layout of places."""
+    row = ROWS[did]
+    fields = tuple(field for field, _ in found)
+    names = {field.name for field in fields}
+    clock = row.time if row.time in names else ""
+    apart = tuple(field.name for field in fields if field.axes or field.bits or (field.fields and field.shape))
+    message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, apart=apart)
+    layout = Layout([(field, ((at, size_of(field)),)) for field, at in found], size)
+    return Form(message, found, layout)
+
+
+def form_for_key(key: int) -> Form:
+    """The form that a key of sorting.py stands for."""
+    count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
+    did, told = key >> 38 & 0xFF, key >> 46
+    version = None if told == sorting.UNTOLD else VERSIONS[told]
+    found = places(did, offset, size, version=version, variant=variant, count=count)
+    return form_of(did, found, size)
+
+
+# -- what sorting.py needs to know -------------------------------------------------------------------------------------
+
+
+def rules() -> Ints:
+    """(RULES, 256): the rows of sorting.py for each DID."""
+    table = np.zeros((sorting.RULES, 256), np.int64)
+    for did, dataset in SETS.items():
+        table[sorting.FAMILY, did] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
+        table[sorting.TELLS, did] = did in DEVICE_INFOS
+        if dataset.struct is None:
+            continue
+        table[sorting.STREAMS, did] = dataset.kind == "data"
+        _clock_rules(table, did, dataset)
+        for name, counted_by in dataset.struct.counts.items():
+            row, at = _the(dataset, name)
+            counter, counter_at = _the(dataset, counted_by)
+            table[sorting.LIST_AT, did], table[sorting.LIST_STEP, did] = at, element_size(row)
+            table[sorting.COUNT_AT, did], table[sorting.COUNT_SIZE, did] = counter_at, size_of(counter)
+    for did in RAW_SETS:
+        table[sorting.VARIANT, did] = sorting.RAW_DATA
+    for did in VELOCITY_SETS:
+        table[sorting.VARIANT, did] = sorting.VELOCITY
+    table[sorting.VARIANT, POSITION_SET] = sorting.POSITION
+    return table
+
+
+def _clock_rules(table: Ints, did: int, dataset: DataSet) -> None:
+    table[sorting.CLOCK, did] = clock_of(dataset)
+    if dataset.clock == "obs":
+        table[sorting.CLOCK_AT, did] = sorting.RAW_AT  # the time of the first observation
+    elif dataset.clock:
+        row, at = _the(dataset, clock_field(dataset))
+        table[sorting.CLOCK_AT, did] = at
+        table[sorting.CLOCK_MS, did] = row.dtype == "<u4"
+    if dataset.clock.startswith("week+"):
+        table[sorting.WEEK_AT, did] = _the(dataset, "week")[1]
+
+
+def _the(dataset: DataSet, name: str) -> Place:
+    found = dataset.struct.field(name) if dataset.struct else None
+    assert found is not None, f"{dataset.name} has no field {name}"
+    return found
+
+
+def version_numbers() -> Ints:
+    """VERSIONS but the newest, as sorting.version_of compares them."""
+    return np.array([_number(version) for version in VERSIONS[:-1]], np.int64)
+
+
+def _number(version: str) -> int:
+    major, minor, patch = (int(part) for part in version.split("."))
+    return major << 16 | minor << 8 | patch
+
+
+def covered(found: Sequence[Place]) -> int:
+    """Bytes of a payload up to the end of its last field."""
+    return max((at + size_of(field) for field, at in found), default=0)

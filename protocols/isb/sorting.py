@@ -1,0 +1,264 @@
+"""Which packets have the same layout, what does each continue, and when was it?
+
+One pass over the DATA packets of a scan, in the order of the stream, because time and partial data make sense in that
+order only:
+
+    KEY    what decides the layout of the packet's columns. Packets of one key become one batch:
+           firmware (4 bits) | DID (8) | offset (11) | size (11) | variant (8) | count (8)
+    PART   the offset of a packet that carries a part of a set whose whole value was seen before; else -1. It has the
+           key of that value, and its row is the value with the part written over it.
+    TIME, TIMED, STEP, BY      see timeline.py; a part has the time of the value that it changes.
+
+`variant` tells apart what the same set can mean: the data type of raw GNSS data, the frame of a GNSS velocity. `count`
+is how many elements of a list are in use. Sets that hardly ever come (device information, configuration) have the key
+-1 - firmware and are read one by one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from protocols.framing import BODY, FRAME, ID, LENGTH, STATUS, Bytes, Ints
+from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
+from protocols.isb.timeline import (
+    FIX,
+    GTIME,
+    NO_STEP,
+    NONE,
+    S,
+    WEEK_TOW,
+    double_ns,
+    exact,
+    tell,
+)
+from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, unsigned
+
+VIEW = types.Array(types.int64, 2, "A")  # a scan's table is the filled part of a larger one
+
+KEY, PART, TIME, TIMED, STEP, BY = range(6)
+SORTED = 6
+
+# What is known of each data set, one column per DID; see messages.rules().
+STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(12)
+RULES = 12
+NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
+
+# The last whole value of each data set, one column per DID.
+WHOLE_KEY, WHOLE_SIZE, WHOLE_TIME, WHOLE_TIMED = range(4)
+WHOLES = 4
+
+DATA_TYPE_AT, OBSERVATIONS_AT, RAW_AT, OBSERVATION_SIZE = 1, 2, 4, 69
+RAW_OBSERVATION = 1
+VELOCITY_STATUS_AT, VELOCITY_NED = 20, 0x8000
+TOW_OFFSET_AT, POSITION_WEEK_AT = 80, 0
+FIRMWARE_AT = 12  # in a device information
+MOST_COUNT = 255
+FAMILIES = 3
+UNTOLD = 15
+
+
+def no_wholes() -> Ints:
+    """Before anything was seen."""
+    return np.full((WHOLES, 256), -1, np.int64)
+
+
+@compiled(INT, BYTES, INT, INT)
+def _number(data: Bytes, at: int, size: int) -> int:
+    value = 0
+    for i in range(size - 1, -1, -1):
+        value = value << 8 | int(data[at + i])
+    return value
+
+
+@compiled(INT, BYTES, INT, INT, INT, TABLE)
+def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
+    """What kind of value a whole set carries."""
+    if rules[VARIANT, did] == RAW_DATA and length > RAW_AT:
+        return int(data[body + DATA_TYPE_AT])
+    if rules[VARIANT, did] == VELOCITY and length >= VELOCITY_STATUS_AT + 4:
+        return 1 if int(data[body + VELOCITY_STATUS_AT + 1]) & VELOCITY_NED >> 8 else 0
+    return 0
+
+
+@compiled(INT, BYTES, INT, INT, INT, TABLE)
+def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
+    """How many elements of a set's list are in use: what its count says, and at most what there is."""
+    if rules[VARIANT, did] == RAW_DATA:
+        if length <= RAW_AT or int(data[body + DATA_TYPE_AT]) != RAW_OBSERVATION:
+            return 0
+        return min(int(data[body + OBSERVATIONS_AT]), (length - RAW_AT) // OBSERVATION_SIZE)
+    step = rules[LIST_STEP, did]
+    there = (length - rules[LIST_AT, did]) // step if step else 0
+    if there <= 0:
+        return 0
+    said = _number(data, body + rules[COUNT_AT, did], rules[COUNT_SIZE, did])
+    return min(min(said, there), MOST_COUNT)
+
+
+@compiled(INT, BYTES, INT, INT, INT, TABLE)
+def _clock(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
+    """The clock field of a whole set as ns; -1 where it is not there or no time."""
+    at = rules[CLOCK_AT, did]
+    if rules[CLOCK, did] == GTIME:
+        if length < at + 16:
+            return -1
+        seconds = _number(data, body + at, 8)
+        fraction = double_ns(data, body + at + 8)
+        return -1 if fraction < 0 or seconds < 0 or seconds > 1 << 33 else seconds * S + fraction
+    if rules[CLOCK_MS, did]:
+        return _number(data, body + at, 4) * 1_000_000 if length >= at + 4 else -1
+    return double_ns(data, body + at) if length >= at + 8 else -1
+
+
+@compiled(INT, BYTES, INT, INTS)
+def version_of(data: Bytes, body: int, versions: Ints) -> int:
+    """The newest of `versions` that is not newer than the firmware of a device information; the first if all are."""
+    told = int(data[body + FIRMWARE_AT]) << 16 | int(data[body + FIRMWARE_AT + 1]) << 8
+    told |= int(data[body + FIRMWARE_AT + 2])
+    n = len(versions) - 1
+    while n > 0 and told < versions[n]:
+        n -= 1
+    return n
+
+
+@compiled(NOTHING, BYTES, VIEW, TABLE, INTS, INTS, INTS, TABLE, TABLE)
+def sort(
+    data: Bytes, table: Ints, rules: Ints, versions: Ints, firmware: Ints, memory: Ints, wholes: Ints, out: Ints
+) -> None:
+    """Fill `out`, (SORTED, n), for the n candidates of `table`; see the module.
+
+    Args:
+        rules: (RULES, 256).
+        versions: the firmware versions with layouts of their own, as major << 16 | minor << 8 | patch, ascending.
+        firmware: index into `versions`, one per family of devices; UNTOLD before a device information told it.
+        memory, wholes: what is remembered from packet to packet; updated.
+    """
+    for f in range(unsigned(table.shape[1])):
+        out[KEY, f] = -1 - UNTOLD
+        out[PART, f] = -1
+        out[TIME, f] = 0
+        out[TIMED, f] = 0
+        out[STEP, f] = NO_STEP
+        out[BY, f] = 0
+        flags = table[FLAGS, f]
+        did = table[ID, f]
+        if table[STATUS, f] != FRAME or flags & TYPE_MASK != DATA:
+            continue
+        body = table[BODY, f]
+        length = table[LENGTH, f]
+        if rules[TELLS, did] and length >= FIRMWARE_AT + 4 and flags & WITH_OFFSET == 0:
+            firmware[rules[FAMILY, did]] = version_of(data, body, versions)
+        if rules[STREAMS, did] == 0:
+            out[KEY, f] = -1 - firmware[rules[FAMILY, did]]
+            continue
+        offset = _number(data, body - 2, 2) if flags & WITH_OFFSET else 0
+        layout = firmware[rules[FAMILY, did]] << 46 | did << 38
+        if offset > 0:
+            if wholes[WHOLE_KEY, did] >= 0 and offset + length <= wholes[WHOLE_SIZE, did]:
+                out[KEY, f] = wholes[WHOLE_KEY, did]
+                out[PART, f] = offset
+                out[TIME, f] = wholes[WHOLE_TIME, did]
+                out[TIMED, f] = wholes[WHOLE_TIMED, did]
+            else:
+                out[KEY, f] = layout | offset << 27 | length << 16
+            continue
+        clock = rules[CLOCK, did]
+        if clock != NONE and not (clock == GTIME and rules[VARIANT, did] == RAW_DATA and length < RAW_AT + 16):
+            week = -1
+            if clock == WEEK_TOW or clock == FIX:
+                week = _number(data, body + rules[WEEK_AT, did], 4) if length >= rules[WEEK_AT, did] + 4 else -1
+            if rules[VARIANT, did] != RAW_DATA or count_of(data, body, length, did, rules) > 0:
+                ns = _clock(data, body, length, did, rules)
+                time, timed, step, by = tell(memory, clock, ns, week)
+                out[TIME, f] = time
+                out[TIMED, f] = timed
+                out[STEP, f] = step
+                out[BY, f] = by
+                if timed and rules[VARIANT, did] == POSITION and length >= TOW_OFFSET_AT + 8 and week > 0:
+                    _, _, step, by = exact(memory, week, double_ns(data, body + TOW_OFFSET_AT))
+                    if step != NO_STEP and out[STEP, f] == NO_STEP:
+                        out[STEP, f] = step
+                        out[BY, f] = by
+        variant = variant_of(data, body, length, did, rules)
+        count = count_of(data, body, length, did, rules)
+        out[KEY, f] = layout | length << 16 | variant << 8 | count
+        wholes[WHOLE_KEY, did] = out[KEY, f]
+        wholes[WHOLE_SIZE, did] = length
+        wholes[WHOLE_TIME, did] = out[TIME, f]
+        wholes[WHOLE_TIMED, did] = out[TIMED, f]
+
+
+@compiled(INT, INTS, INTS, INTS)
+def group(keys: Ints, order: Ints, bounds: Ints) -> int:
+    """Sort the rows with a key into groups, in stream order within each; groups by first appearance.
+
+    Args:
+        order: (n,), written: rows by group.
+        bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
+    Returns:
+        How many groups there are.
+    """
+    n = len(keys)
+    slots = 16
+    while slots < 2 * n and slots < 4096:
+        slots *= 2
+    heads = np.full(slots, -1, np.int64)  # slot → newest group whose key falls there …
+    chain = np.empty(n, np.int64)  # … → the group before it
+    key_of = np.empty(n, np.int64)
+    of = np.empty(n, np.int64)
+    groups = 0
+    for f in range(unsigned(n)):
+        of[f] = -1
+        key = keys[f]
+        if key < 0:
+            continue
+        slot = (key ^ key >> 16 ^ key >> 38) & (slots - 1)
+        g = heads[slot]
+        while g >= 0 and key_of[g] != key:
+            g = chain[g]
+        if g < 0:
+            g = groups
+            groups += 1
+            key_of[g] = key
+            chain[g] = heads[slot]
+            heads[slot] = g
+            bounds[g + 1] = 0
+        of[f] = g
+        bounds[g + 1] += 1
+    bounds[0] = 0
+    for g in range(groups):
+        bounds[g + 1] += bounds[g]
+    for f in range(unsigned(n)):
+        g = of[f]
+        if g >= 0:
+            order[bounds[g]] = f
+            bounds[g] += 1
+    for g in range(groups, 0, -1):
+        bounds[g] = bounds[g - 1]
+    bounds[0] = 0
+    return groups
+
+
+@compiled(NOTHING, BYTES, INTS, INTS, INTS, BYTES, ROWS)
+def gather(data: Bytes, starts: Ints, lengths: Ints, parts: Ints, whole: Bytes, rows: Bytes) -> None:
+    """Copy the packets of a group into the rows of one array; a part is written over the row before it.
+
+    Args:
+        starts, lengths, parts: (n,) where the data begin, how many, and PART.
+        whole: the value that a part in the first row changes; may be empty when there is none.
+    """
+    width = unsigned(rows.shape[1])
+    for f in range(unsigned(len(starts))):
+        start = unsigned(starts[f])
+        if parts[f] < 0:
+            for i in range(width):
+                rows[f, i] = data[start + i]
+            continue
+        for i in range(width):
+            rows[f, i] = rows[f - unsigned(1), i] if f > 0 else whole[i]
+        at = unsigned(parts[f])
+        for i in range(unsigned(lengths[f])):
+            rows[f, at + i] = data[start + i]
+
+

@@ -1,0 +1,183 @@
+"""What is in datasets.txt? The data sets, their fields, words and versions, as rows of the schema.
+
+The file is the source: a data set, a field or a flag is added there, in the form its head explains, and never here.
+Reading it takes a few milliseconds, once.
+
+    words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
+    sets            ─> DataSet                  versions ─> which firmware has which structure
+
+Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The vendor's
+full constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name is what lanes are labelled with.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from protocols.layouts import element
+from protocols.schema import Bits, Field
+
+FILE = Path(__file__).with_name("datasets.txt")
+SOURCE = "inertial-sense-sdk 2.7.1, data_sets.h"
+
+CONVERSIONS = {
+    ("rad", "°"): 180 / math.pi,
+    ("rad/s", "°/s"): 180 / math.pi,
+    ("rad/s/°C", "°/s/°C"): 180 / math.pi,
+    ("s", "µs"): 1e6,
+    ("0.1dBHz", "dBHz"): 0.1,
+}
+MARKS = {"!": "caution", "!!": "fault"}
+NUMBERS = {"u1": "u1", "i1": "i1", "char": "ascii", "bytes": "bytes"}
+
+_ATTRIBUTE = re.compile(r'(\w+)=("[^"]*"|\S+)|\.(\d+)')
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """A packed structure.
+
+    Args:
+        size: bytes.
+        places: (field, offset), in the vendor's order.
+        counts: name of an array → name of the field that says how many of its elements are in use.
+    """
+
+    size: int
+    places: tuple[tuple[Field, int], ...]
+    counts: dict[str, str]
+
+    def field(self, name: str) -> tuple[Field, int] | None:
+        """A field by name, and where it is."""
+        return next(((row, at) for row, at in self.places if row.name == name), None)
+
+
+@dataclass(frozen=True, slots=True)
+class DataSet:
+    """One data set.
+
+    Args:
+        did, name, kind: as in the schema's Message.
+        struct: None where the layout is not public.
+        clock: the field that is the device clock ("week+timeOfWeek", "time", …); "" for none.
+        rmc: the bit of DID_RMC that switches its broadcast on; "" for none.
+        sizes: firmware version → bytes, only for sets whose structure changed.
+        changes: (version, fields that firmware before it does not have or has elsewhere), oldest first.
+    """
+
+    did: int
+    name: str
+    struct: Struct | None
+    kind: str
+    clock: str
+    rmc: str
+    sizes: dict[str, int] = field(default_factory=dict)
+    changes: list[tuple[str, tuple[str, ...]]] = field(default_factory=list)
+
+
+class Tables:
+    """All of the file."""
+
+    def __init__(self, text: str) -> None:
+        self.words: dict[str, tuple[Bits, ...]] = {}
+        self.choices: dict[str, dict[int, str]] = {}
+        self.structs: dict[str, Struct] = {}
+        self.sets: dict[int, DataSet] = {}
+        self.versions: tuple[str, ...] = ()
+        readers = {
+            "words": self._read_words,
+            "choices": self._read_choices,
+            "struct": self._read_struct,
+            "sets": self._read_sets,
+            "versions": self._read_versions,
+        }
+        for block in re.split(r"\n{2,}", re.sub(r"(?m)^#.*\n", "", text).strip()):
+            head, *lines = block.splitlines()
+            kind, *rest = head.split()
+            readers[kind](rest, lines)
+
+    def _read_words(self, head: list[str], lines: list[str]) -> None:
+        name, prefix = head
+        self.words[name] = tuple(_bits(line.split(), prefix) for line in lines)
+
+    def _read_choices(self, head: list[str], lines: list[str]) -> None:
+        rows = (line.split() for line in lines)
+        self.choices[head[0]] = {int(value): name for value, name in rows}
+
+    def _read_struct(self, head: list[str], lines: list[str]) -> None:
+        places: list[tuple[Field, int]] = []
+        counts: dict[str, str] = {}
+        for line in lines:
+            offset, kind, name, *rest = line.split(maxsplit=3)
+            attributes = {key or "decimals": (value or digits).strip('"') for key, value, digits in _found(rest)}
+            places.append((self._field(kind, name, attributes), int(offset)))
+            if "count" in attributes:
+                counts[name] = attributes["count"]
+        self.structs[head[0]] = Struct(int(head[1]), tuple(places), counts)
+
+    def _field(self, kind: str, name: str, attributes: dict[str, str]) -> Field:
+        base, *dims = kind.split("*")
+        row = Field(name, shape=tuple(int(n) for n in dims), source=SOURCE)
+        if base in self.structs:
+            return replace(row, fields=tuple(part for part, _ in self.structs[base].places))
+        wire, _, shown = attributes.get("unit", "").partition(">")
+        of = attributes.get("of", "")
+        axes = tuple(attributes["axes"].split(",")) if "axes" in attributes else ()
+        return replace(
+            row,
+            dtype=NUMBERS.get(base, f"<{base}"),
+            unit=shown or wire,
+            scale=CONVERSIONS[wire, shown] if shown else 1.0,
+            axes=axes,
+            choices=self.choices.get(of, {}),
+            bits=self.words.get(of, ()),
+            decimals=int(attributes.get("decimals", -1)),
+            period=360.0 if (shown or wire) == "°" and axes[-1:] == ("yaw",) else 0.0,
+            frame=attributes.get("frame", ""),
+            pad=0,
+        )
+
+    def _read_sets(self, head: list[str], lines: list[str]) -> None:
+        for line in lines:
+            did, name, struct, kind, clock, rmc = (word if word != "-" else "" for word in line.split())
+            self.sets[int(did)] = DataSet(int(did), name, self.structs.get(struct), kind, clock, rmc)
+
+    def _read_versions(self, head: list[str], lines: list[str]) -> None:
+        self.versions = tuple(head)
+        for line in lines:
+            did, what, *rest = line.split()
+            if what == "sizes":
+                sizes = zip(head, rest, strict=True)
+                self.sets[int(did)].sizes.update({version: int(size) for version, size in sizes if size != "-"})
+            else:
+                self.sets[int(did)].changes.append((what, tuple(rest)))
+
+
+def _found(rest: list[str]) -> list[tuple[str, str, str]]:
+    return _ATTRIBUTE.findall(rest[0]) if rest else []
+
+
+def _bits(words: list[str], prefix: str) -> Bits:
+    """LOW[:WIDTH] NAME [MARK] [VALUE=MEANING …]"""
+    low, _, width = words[0].partition(":")
+    mark = words[2] if len(words) > 2 and "=" not in words[2] else ""
+    meanings = (word.split("=", 1) for word in words[2:] if "=" in word)
+    choices = {int(value): meaning for value, meaning in meanings}
+    severity = MARKS.get(mark, "")
+    return Bits(
+        words[1], int(low), int(width or 1), choices, severity, normal_set=mark == "+", doc=prefix + words[1]
+    )  # type: ignore[arg-type]
+
+
+def element_size(row: Field) -> int:
+    """Bytes of one element of a field."""
+    return int(element(row).itemsize)
+
+
+TABLES = Tables(FILE.read_text(encoding="utf-8"))
+SETS = TABLES.sets
+VERSIONS = TABLES.versions
+CURRENT = VERSIONS[-2]  # the version whose structures the file gives

@@ -1,0 +1,208 @@
+"""When was that? The clocks in Inertial Sense data, brought to one time.
+
+A device counts seconds since it was switched on, and knows GPS time only after its receiver's first fix. Its messages
+carry one or the other:
+
+    UP        seconds (or ms) since start: IMU, magnetometer, barometer         time, timeMs, imu.time
+    WEEK_TOW  GPS week and time of week: INS                                    week+timeOfWeek
+    FIX       the same of a receiver, whose clock says nothing without a fix    week+timeOfWeekMs
+    TOW       time of week alone: GNSS velocity, satellites, sigmas             timeOfWeek, timeOfWeekMs
+    GTIME     seconds since 1970 in GPS time, and their fraction: raw GNSS      time.time
+
+`tell` is given the clocks in the order of the stream and keeps one time, in ns:
+
+    before the first fix   up-time. A week of 0 says that there was none; the time of week beside it is up-time then,
+                           and never a date in 1980.
+    from then on           UTC, ns since the Unix epoch. Up-time is shifted by what the two clocks differ. GPS position
+                           says it exactly (towOffset); until one passes by, the last up-time before the fix stands for
+                           the same moment, which is right to one output period.
+
+The change of epoch is a Step of kind "sync" whose `by` is the whole shift; a device that starts again is a "reset".
+A time of week without any week known has no time. Rows older than the newest by less than LATE_NS are just late.
+
+GPS time is ahead of UTC by the leap seconds since 1980. The table is of LEAP_SECONDS_AS_OF; a later leap second would
+show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS-200, 3.3.4.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.framing import Bytes, Ints
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, compiled
+
+LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
+
+NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
+
+# What a decoder remembers of its device's clocks, as one array so that compiled code can keep it.
+SHIFT, SHIFTED, LAST_UP, LAST_UTC, WEEK, EPOCH = range(6)
+REMEMBERED = 6
+NOT_SHIFTED, ROUGHLY, EXACTLY = range(3)
+UNKNOWN, FROM_START, FROM_1970 = range(3)
+
+NO_STEP, SYNC, RESET, JUMP = range(4)
+STEPS = ("", "sync", "reset", "jump")
+
+S = 1_000_000_000
+WEEK_S = 604_800
+GPS_EPOCH = 315_964_800  # 1980-01-06, Unix seconds
+FIRST_WEEK = 1024  # no such device is older than 1999; smaller numbers are noise
+LAST_WEEK = 8191
+LATE_NS = 10 * S
+NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not believed
+TOLD_NS = 5_000_000  # a correction of the shift below this is no event
+LONGEST_UP_S = 1e9
+
+# Unix seconds from which GPS time is ahead of UTC by one second more
+_LEAPS = np.array(
+    [
+        *(362793600, 394329600, 425865600, 489024000, 567993600, 631152000, 662688000, 709948800, 741484800),
+        *(773020800, 820454400, 867715200, 915148800, 1136073600, 1230768000, 1341100800, 1435708800, 1483228800),
+    ],
+    np.int64,
+)
+
+
+@compiled(INT, INT)
+def leap_seconds(unix_s: int) -> int:
+    """How much GPS time is ahead of UTC at `unix_s` (either time scale), s."""
+    n = len(_LEAPS)
+    while n > 0 and unix_s < _LEAPS[n - 1]:
+        n -= 1
+    return n
+
+
+@compiled(INT, INT, INT)
+def utc_ns(week: int, tow_ns: int) -> int:
+    """GPS week and time of week as ns since the Unix epoch, UTC."""
+    start = GPS_EPOCH + week * WEEK_S
+    return (start - leap_seconds(start + tow_ns // S)) * S + tow_ns
+
+
+def remember() -> NDArray[np.int64]:
+    """The memory of a device that has just been connected."""
+    memory = np.zeros(REMEMBERED, np.int64)
+    memory[LAST_UP] = memory[LAST_UTC] = memory[WEEK] = -1
+    return memory
+
+
+@compiled(INT, BYTES, INT)
+def double_ns(data: Bytes, at: int) -> int:
+    """The float64 at `at`, seconds, as ns; -1 where it is no time (negative, not finite, beyond 30 years)."""
+    high = int(data[at + 7]) << 8 | int(data[at + 6])
+    exponent = high >> 4  # with the sign as its highest bit
+    if exponent > 1023 + 30 or exponent == 0:
+        return 0 if exponent == 0 else -1
+    mantissa = high & 15 | 16
+    for i in range(5, -1, -1):
+        mantissa = mantissa << 8 | int(data[at + i])
+    return int(round(math.ldexp(float(mantissa), exponent - 1075) * 1e9))
+
+
+@compiled(FOUR, INTS, INT)
+def _up(memory: Ints, up: int) -> tuple[int, int, int, int]:
+    step = NO_STEP
+    by = 0
+    if memory[LAST_UP] >= 0 and up < memory[LAST_UP] - LATE_NS:  # it has been switched off and on
+        step = RESET
+        by = up - (memory[LAST_UTC] if memory[EPOCH] == FROM_1970 else memory[LAST_UP])
+        memory[SHIFTED] = NOT_SHIFTED
+        memory[LAST_UTC] = -1
+        memory[LAST_UP] = up
+        memory[EPOCH] = FROM_START
+        memory[WEEK] = -1
+    memory[LAST_UP] = max(memory[LAST_UP], up)
+    if memory[EPOCH] != FROM_1970:
+        memory[EPOCH] = FROM_START
+        return up, 1, step, by
+    if memory[SHIFTED] == NOT_SHIFTED:
+        memory[SHIFTED] = ROUGHLY
+        memory[SHIFT] = memory[LAST_UTC] - up
+    return up + memory[SHIFT], 1, step, by
+
+
+@compiled(FOUR, INTS, INT, INT)
+def _gps(memory: Ints, utc: int, week: int) -> tuple[int, int, int, int]:
+    step = NO_STEP
+    by = 0
+    memory[WEEK] = week
+    if memory[EPOCH] != FROM_1970:
+        if memory[LAST_UP] >= 0:
+            memory[SHIFTED] = ROUGHLY
+            memory[SHIFT] = utc - memory[LAST_UP]
+            step = SYNC
+            by = memory[SHIFT]
+        memory[EPOCH] = FROM_1970
+    elif memory[LAST_UTC] >= 0 and utc < memory[LAST_UTC] - LATE_NS:
+        step = JUMP
+        by = utc - memory[LAST_UTC]
+        memory[LAST_UTC] = utc
+        if memory[SHIFTED]:
+            memory[SHIFTED] = ROUGHLY
+            memory[SHIFT] = utc - memory[LAST_UP]
+    memory[LAST_UTC] = max(memory[LAST_UTC], utc)
+    return utc, 1, step, by
+
+
+@compiled(FOUR, INTS, INT, FLAG)
+def _time_of_week(memory: Ints, tow: int, fixed: bool) -> tuple[int, int, int, int]:
+    """Without a week: the newest one's, or the one before or after it; up-time where there was no fix yet."""
+    if fixed and memory[EPOCH] == FROM_1970 and memory[WEEK] >= 0 and tow <= (WEEK_S + 1) * S:
+        utc = utc_ns(memory[WEEK], tow)
+        if utc - memory[LAST_UTC] > WEEK_S * S // 2:
+            utc -= WEEK_S * S
+        elif memory[LAST_UTC] - utc > WEEK_S * S // 2:
+            utc += WEEK_S * S
+        return utc, 1, NO_STEP, 0
+    if memory[EPOCH] == FROM_START and abs(tow - memory[LAST_UP]) < LATE_NS:
+        return tow, 1, NO_STEP, 0
+    return 0, 0, NO_STEP, 0
+
+
+@compiled(FOUR, INTS, INT, INT, INT)
+def tell(memory: Ints, kind: int, ns: int, week: int) -> tuple[int, int, int, int]:
+    """The time of one message.
+
+    Args:
+        memory: see `remember`; updated.
+        kind: UP, WEEK_TOW, FIX, TOW or GTIME.
+        ns: the clock as ns: up-time, time of week, or since 1970; negative where it is no time.
+        week: GPS week; ignored unless `kind` is WEEK_TOW or FIX.
+    Returns:
+        time in ns, 1 if there is one, kind of step before it (NO_STEP mostly), by how much.
+    """
+    if ns < 0:
+        return 0, 0, NO_STEP, 0
+    if kind == UP or (kind == WEEK_TOW and week == 0):
+        return _up(memory, ns)
+    if (kind == WEEK_TOW or kind == FIX) and week != 0:
+        if week < FIRST_WEEK or week > LAST_WEEK or ns > (WEEK_S + 1) * S:
+            return 0, 0, NO_STEP, 0
+        return _gps(memory, utc_ns(week, ns), week)
+    if kind == GTIME:
+        if memory[EPOCH] != FROM_1970 or ns < (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S:
+            return 0, 0, NO_STEP, 0
+        return ns - leap_seconds(ns // S) * S, 1, NO_STEP, 0
+    return _time_of_week(memory, ns, kind == TOW)
+
+
+@compiled(FOUR, INTS, INT, INT)
+def exact(memory: Ints, week: int, offset_ns: int) -> tuple[int, int, int, int]:
+    """GPS position has told what up-time and time of week differ by (towOffset).
+
+    Returns:
+        like `tell`; a step only where up-time moves by more than TOLD_NS.
+    """
+    if memory[EPOCH] != FROM_1970 or memory[SHIFTED] == NOT_SHIFTED or offset_ns <= 0:
+        return 0, 0, NO_STEP, 0
+    shift = utc_ns(week, 0) + offset_ns
+    by = shift - memory[SHIFT]
+    if abs(by) > NEAR_NS:
+        return 0, 0, NO_STEP, 0
+    memory[SHIFT] = shift
+    memory[SHIFTED] = EXACTLY
+    return 0, 0, SYNC if abs(by) > TOLD_NS else NO_STEP, by

@@ -1,0 +1,133 @@
+"""What does a port carry, piece by piece? Frames of its protocol, messages of others between them, and neither.
+
+    bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
+    Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
+    kept                                                         ^^^^ until the rest comes
+
+Both a decoder (columns) and a listing (one line a frame) stand on this. Other messages are looked for only where no
+frame was found; one that is cut by the end of the data waits for its rest, and so does not hold up the frames after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocols.events import Reject, Text
+from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Scan, scan_all
+from protocols.nmea import Found
+
+Find = Callable[..., tuple[list[Found], int]]
+"""find(data, final=…) -> (what was found, from where bytes must be kept); see protocols/foreign.py."""
+
+
+@dataclass(slots=True)
+class Cut:
+    """What one drain found.
+
+    Args:
+        data: the bytes that `table` indexes; `array` is the same as uint8.
+        start: position of `data[0]` in the stream.
+        table: (QUANTITIES, n) of the accepted frames, see protocols/framing.py.
+        arrival_ns: (n,) when each frame was complete.
+        rejects, texts: in order of their offsets, within each kind.
+    """
+
+    data: bytes
+    array: Bytes
+    start: int
+    table: Ints
+    arrival_ns: Ints
+    rejects: list[Reject]
+    texts: list[Text]
+
+
+class Stream:
+    """Cuts a stream of bytes, given in chunks, into frames, texts and rejects.
+
+    Args:
+        scan: finds frames.
+        find: finds other messages between them.
+    """
+
+    def __init__(self, scan: Scan, find: Find) -> None:
+        self._scan = scan
+        self._find = find
+        self._buffer = Buffer()
+        self._scan_at = 0  # positions in the stream: from where to look for frames …
+        self._find_at = 0  # … and for other messages
+        self._known = 0  # bytes of accepted frames and of texts
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._buffer.append(data, arrival_ns)
+
+    @property
+    def buffered(self) -> int:
+        """Bytes that are not decided yet."""
+        return len(self._buffer)
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame and no text."""
+        return self._buffer.start - self._known
+
+    def drain(self, *, stalled: bool = False) -> Cut:
+        """Everything that is complete; see events.Decoder.drain."""
+        buffer = self._buffer
+        data = buffer.data()
+        start = buffer.start
+        array = np.frombuffer(data, np.uint8)
+        scanned = scan_all(self._scan, array, self._scan_at - start, final=stalled)
+        table = scanned.table
+        rejects: list[Reject] = []
+        if scanned.failed:
+            rejects = self._rejects(table, start)
+            table = np.ascontiguousarray(table[:, table[STATUS] == FRAME])
+        arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
+        self._scan_at = start + scanned.at
+        self._known += scanned.framed
+        texts: list[Text] = []
+        if scanned.framed != self._scan_at - self._find_at:
+            self._stretches(data, start, table, texts, rejects, stalled)
+            rejects.sort(key=lambda reject: reject.offset)
+        else:
+            self._find_at = self._scan_at
+        buffer.release(min(self._scan_at, self._find_at))
+        return Cut(data, array, start, table, arrivals, rejects, texts)
+
+    def _rejects(self, table: Ints, start: int) -> list[Reject]:
+        """The failed candidates of a scan. One that is cut short has the size that is there."""
+        failed = table[:, table[STATUS] != FRAME]
+        end = start + len(self._buffer)
+        rejects = []
+        for offset, size, status in zip(*(failed[row].tolist() for row in (OFFSET, SIZE, STATUS)), strict=True):
+            at = start + offset
+            last = min(at + max(size, 1), end)
+            rejects.append(Reject(at, last - at, REASONS[status], self._buffer.arrival(last - 1)))
+        return rejects
+
+    def _stretches(
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+    ) -> None:
+        """Look through the stretches between the frames."""
+        begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
+        stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
+        for i in np.flatnonzero(begins < stops).tolist():
+            at, stop = int(begins[i]), int(stops[i])
+            final = stalled or i < table.shape[1]
+            found, kept = self._find(data[at - start : stop - start], final=final)
+            for one in found:
+                self._report(one, at + one.offset, texts, rejects)
+            self._find_at = at + kept
+        self._find_at = max(self._find_at, int(begins[-1]))
+
+    def _report(self, one: Found, offset: int, texts: list[Text], rejects: list[Reject]) -> None:
+        arrival = self._buffer.arrival(offset + one.size - 1)
+        if not one.name:
+            rejects.append(Reject(offset, one.size, "bad_checksum", arrival))
+            return
+        texts.append(Text(one.protocol, one.name, one.line, offset, one.size, arrival, one.fields))
+        self._known += one.size

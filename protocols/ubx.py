@@ -1,0 +1,106 @@
+"""Which u-blox messages are in these bytes?
+
+    B5 62   CLASS   ID   LENGTH (2)   PAYLOAD   CK_A CK_B
+    0  1    2       3    4            6
+
+LENGTH counts the payload, little-endian. CK_A and CK_B are two running sums modulo 256 over CLASS to the end of the
+payload. A receiver's messages pass through the ports of an Inertial Sense device between its own packets; here they
+are found, checked and named, so that they are counted and seen. What they say is not read.
+
+A length beyond LONGEST is believed by nobody: the search goes on behind the two sync characters.
+
+Source: u-blox F9 HPG 1.32 Interface Description (UBX-22008968), 3.2 and 3.8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal
+
+import numpy as np
+
+from protocols.checksums import fletcher16
+from protocols.nmea import Found
+
+Wait = Literal["wait"]
+WAIT: Final = "wait"
+
+SYNC = b"\xb5\x62"
+LONGEST = 8192  # RXM-RAWX of 255 measurements has 8176 bytes
+
+CLASSES: Mapping[int, str] = {
+    0x01: "NAV",
+    0x02: "RXM",
+    0x04: "INF",
+    0x05: "ACK",
+    0x06: "CFG",
+    0x09: "UPD",
+    0x0A: "MON",
+    0x0B: "AID",
+    0x0D: "TIM",
+    0x10: "ESF",
+    0x13: "MGA",
+    0x21: "LOG",
+    0x27: "SEC",
+    0x28: "HNR",
+    0x29: "NAV2",
+}
+
+_NAMES = {
+    "NAV": "01 POSECEF 02 POSLLH 03 STATUS 04 DOP 05 ATT 06 SOL 07 PVT 09 ODO 10 RESETODO 11 VELECEF 12 VELNED "
+    "13 HPPOSECEF 14 HPPOSLLH 20 TIMEGPS 21 TIMEUTC 22 CLOCK 23 TIMEGLO 24 TIMEBDS 25 TIMEGAL 26 TIMELS 27 TIMEQZSS "
+    "30 SVINFO 32 SBAS 34 ORB 35 SAT 36 COV 39 GEOFENCE 3B SVIN 3C RELPOSNED 3D EELL 42 SLAS 43 SIG 60 AOPSTATUS "
+    "61 EOE 62 PL",
+    "RXM": "10 RAW 11 SFRB 13 SFRBX 14 MEASX 15 RAWX 20 SVSI 32 RTCM 33 SPARTN 34 COR 41 PMREQ 59 RLM 72 PMP "
+    "73 QZSSL6",
+    "INF": "00 ERROR 01 WARNING 02 NOTICE 03 TEST 04 DEBUG",
+    "ACK": "00 NAK 01 ACK",
+    "CFG": "00 PRT 01 MSG 02 INF 04 RST 06 DAT 08 RATE 09 CFG 11 RXM 13 ANT 16 SBAS 17 NMEA 1E ODO 23 NAVX5 24 NAV5 "
+    "31 TP5 39 ITFM 3B PM2 3D TMODE2 3E GNSS 70 DGNSS 71 TMODE3 86 PMS 8A VALSET 8B VALGET 8C VALDEL",
+    "UPD": "14 SOS",
+    "MON": "02 IO 04 VER 06 MSGPP 07 RXBUF 08 TXBUF 09 HW 0B HW2 21 RXR 27 PATCH 28 GNSS 31 SPAN 36 COMMS 37 HW3 "
+    "38 RF 39 SYS",
+    "TIM": "01 TP 03 TM2 04 SVIN 06 VRFY",
+    "ESF": "02 MEAS 03 RAW 10 STATUS 14 ALG 15 INS",
+    "MGA": "00 GPS 02 GAL 03 BDS 05 QZSS 06 GLO 20 ANO 40 INI 60 ACK 80 DBD",
+    "LOG": "03 ERASE 04 STRING 07 CREATE 08 INFO 09 RETRIEVE 0B RETRIEVEPOS 0D RETRIEVESTRING",
+    "SEC": "03 UNIQID 09 SIG 10 SIGLOG",
+    "HNR": "00 PVT",
+}
+NAMES: Mapping[tuple[int, int], str] = {
+    (number, int(word, 16)): f"{name}-{words[i + 1]}"
+    for number, name in CLASSES.items()
+    for words in [_NAMES.get(name, "").split()]
+    for i, word in enumerate(words)
+    if i % 2 == 0
+}
+
+
+def name_of(group: int, number: int) -> str:
+    """ "NAV-PVT", or by number where the table does not know it."""
+    known = NAMES.get((group, number))
+    return known or f"{CLASSES.get(group, f'0x{group:02X}')}-0x{number:02X}"
+
+
+def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
+    """The message that begins at `at`, where SYNC's first byte is.
+
+    Args:
+        final: nothing follows; what is incomplete now will never be whole.
+    Returns:
+        what was found, with an empty name where its checksum failed; WAIT while it may still become a message.
+    """
+    head = data[at : at + 6]
+    if not head.startswith(SYNC) and head != SYNC[:1]:
+        return None
+    length = int.from_bytes(head[4:6], "little") if len(head) == 6 else 0
+    size = length + 8
+    if length > LONGEST:
+        return None
+    if at + size > len(data):
+        return None if final else WAIT
+    frame = data[at : at + size]
+    if fletcher16(np.frombuffer(frame, np.uint8), 2, size - 2) == int.from_bytes(frame[-2:], "little"):
+        fields = {"class": frame[2], "id": frame[3], "length": length}
+        return Found(at, size, "ubx", name_of(frame[2], frame[3]), frame.hex(), fields)
+    return Found(at, len(SYNC), "ubx", "", "") if frame[2] in CLASSES else None
