@@ -50,8 +50,12 @@ Bytes = NDArray[np.uint8]
 OFFSET, SIZE, BODY, LENGTH, ID, SENDER, STATUS = range(7)
 QUANTITIES = 7
 
-REASONS = ("", "bad_checksum", "bad_size", "bad_id", "truncated", "bad_item", "bad_type")
-FRAME, BAD_CHECKSUM, BAD_SIZE, BAD_ID, TRUNCATED, BAD_ITEM, BAD_TYPE = range(7)
+REASONS = (
+    *("", "bad_checksum", "bad_size", "bad_id", "truncated", "bad_item", "bad_type", "bad_crc8", "bad_version"),
+    *("bad_mode", "below_min_mode", "bad_crc32", "bad_hmac", "no_key", "indt", "stale", "far_ahead"),
+)
+FRAME, BAD_CHECKSUM, BAD_SIZE, BAD_ID, TRUNCATED, BAD_ITEM, BAD_TYPE, BAD_CRC8, BAD_VERSION = range(9)
+BAD_MODE, BELOW_MIN_MODE, BAD_CRC32, BAD_HMAC, NO_KEY, INDT, STALE, FAR_AHEAD = range(9, 17)
 
 Scan = Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]
 """scan(data, at, final, table) -> (columns written, where to go on, failed candidates, bytes in frames).
