@@ -1,6 +1,7 @@
 /** The top bar: where we are, and the controls of time. On a phone the same controls stand in the dock at the bottom. */
 import * as actions from "../data/actions";
 import { view } from "../data/view";
+import { recently } from "../panels/deps";
 import { number, span } from "../ui/format";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
@@ -97,7 +98,7 @@ function Toggle({ name, label, icon }: ToggleProps) {
 /** On a phone the devices stand behind the name of the selected one. */
 function DeviceName({ app }: { readonly app: App }) {
   const device = app.device.value;
-  const mark = device ? markOf(device.status, app.minute.since(device.id, "gaps")) : { dot: "off", word: "none" };
+  const mark = device ? markOf(device.status, recently(app, device.id).gaps) : { dot: "off", word: "none" };
   const open = sheet.value === "rail";
   return (
     <button type="button" class="btn phone devname" aria-expanded={open} aria-controls="rail" onClick={() => (sheet.value = open ? undefined : "rail")}>

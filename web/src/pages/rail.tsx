@@ -1,6 +1,7 @@
 /** Which sensors are there? The devices with their state, and what else was heard on this host. */
 import { signal } from "@preact/signals";
 import { view } from "../data/view";
+import { recently } from "../panels/deps";
 import { rateBars } from "../panels/minute";
 import { drawBars } from "../panels/sparkline";
 import { api, type Port } from "../ui/api";
@@ -62,7 +63,7 @@ export function Rail({ app }: { readonly app: App }) {
 function Device({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   const current = view.value.device === device.id;
   const health = app.store.health.value.get(device.id);
-  const gaps = app.minute.since(device.id, "gaps");
+  const { gaps } = recently(app, device.id);
   const { dot, word } = markOf(device.status, gaps);
   const streams = device.status === "live";
   return (

@@ -2,6 +2,7 @@
 import { cursor, view } from "../data/view";
 import type { Channel, Store } from "../data/store";
 import type { DeviceInfo } from "../wire/types";
+import { type Recent, recentOf } from "./figures";
 import type { Minute } from "./minute";
 import { type Reading, readingAt } from "./reading";
 
@@ -24,6 +25,11 @@ export function channelsOf(deps: Deps): readonly Channel[] {
 export function selected(deps: Deps): DeviceInfo | undefined {
   const id = view.value.device;
   return deps.store.devices.value.find((device) => device.id === id);
+}
+
+/** What went wrong with a device within the last minute. */
+export function recently(deps: Deps, device: string): Recent {
+  return recentOf(deps.store.events.value, device, deps.store.serverNow());
 }
 
 /** Index of the sample that `at` reads in a channel; -1 when there is none. */

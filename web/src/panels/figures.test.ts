@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { figuresOf, verdict } from "./figures";
+import { figuresOf, recentOf, verdict } from "./figures";
 
 const health: DeviceHealth = {
   device: "1",
@@ -43,6 +43,16 @@ describe("figuresOf", () => {
     expect(figures.samples.value).toBe("—");
     expect(figures.share).toBeUndefined();
     expect(figures.drift.value).toBe("—");
+  });
+});
+
+describe("recentOf", () => {
+  const event = (time: number, kind: string, samples: number, data = {}): EventInfo =>
+    ({ seq: 0, time, device: "1", kind, level: "fault", text: "", t0: null, t1: null, samples, data }) as EventInfo;
+  it("counts the last minute of one device, sums included", () => {
+    const events = [event(10, "gap", 5), event(50, "gap", 7), event(60, "gap", 90, { gaps: 12 }), event(70, "reject", 3), event(75, "reply", 0)];
+    expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, rejects: 3 });
+    expect(recentOf(events, "2", 80)).toEqual({ gaps: 0, lost: 0, rejects: 0 });
   });
 });
 

@@ -30,6 +30,29 @@ const LATE_S = 1;
 /** A link this full has no room for a burst. */
 const FULL = 0.9;
 
+/** What went wrong within the last minute. */
+export interface Recent {
+  readonly gaps: number;
+  readonly lost: number;
+  readonly rejects: number;
+}
+
+const MINUTE_S = 60;
+
+/** Counted from the events, which a page that has just been opened has as well; one event may sum up many gaps. */
+export function recentOf(events: readonly EventInfo[], device: string, now: number): Recent {
+  let [gaps, lost, rejects] = [0, 0, 0];
+  for (const event of events) {
+    if (event.device !== device || event.time < now - MINUTE_S) continue;
+    if (event.kind === "gap") {
+      const summed = event.data["gaps"];
+      gaps += typeof summed === "number" ? summed : 1;
+      lost += event.samples;
+    } else if (event.kind === "reject") rejects += event.samples;
+  }
+  return { gaps, lost, rejects };
+}
+
 /**
  * The figures of one device.
  *
@@ -39,7 +62,7 @@ const FULL = 0.9;
  */
 export function figuresOf(
   health: DeviceHealth | undefined,
-  recent: { readonly gaps: number; readonly lost: number; readonly rejects: number },
+  recent: Recent,
   old: number | undefined,
   dropped: number,
   expected = true,

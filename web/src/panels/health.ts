@@ -7,7 +7,7 @@ import { type Surface, surface } from "../ui/canvas";
 import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, MessageHealth } from "../wire/types";
-import { ageOf, type Deps, selected } from "./deps";
+import { ageOf, type Deps, recently, selected } from "./deps";
 import { type Figure, type Figures, figuresOf, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
@@ -80,8 +80,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       const health = deps.store.health.value.get(id);
       const all = figuresDue(now);
       if (!all && !ageDue(now)) return;
-      const { minute } = deps;
-      const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
+      const recent = recently(deps, id);
       const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
       const expected = device?.status !== "ended" && device?.status !== "idle";
       const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected);
@@ -161,8 +160,7 @@ export function mountStrip(host: HTMLElement, deps: Deps): Panel {
     update(now) {
       if (host.offsetParent === null || !due(now)) return;
       const id = view.value.device ?? "";
-      const { minute } = deps;
-      const recent = { gaps: minute.since(id, "gaps"), lost: minute.since(id, "lost"), rejects: minute.since(id, "rejects") };
+      const recent = recently(deps, id);
       const expected = selected(deps)?.status !== "ended";
       const figures = figuresOf(deps.store.health.value.get(id), recent, ageOf(deps, id), deps.store.dropped(), expected);
       for (const { key, value, unit, box } of items) {

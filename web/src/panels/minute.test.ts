@@ -22,18 +22,6 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
 });
 
 describe("Minute", () => {
-  it("counts within the last minute only, and over a restart of the counter", () => {
-    const minute = new Minute();
-    minute.add(report(0, { gaps: 5 }));
-    minute.add(report(30, { gaps: 6 }));
-    expect(minute.since("1", "gaps")).toBe(1);
-    minute.add(report(80, { gaps: 7 }));
-    minute.add(report(110, { gaps: 7 }));
-    expect(minute.since("1", "gaps")).toBe(1);
-    minute.add(report(111, { gaps: 2 }));
-    expect(minute.since("1", "gaps")).toBe(2);
-    expect(minute.since("unknown", "gaps")).toBe(0);
-  });
   it("takes a report once", () => {
     const minute = new Minute();
     minute.add(report(1));

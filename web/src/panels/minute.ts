@@ -1,6 +1,6 @@
 /**
  * How did the last minute go? Health reports come twice a second; their recent past is kept per device, so that the rail and
- * the health panel can draw it and say "3 gaps in the last minute". Pure; fed once per report.
+ * the health panel can draw it. Pure; fed once per report.
  */
 import type { DeviceHealth } from "../wire/types";
 
@@ -42,14 +42,6 @@ export class Minute {
   /** Reports of the last minute, oldest first. */
   of(device: string): readonly Moment[] {
     return this.#moments.get(device) ?? [];
-  }
-
-  /** How far a counter went within the last minute; a counter that fell was restarted and counts from 0. */
-  since(device: string, key: "gaps" | "lost" | "rejects"): number {
-    const list = this.of(device);
-    const [first, last] = [list[0], list.at(-1)];
-    if (!first || !last) return 0;
-    return last[key] >= first[key] ? last[key] - first[key] : last[key];
   }
 
   forget(device: string): void {
