@@ -12,7 +12,7 @@
  * q_b = q_(b from a) ⊗ q_a; the body axes stay. Euler angles are ZYX intrinsic (yaw, then pitch, then roll):
  * R = Rz(yaw) Ry(pitch) Rx(roll), angles in °. Within GIMBAL of pitch ±90° roll is set to 0 and yaw takes the rest.
  *
- * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix travels column by column); checked
+ * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix travels column by column; the decoder turns it, so that it is row by row here); checked
  * against the vendor's own results in tests/golden/xbus/orientation.json.
  */
 
@@ -103,7 +103,7 @@ export function eulerOfMatrix(m: Matrix3): Vector3 {
 /**
  * Roll, pitch and yaw of n rotations.
  *
- * @param columns 4 columns (w, x, y, z), or 9: the elements of the matrix in the order of the wire, column by column
+ * @param columns 4 columns (w, x, y, z), or 9: the elements of the matrix row by row (m00, m01 … m22), as the server shows them
  * @returns three columns of n values, °
  */
 export function eulerColumns(columns: readonly Numbers[], n: number): [Float64Array, Float64Array, Float64Array] {
@@ -112,7 +112,7 @@ export function eulerColumns(columns: readonly Numbers[], n: number): [Float64Ar
   for (let i = 0; i < n; i++) {
     const m: Matrix3 =
       columns.length >= 9
-        ? [at(0, i), at(3, i), at(6, i), at(1, i), at(4, i), at(7, i), at(2, i), at(5, i), at(8, i)]
+        ? [at(0, i), at(1, i), at(2, i), at(3, i), at(4, i), at(5, i), at(6, i), at(7, i), at(8, i)]
         : matrixOfQuaternion([at(0, i), at(1, i), at(2, i), at(3, i)]);
     [out[0][i], out[1][i], out[2][i]] = eulerOfMatrix(m);
   }

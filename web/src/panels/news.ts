@@ -6,7 +6,7 @@ import { view } from "../data/view";
 import type { Deps } from "./deps";
 
 /** More are in the server's log; a side panel is read at a glance. */
-const SHOWN = 40;
+const SHOWN = 25;
 
 export function mountNews(host: HTMLElement, deps: Deps): Panel {
   const list = el("ol", { class: "news" });
