@@ -2,8 +2,9 @@
  * How is a rotation seen? Pure geometry behind the horizon, the turning body and the heading.
  *
  * A rotation is `R`, frame from body: column j of R is body axis j written in the frame's axes (frames and conversions:
- * data/derive.ts). Everything drawn is the world itself, so it is worked out in one frame (ENU) and does not move when a person asks for
- * another frame's numbers. In ENU and NWU positive pitch is nose down, in NED nose up; the horizon shows which it is.
+ * data/derive.ts). Everything drawn is the world itself, so it is worked out in one frame (ENU) and does not move when a
+ * person asks for another frame's numbers. In ENU and NWU positive pitch is nose down, in NED nose up; the horizon shows
+ * which it is.
  *
  * Body axes are the sensor's own. "Upright" is what the frame the device speaks calls level: z up for a device that sends ENU
  * or NWU, z down for one that sends NED.

@@ -12,8 +12,8 @@
  * q_b = q_(b from a) ⊗ q_a; the body axes stay. Euler angles are ZYX intrinsic (yaw, then pitch, then roll):
  * R = Rz(yaw) Ry(pitch) Rx(roll), angles in °. Within GIMBAL of pitch ±90° roll is set to 0 and yaw takes the rest.
  *
- * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix travels column by column; the decoder turns it, so that it is row by row here); checked
- * against the vendor's own results in tests/golden/xbus/orientation.json.
+ * Source: MT low-level protocol MT0101P 2020.A, sections 8.5 and 8.6 (a rotation matrix travels column by column; the decoder has
+ * turned it, so it is row by row here); checked against the vendor's own results in tests/golden/xbus/orientation.json.
  */
 
 export type WorldFrame = "ENU" | "NED" | "NWU";
