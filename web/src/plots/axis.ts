@@ -57,46 +57,62 @@ export function axisWords(w: TimeWindow, base: View["timeBase"]): string {
   return away ? `UTC ${day(w.t1)}, ${words}` : `UTC, ${words}`;
 }
 
+/** A chip on the axis: the cursor's time, or the difference to the measuring cursor. */
+interface Chip {
+  readonly text: string;
+  readonly from: number;
+  readonly to: number;
+  readonly yours: boolean;
+}
+
+function chips(x: CanvasRenderingContext2D, w: TimeWindow, least: number, cursorAt: number | undefined, measureAt: number | undefined): Chip[] {
+  if (cursorAt === undefined || cursorAt < w.t0 || cursorAt > w.t1) return [];
+  const right = w.left + w.width;
+  const wide = (text: string): number => x.measureText(text).width + 14;
+  const time = clock(cursorAt, 3);
+  const half = wide(time) / 2;
+  const centre = Math.min(Math.max(xOf(w, cursorAt), least + half), right - half);
+  const cursor = { text: time, from: centre - half, to: centre + half, yours: false };
+  if (measureAt === undefined) return [cursor];
+  const text = `Δ ${duration(cursorAt - measureAt)}`;
+  const width = wide(text) + 4;
+  // On the side of the other cursor, if there is room.
+  const after = cursor.from - width < least || (measureAt > cursorAt && cursor.to + width < right);
+  const from = after ? cursor.to + 4 : cursor.from - width;
+  return [cursor, { text, from, to: from + width - 4, yours: true }];
+}
+
 export function drawAxis(sheet: Sheet, w: TimeWindow, look: Palette, cursorAt: number | undefined, measureAt: number | undefined): void {
   const x = sheet.begin();
   const middle = sheet.height / 2 + 0.5;
-  const right = w.left + w.width;
-  setFont(x, look, look.small);
+  const least = look.narrow ? 4 : w.left;
   x.textBaseline = "middle";
-  x.fillStyle = look.colour["ink-3"];
-  if (!look.narrow) x.fillText(axisWords(w, w.base), 16, middle);
-  const on = (t: number): boolean => t >= w.t0 && t <= w.t1;
-  const cursorX = cursorAt !== undefined && on(cursorAt) ? xOf(w, cursorAt) : undefined;
   x.textAlign = "center";
+  setFont(x, look, 11, 600);
+  const shown = chips(x, w, least, cursorAt, measureAt);
+  for (const { text, from, to, yours } of shown) {
+    x.fillStyle = look.colour[yours ? "yours" : "invert-bg"];
+    x.beginPath();
+    x.roundRect(from, 2, to - from, sheet.height - 5, 3);
+    x.fill();
+    x.fillStyle = look.colour[yours ? "yours-ink" : "invert-ink"];
+    x.fillText(text, (from + to) / 2, middle);
+  }
+  setFont(x, look, look.small);
   const step = timeStep(w.span, w.width);
   for (const t of timeGrid(w)) {
     const px = xOf(w, t);
-    x.fillStyle = look.colour["line-strong"];
-    x.fillRect(sheet.snap(px), 0, 1, 4);
     const label = tickLabel(t, step);
     const half = x.measureText(label).width / 2 + 3;
-    if (px - half < (look.narrow ? 4 : w.left) || px + half > sheet.width - 4) continue;
-    if (cursorX !== undefined && Math.abs(px - cursorX) < half + 46) continue;
+    const covered = (room: number): boolean => shown.some(({ from, to }) => px + room > from && px - room < to);
+    x.fillStyle = look.colour["line-strong"];
+    if (!covered(1)) x.fillRect(sheet.snap(px), 0, 1, 4);
+    if (px - half < least || px + half > sheet.width - 4 || covered(half + 3)) continue;
     x.fillStyle = look.colour["ink-3"];
     x.fillText(label, px, middle + 1);
   }
-  if (cursorAt === undefined || cursorX === undefined) return;
-  setFont(x, look, 11, 600);
-  const chip = (text: string, px: number, fill: string, ink: string): [number, number] => {
-    const width = x.measureText(text).width + 14;
-    const centre = Math.min(Math.max(px, (look.narrow ? 4 : w.left) + width / 2), right - width / 2);
-    x.fillStyle = fill;
-    x.beginPath();
-    x.roundRect(centre - width / 2, 2, width, sheet.height - 5, 3);
-    x.fill();
-    x.fillStyle = ink;
-    x.fillText(text, centre, middle);
-    return [centre - width / 2, centre + width / 2];
-  };
-  const [from, to] = chip(clock(cursorAt, 3), cursorX, look.colour["invert-bg"], look.colour["invert-ink"]);
-  if (measureAt === undefined) return;
-  const text = `Δ ${duration(cursorAt - measureAt)}`;
-  const half = x.measureText(text).width / 2 + 7;
-  const beside = measureAt > cursorAt && to + 2 * half + 4 < right ? to + half + 4 : from - half - 4;
-  chip(text, beside, look.colour.yours, look.colour["yours-ink"]);
+  if (look.narrow) return;
+  x.textAlign = "left";
+  x.fillStyle = look.colour["ink-3"];
+  x.fillText(axisWords(w, w.base), 16, middle);
 }

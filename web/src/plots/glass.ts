@@ -24,7 +24,6 @@ export interface Marks {
   readonly lostSince: number | undefined;
   /** Where the cursor reads, unix s. */
   readonly cursor: number | undefined;
-  readonly pinned: boolean;
   readonly measure: number | undefined;
   /** Span being selected with shift and drag. */
   readonly selection: readonly [number, number] | undefined;

@@ -10,9 +10,8 @@ import type { Loss } from "../data/losses";
 import { lowerBound, type Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
-import { number } from "../ui/format";
+import { age, number } from "../ui/format";
 import type { BitsInfo } from "../wire/types";
-import { duration } from "./axis";
 import { PixelColumns } from "./columns";
 import { hatch, type Palette, setFont, type Sheet } from "./paint";
 import { xOf, type TimeWindow } from "./window";
@@ -20,6 +19,7 @@ import { xOf, type TimeWindow } from "./window";
 export const LANE_PX = 17;
 /** A loss or a fault is never narrower than this in its lane, px. */
 const LEAST_PX = 4;
+const PULSE_PX = 3;
 /** In `states`: no sample has come yet, or the value changed within the pixel. */
 const NOTHING = -1;
 const MIXED = -2;
@@ -164,7 +164,9 @@ export class Lanes {
       const hot = raised(bits, state);
       if (state === 0 && !hot && bits.width === 1) continue;
       const [a, b] = [px(from), Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1))];
-      const colour = hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : state === MIXED ? "bg-active" : "bg-hover";
+      // A pulse of a plain flag is a tick, not a bar: it has no inside to be read.
+      const pulse = bits.width === 1 && b - a < PULSE_PX;
+      const colour = hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : state === MIXED ? "bg-active" : pulse ? "ink-3" : "bg-hover";
       x.fillStyle = look.colour[colour];
       x.fillRect(a, y + 1.5, b - a, height);
       if (state === MIXED) {
@@ -204,5 +206,6 @@ export class Lanes {
 /** "72 samples, 180 ms". */
 export function lossWords({ samples, t0, t1, by }: Loss): string {
   const count = samples > 0 ? `${number(samples, 0)} ${samples === 1 ? "sample" : "samples"}, ` : "";
-  return `${count}${duration(t1 - t0)}${by === "browser" ? ", this browser" : ""}`;
+  const { value, unit } = t1 - t0 < 10 && t1 - t0 >= 1 ? { value: number(t1 - t0, 2), unit: "s" } : age(t1 - t0);
+  return `${count}${value} ${unit}${by === "browser" ? ", this browser" : ""}`;
 }

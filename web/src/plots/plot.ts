@@ -1,11 +1,10 @@
 /**
  * One plot: grid, scale, traces and the letters at their right end.
  *
- * Why a canvas of our own and not uPlot? We tried to see what of it would be left. Its data model is one x array for all series
- * of a plot; ours are rings with a clock each, of different rates, that must not be joined or copied every frame. Its reduction
- * of dense data works per frame on all points in view (measured: 33 ms for 18 series of 100 000 points), so extremes would have
- * to be handed over ready-made; axes, legend, cursor, zoom, gaps, hatch and wraps follow rules of this page that it has other
- * answers to. What remained was moveTo and lineTo, which stand in trace.ts.
+ * Why a canvas of our own and not uPlot? Because little of uPlot would be left. Its data model is one x array for all series of a
+ * plot; ours are rings with a clock each, of different rates, that should not be joined or copied every frame. Given all points in
+ * view it takes 33 ms a frame for 18 series of 100 000 points, so extremes would have to be worked out for it. Axes, legend, cursor,
+ * zoom, gaps, hatch and wraps follow rules of this page that it answers otherwise. What remains is moveTo and lineTo: trace.ts.
  *
  * A plot is drawn when something changed: the window moved by a pixel, samples came (ten times a second suffices when the window
  * stands still), a series was hidden, the theme or size changed.
@@ -46,9 +45,12 @@ export class Plot {
   /** Place in the stack, CSS px. */
   top = 0;
   visible = true;
+  /** The title reaches under the tick labels: the uppermost gives way. */
+  wideTitle = false;
   readonly #scale: Scale;
-  readonly #shown: readonly Shown[];
-  readonly #columns: readonly PixelColumns[];
+  readonly #rings: readonly Ring[];
+  #shown: readonly Shown[] = [];
+  #hidden: ReadonlySet<string> | undefined;
   readonly #extent: Extent = { lo: 0, hi: 0 };
   #vertical: Vertical = { top: 0, hi: 1, k: 1 };
   #stamp = "";
@@ -64,11 +66,20 @@ export class Plot {
     this.root.style.setProperty("--weight", String(spec.weight));
     this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
     this.sheet = new Sheet(canvas);
-    this.#scale = new Scale(20 * 10 ** -spec.decimals);
-    const byRing = new Map<Ring, Series[]>();
-    for (const series of spec.series) byRing.set(series.channel.ring, [...(byRing.get(series.channel.ring) ?? []), series]);
-    this.#columns = [...byRing].map(([ring, list]) => new PixelColumns(ring, list.map(({ column }) => column)));
-    this.#shown = this.#columns.flatMap((columns) => byRing.get(columns.ring)!.map((series, at) => ({ series, columns, at })));
+    const periods = spec.series.map(({ channel, column }) => channel.info.columns[column]!.period);
+    this.#scale = new Scale(20 * 10 ** -spec.decimals, Math.min(...periods));
+    this.#rings = [...new Set(spec.series.map(({ channel }) => channel.ring))];
+  }
+
+  /** Take on which series are drawn; for hidden ones nothing is worked out. */
+  #choose(hidden: ReadonlySet<string>): void {
+    this.#hidden = hidden;
+    this.#shown = this.#rings.flatMap((ring) => {
+      const list = this.spec.series.filter(({ channel, key }) => channel.ring === ring && !hidden.has(key));
+      const columns = new PixelColumns(ring, list.map(({ column }) => column));
+      return list.map((series, at) => ({ series, columns, at }));
+    });
+    this.#stamp = "";
   }
 
   /** Upper edge of the drawing: below the legend where that stands above, px. */
@@ -84,13 +95,14 @@ export class Plot {
   /** Draw if there is something new. `now` in ms. */
   draw(w: TimeWindow, look: Palette, hidden: ReadonlySet<string>, now: number, theme: number): void {
     if (!this.visible || this.sheet.height < 10) return;
-    const revision = this.#columns.reduce((sum, { ring }) => sum + ring.revision, 0);
-    const shown = this.#shown.filter(({ series }) => !hidden.has(series.key));
-    const stamp = `${w.g1} ${w.dt} ${w.base} ${w.left} ${w.width} ${this.sheet.height} ${w.ratio} ${theme} ${shown.length} ${shown.map(({ series }) => series.label)}`;
-    if (stamp === this.#stamp && (revision === this.#revision || now - this.#drawnAt < STILL_MS)) {
-      if (revision === this.#revision && !this.#rescale(shown, w, now)) return;
-      if (revision !== this.#revision) return;
-    } else this.#rescale(shown, w, now);
+    if (hidden !== this.#hidden) this.#choose(hidden);
+    const shown = this.#shown;
+    const revision = this.#rings.reduce((sum, ring) => sum + ring.revision, 0);
+    const stamp = `${w.g1} ${w.dt} ${w.base} ${theme}`;
+    const still = stamp === this.#stamp;
+    if (still && revision !== this.#revision && now - this.#drawnAt < STILL_MS) return;
+    // A scale narrows by the clock alone, also while nothing else changes.
+    if (!this.#rescale(shown, w, now) && still && revision === this.#revision) return;
     [this.#stamp, this.#revision, this.#drawnAt] = [stamp, revision, now];
     this.#paint(shown, w, look);
   }
@@ -124,7 +136,7 @@ export class Plot {
     x.lineWidth = LINE;
     x.lineJoin = "bevel";
     x.lineCap = "round";
-    for (const columns of this.#columns) columns.prepare(w.g0, w.g1, w.dt, w.base);
+    for (const columns of new Set(shown.map((one) => one.columns))) columns.prepare(w.g0, w.g1, w.dt, w.base);
     for (let i = shown.length - 1; i >= 0; i--) {
       const { series, columns, at } = shown[i]!;
       x.strokeStyle = x.fillStyle = look.colour[series.colour];
@@ -150,7 +162,7 @@ export class Plot {
       const y = sheet.snap(this.y(value));
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, y, w.width, Math.max(hair, 1));
-      if (y < inset + 5 || y > sheet.height - 5 || used.some((other) => Math.abs(other - y) < LABELS_APART)) continue;
+      if (y < inset + (this.wideTitle && !look.narrow ? 22 : 5) || y > sheet.height - 5 || used.some((other) => Math.abs(other - y) < LABELS_APART)) continue;
       if (x.measureText(text).width > (look.narrow ? look.gutter - 4 : look.gutter - 118)) continue;
       used.push(y);
       x.fillStyle = look.colour["ink-3"];
@@ -164,7 +176,7 @@ export class Plot {
   /** What the y axis says: zero and, for an acceleration, 1 g have the first right to a place. */
   #labels(look: Palette): { readonly value: number; readonly text: string }[] {
     const { lo, hi } = this.#scale;
-    const all = ticks(lo, hi, this.sheet.height - this.inset(look));
+    const all = ticks(lo, hi, this.sheet.height - this.inset(look), this.spec.unit === "°");
     const labels = all.map(({ value, decimals }) => ({ value, text: number(value, decimals) }));
     const [first, second] = [all[0], all[1]];
     const wide = first !== undefined && second !== undefined && Math.abs(second.value - first.value) >= 2;

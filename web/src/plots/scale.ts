@@ -12,10 +12,17 @@ const NARROW_MS = 5000;
 const SPARE = 0.66;
 /** Room above and below the data. */
 const PAD = 0.07;
+/** Part of its circle from which a wrapping quantity is taken to go round. */
+const ROUND = 0.7;
 
-/** 1, 2 or 5 times a power of ten, at least `least`. */
-export function niceStep(least: number): number {
+/** Steps of a circle from ten degrees up. */
+const DEGREES: readonly number[] = [10, 15, 30, 45, 90, 180, 360];
+
+/** 1, 2 or 5 times a power of ten, at least `least`; for angles in ° a part of a circle. */
+export function niceStep(least: number, degrees = false): number {
   if (!(least > 0) || !Number.isFinite(least)) return 1;
+  const part = degrees && least > 5 ? DEGREES.find((step) => step >= least) : undefined;
+  if (part !== undefined) return part;
   const power = 10 ** Math.floor(Math.log10(least));
   for (const m of [1, 2, 5]) if (m * power >= least * (1 - 1e-9)) return m * power;
   return 10 * power;
@@ -27,8 +34,14 @@ export class Scale {
   #set = false;
   #spareSince: number | undefined;
 
-  /** @param least the smallest span shown: below it one would look at the last digit's noise */
-  constructor(readonly least: number) {}
+  /**
+   * @param least the smallest span shown: below it one would look at the last digit's noise
+   * @param period where the quantity wraps, 0 for never: one that goes round is shown on its whole circle
+   */
+  constructor(
+    readonly least: number,
+    readonly period = 0,
+  ) {}
 
   /**
    * Take on the data's extent.
@@ -37,6 +50,10 @@ export class Scale {
    */
   update(lo: number, hi: number, now: number, atOnce: boolean): boolean {
     if (!(lo <= hi)) return false;
+    if (this.period > 0 && hi - lo > ROUND * this.period) {
+      const edge = this.period / 36;
+      return lo < 0 ? this.#take(-this.period / 2 - edge, this.period / 2 + edge) : this.#take(-edge, this.period + edge);
+    }
     const span = Math.max(hi - lo, this.least, Math.abs(hi + lo) * 1e-9);
     const middle = (lo + hi) / 2;
     const half = Math.max((hi - lo) / 2, span / 2) + span * PAD;
@@ -72,8 +89,8 @@ export interface Tick {
 }
 
 /** Ticks of a scale drawn `height` px high, about `apart` px from each other; zero first, it has the first right to a label. */
-export function ticks(lo: number, hi: number, height: number, apart = 22): Tick[] {
-  const step = niceStep(((hi - lo) * apart) / Math.max(height, apart));
+export function ticks(lo: number, hi: number, height: number, degrees = false, apart = 17): Tick[] {
+  const step = niceStep(((hi - lo) * apart) / Math.max(height, apart), degrees);
   const decimals = Math.min(9, Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
   const out: Tick[] = [];
   for (let k = Math.ceil(lo / step); k * step <= hi; k++) out.push({ value: k * step, decimals });

@@ -13,7 +13,7 @@
  * `update` runs once a frame. It works out the time window, then asks each part to draw what changed. Layout is read once after it
  * changed and never in between, so a frame causes no reflow.
  */
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { attach, cursorTime } from "../data/actions";
 import type { Channel, Store } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
@@ -41,6 +41,8 @@ const asked = signal<ReadonlySet<string>>(new Set());
 const normsSeen = new Set<string>();
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
+/** A title longer than this reaches the tick labels, px. */
+const TITLE_PX = 104;
 
 class Stack {
   readonly #store: Store;
@@ -58,6 +60,9 @@ class Stack {
   readonly #stops: (() => void)[] = [];
   readonly #legendsDue = every(LEGENDS_HZ);
   readonly #slowlyDue = every(2);
+  readonly #stillDue = every(10);
+  readonly #memoryDue = every(4);
+  readonly #stamps = new Map<string, string>();
   readonly #seen: IntersectionObserver;
   #plots: Plot[] = [];
   #specs: readonly PlotSpec[] = [];
@@ -68,6 +73,9 @@ class Stack {
   #window: TimeWindow | undefined;
   #selection: readonly [number, number] | undefined;
   #cursorWas = "";
+  #panes: readonly Pane[] = [];
+  /** Revision of the samples as looked at last; ten times a second is often enough where the window stands still. */
+  #still = 0;
 
   constructor(host: HTMLElement, { store }: StackDeps) {
     this.#store = store;
@@ -93,6 +101,7 @@ class Stack {
       this.#theme += 1;
       this.#layoutDue = true;
     };
+    const device = computed(() => view.value.device); // the rest of the view changes with every drag
     const resized = new ResizeObserver(relook);
     resized.observe(this.#root);
     const themed = new MutationObserver(relook);
@@ -103,7 +112,7 @@ class Stack {
       () => themed.disconnect(),
       () => removeEventListener("imuscope:theme", relook),
       listen(this.#root, { window: () => this.#window, strip: () => this.#memory.window, selecting: (span) => (this.#selection = span) }),
-      effect(() => this.#choose(this.#store.channels.value, view.value.device, asked.value)),
+      effect(() => this.#choose(this.#store.channels.value, device.value, asked.value)),
       effect(() => {
         for (const plot of this.#plots) plot.legend.show(hidden.value);
       }),
@@ -172,24 +181,40 @@ class Stack {
     if (this.#layoutDue) this.#layout();
     const width = this.#axis.width - this.#look.gutter - this.#look.tail;
     if (width < 20) return;
-    const { store } = this;
-    const w = (this.#window = timeWindow(view.peek(), store.serverNow(), this.#look.gutter, width, this.#axis.ratio));
+    const w = (this.#window = timeWindow(view.peek(), this.#store.serverNow(), this.#look.gutter, width, this.#axis.ratio));
     const shown = hidden.peek();
     for (const plot of this.#plots) plot.draw(w, this.#look, shown, now, this.#theme);
     const reading = cursorTime();
     this.#read(now, w, reading);
-    const device = view.peek().device ?? "";
-    const losses = store.losses(device);
-    if (this.#lanesSheet.height > 0) this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
-    drawAxis(this.#axis, w, this.#look, reading, measure.peek());
-    if (this.#over.height > 0) this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses);
-    drawGlass(this.#glass, this.#panes(), this.#plots, w, this.#look, {
-      losses, lostSince: this.#lostSince(device), cursor: reading, pinned: cursor.peek()?.kind === "pinned", measure: measure.peek(), selection: this.#selection,
-    }, shown);
+    this.#drawShared(now, w, reading, shown);
   }
 
-  get store(): Store {
-    return this.#store;
+  /** Lanes, axis, memory and glass, each when something in it changed: a window that stands still costs nothing. */
+  #drawShared(now: number, w: TimeWindow, reading: number | undefined, shown: ReadonlySet<string>): void {
+    const device = view.peek().device ?? "";
+    const losses = this.#store.losses(device);
+    const frame = `${w.g1} ${w.dt} ${w.base} ${this.#theme} ${losses.length} ${losses.at(-1)?.t1}`;
+    const still = this.#stillDue(now) ? this.#channels.reduce((sum, { ring }) => sum + ring.revision, 0) : this.#still;
+    if (this.#changed("lanes", `${frame} ${still} ${this.#names.lanes.length}`) && this.#lanesSheet.height > 0) {
+      this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
+    }
+    this.#still = still;
+    const cursors = `${reading} ${measure.peek()}`;
+    if (this.#changed("axis", `${frame} ${cursors}`)) drawAxis(this.#axis, w, this.#look, reading, measure.peek());
+    if (this.#over.height > 0 && (this.#memoryDue(now) || this.#changed("memory", `${w.live} ${w.span} ${w.live || w.t1} ${this.#theme}`))) {
+      this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses);
+    }
+    const lostSince = this.#lostSince(device);
+    const marks = { losses, lostSince, cursor: reading, measure: measure.peek(), selection: this.#selection };
+    if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${shown.size} ${reading === undefined ? "" : still}`)) {
+      drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
+    }
+  }
+
+  #changed(part: string, stamp: string): boolean {
+    if (this.#stamps.get(part) === stamp) return false;
+    this.#stamps.set(part, stamp);
+    return true;
   }
 
   /** Legends and the sentence about a lane. */
@@ -219,19 +244,17 @@ class Stack {
     for (const plot of this.#plots) {
       plot.top = plot.root.offsetTop;
       plot.sheet.resize(width, plot.root.clientHeight);
+      plot.wideTitle = (plot.root.querySelector("b")?.scrollWidth ?? 0) > TITLE_PX;
     }
     const box = (sheet: Sheet): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
-    const bottom = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop + this.#lanesBox.offsetHeight;
+    const top = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
+    const bottom = top + this.#lanesSheet.height;
+    const panes = this.#plots.map((plot) => ({ top: plot.top + plot.inset(this.#look), bottom: plot.top + plot.sheet.height }));
+    this.#panes = [...panes, { top, bottom }];
     this.#glass.resize(width, bottom);
     this.#glass.canvas.style.height = `${bottom}px`;
     this.#theme += 1; // a canvas that changed its size is blank
-  }
-
-  #panes(): Pane[] {
-    const panes = this.#plots.map((plot) => ({ top: plot.top + plot.inset(this.#look), bottom: plot.top + plot.sheet.height }));
-    const top = this.#lanesHost.offsetTop + this.#lanesBox.offsetTop;
-    return [...panes, { top, bottom: top + this.#lanesSheet.height }];
   }
 
   /** When the device was heard last, if it is gone. A file that has ended is not gone, nor is one that was never here. */
