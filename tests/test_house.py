@@ -201,7 +201,8 @@ def test_what_the_page_ships_is_permissive() -> None:
 
 def test_the_readme_is_true() -> None:
     readme = (ROOT / "README.md").read_text()
-    serve, check = "pip install uv && uv run imuscope", "pip install uv && uv run tests/check.py"
+    start = "python3 -m venv .venv && .venv/bin/pip install uv && .venv/bin/uv run"
+    serve, check = f"{start} --no-dev imuscope", f"{start} tests/check.py"
     assert serve in readme
     assert check in readme
     assert check in (ROOT / ".ci" / "run").read_text()
