@@ -30,6 +30,7 @@ BYTES = types.Array(types.uint8, 1, "C", readonly=True)  # what np.frombuffer(by
 ROWS = types.Array(types.uint8, 2, "C")
 INTS = types.Array(types.int64, 1, "C")
 TABLE = types.Array(types.int64, 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
+STRIDED = types.Array(types.int64, 2, "A")  # a TABLE of which some columns are left out
 INT = types.int64
 FLAG = types.boolean
 NOTHING = types.void
@@ -56,3 +57,8 @@ def compiled(result: Any, *arguments: Any) -> Callable[[F], F]:
             return cast(F, numba.njit(signature, nogil=True)(function))
 
     return decorate
+
+
+def inlined(function: F) -> F:
+    """Write the decorated function into the compiled ones that call it; worth it in a loop over frames only."""
+    return cast(F, numba.njit(inline="always")(function))

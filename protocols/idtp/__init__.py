@@ -1,0 +1,17 @@
+"""IDTP 2.1: the Inertial Measurement Unit Data Transfer Protocol.
+
+    from protocols.idtp.decoder import IdtpDecoder
+
+    decoder = IdtpDecoder(key=bytes.fromhex("0001…"))       # without a key, Secure frames are rejected as no_key
+    decoder.feed(chunk, arrival_ns)
+    for event in decoder.drain():       # Batch, Reply, Reject, Gap, Step (protocols/events.py)
+        ...
+
+    messages.py   every standard payload type, as a table    vendor.py    the user's description of vendor types
+    frames.py     scan, verify and build frames              sequence.py  replays and losses, device by device
+    stream.py     frames that count, and rejects             payloads.py  from a payload's type to its columns
+    decoder.py    batches, time, loss, warnings              plain.py     one frame as plain values and back
+    device.py     the other end of the wire
+
+Source: IDTP v2.1.0, with its errata.
+"""

@@ -1,0 +1,268 @@
+"""Bytes of IDTP devices in, events out: one Batch for each device and layout, what was lost, and what was refused.
+
+    chunks ──> IdtpStream ──> frames ──> group by (device, verified, version, type, length) ──> Batch
+                   │              └─> sequence numbers ──> Gap      timestamps ──> time, Step
+                   └─> Reject
+
+## Devices and trust
+
+Several devices may share a link: `Batch.device` is the device_id, in decimal. Lite and Safety frames say what they are
+in the Status column of their batch; Secure frames that could not be verified come only when they were asked for, as
+batches of their own whose `verified` is False, with a clock of their own, and they touch nothing else.
+
+## Time
+
+The timestamp counts in a unit that the document only recommends (µs), so it is a setting; 32 bits of µs wrap every 71.6
+minutes and are unwrapped, for each device apart.
+
+What a person should know, once for each device, comes as a Reply named "Warning": a newer version, payloads of an
+unexpected length, a successor protocol.
+
+Source: IDTP v2.1.0, with its errata.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from typing import Any, get_args
+
+import numpy as np
+
+from protocols.clocks import Unwrap
+from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step
+from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
+from protocols.grouping import group
+from protocols.idtp.payloads import Payload, Rotation, Shown
+from protocols.idtp.sequence import KEY, MINOR, MISSING, MODE, SOURCE, TIMESTAMP, key_of, source_of
+from protocols.idtp.stream import Cut, IdtpStream
+from protocols.idtp.vendor import Schema
+from protocols.jit import BYTES, INTS, NOTHING, ROWS, compiled, unsigned
+from protocols.schema import Direction, Message
+
+WRAP = 2**32
+UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
+KNOWN_MINOR = 1
+WARNING = Message(-1, "Warning", kind="indication", doc="What a person should know about a device.")
+
+_LAYOUTS = 4096  # remembered; a device has a handful
+
+
+@compiled(NOTHING, BYTES, INTS, ROWS)
+def gather(data: Bytes, starts: Ints, rows: Bytes) -> None:
+    """Copy `rows.shape[1]` bytes from each of `starts` into the rows of one array."""
+    width = unsigned(rows.shape[1])
+    for f in range(unsigned(len(starts))):
+        start = unsigned(starts[f])
+        for i in range(width):
+            rows[f, i] = data[start + i]
+
+
+class IdtpDecoder(Decoder):
+    """See events.Decoder.
+
+    Args:
+        direction: devices only send; kept for those who ask.
+        key: for Secure frames; with one, only Secure frames are accepted unless `min_mode` says otherwise.
+        min_mode: 0 (Lite), 1 (Safety) or 2 (Secure): weaker frames are rejected as `below_min_mode`.
+        replay_check: False accepts frames whatever their sequence numbers.
+        time_unit: of the timestamp: "ns", "us", "ms" or "s".
+        rotation: which way a device's quaternion turns; the column always turns body to ENU.
+        show_unverified: without a key, show Secure frames, marked, instead of rejecting them as `no_key`.
+        schema: rows of the vendor's own payload types, see vendor.py.
+        datagrams: every chunk is a datagram.
+    Raises:
+        ValueError: a setting that there is not.
+    """
+
+    def __init__(
+        self,
+        *,
+        direction: Direction = "to_host",
+        key: bytes | None = None,
+        min_mode: int | None = None,
+        replay_check: bool = True,
+        time_unit: str = "us",
+        rotation: Rotation = "enu_from_body",
+        show_unverified: bool = False,
+        schema: Schema | None = None,
+        datagrams: bool = False,
+    ) -> None:
+        if time_unit not in UNITS:
+            raise ValueError(f"time_unit is one of {', '.join(UNITS)}, given {time_unit!r}")
+        if rotation not in get_args(Rotation):
+            raise ValueError(f"rotation is one of {', '.join(get_args(Rotation))}, given {rotation!r}")
+        self.direction = direction
+        self._stream = IdtpStream(
+            key=key,
+            min_mode=min_mode,
+            replay_check=replay_check,
+            show_unverified=show_unverified,
+            datagrams=datagrams,
+        )
+        self._tick_ns = UNITS[time_unit]
+        self._rotation: Rotation = rotation
+        self._schema: Schema = schema or {}
+        self._payloads: dict[int, Payload] = {}
+        self._clocks: dict[int, Unwrap] = {}  # by SOURCE
+        self._said: set[tuple[int, str]] = set()
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their frame is incomplete."""
+        return self._stream.buffered
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame."""
+        return self._stream.skipped
+
+    def rearm(self, device: str = "") -> None:
+        """Accept whatever sequence number comes next, of one device or ("") of all; see sequence.py.
+
+        Raises:
+            ValueError: no device identifier.
+        """
+        if device and not (device.isdecimal() and int(device) <= 0xFFFF):
+            raise ValueError(f"a device is a number from 0 to 65535, given {device!r}")
+        self._stream.sequences.rearm(int(device) if device else None)
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._stream.feed(data, arrival_ns)
+
+    def drain(self, *, stalled: bool = False) -> list[Event]:
+        """Everything complete, by offset; a batch stands where its first frame began."""
+        events: list[Event] = []
+        for cut in self._stream.drain(stalled=stalled):
+            if cut.rejects:
+                events += cut.rejects
+                events += self._successor(cut.rejects)
+            if cut.table.shape[1]:
+                self._data(cut, events)
+        return sorted(events, key=_offset) if len(events) > 1 else events
+
+    # -- batches -------------------------------------------------------------------------------------------------------
+
+    def _data(self, cut: Cut, events: list[Event]) -> None:
+        """Batches, gaps, steps and warnings of the accepted frames."""
+        rows, table, arrivals = cut.judged.rows, cut.table, cut.arrival_ns
+        n = table.shape[1]
+        offsets = table[OFFSET] + cut.start
+        times = self._times(cut, offsets, events)
+        if cut.judged.gaps:
+            self._gaps(cut, offsets, times, events)
+        if cut.judged.other:
+            self._newer(cut, offsets, events)
+        for key, which in _groups(rows[KEY]):
+            source, old, kind, length = key_of(key)
+            payload = self._payload(key & 0x1FFFFF, kind, old, length)
+            starts = table[BODY] if which is None else table[BODY][which]
+            if payload.trouble:
+                first = 0 if which is None else int(which[0])
+                self._warn(source >> 1, payload.message.name, payload.trouble, cut, first, events)
+            gathered = np.empty((len(starts), payload.width), np.uint8)
+            gather(cut.array, starts, gathered)
+            device, unverified = source_of(source)
+            pick: Any = slice(None) if which is None else which
+            shown = Shown(payload, gathered, rows[MODE] if n == 1 else rows[MODE][pick], unverified, self._rotation)
+            events.append(
+                Batch(payload.message, str(device), arrivals[pick], offsets[pick], times[pick], shown, not unverified)
+            )
+
+    def _payload(self, layout: int, kind: int, old: bool, length: int) -> Payload:
+        payload = self._payloads.get(layout)
+        if payload is None:
+            if len(self._payloads) >= _LAYOUTS:
+                self._payloads.clear()
+            payload = self._payloads[layout] = Payload(kind, old, length, self._schema, self._tick_ns)
+        return payload
+
+    # -- time and loss -------------------------------------------------------------------------------------------------
+
+    def _times(self, cut: Cut, offsets: Ints, events: list[Event]) -> Ints:
+        """Device time of each frame, ns; each device (verified or not) has its own clock."""
+        rows, arrivals = cut.judged.rows, cut.arrival_ns
+        if not cut.judged.mixed:
+            return self._unwrap(int(rows[SOURCE, 0]), rows[TIMESTAMP], arrivals, offsets, events)
+        times = np.empty(len(offsets), np.int64)
+        for source, which in _groups(rows[SOURCE]):
+            pick: Any = slice(None) if which is None else which
+            raw = rows[TIMESTAMP][pick]
+            times[pick] = self._unwrap(source, raw, arrivals[pick], offsets[pick], events)
+        return times
+
+    def _unwrap(self, source: int, raw: Ints, arrivals: Ints, offsets: Ints, events: list[Event]) -> Ints:
+        clock = self._clocks.get(source)
+        if clock is None:
+            clock = self._clocks[source] = Unwrap(WRAP, tick_ns=self._tick_ns)
+        ticks = clock.ticks(raw, arrivals)
+        for i, kind, by in clock.steps:
+            device = str(source_of(source)[0])
+            events.append(Step(int(offsets[i]), kind, by * self._tick_ns, int(arrivals[i]), device))
+        return ticks * self._tick_ns
+
+    @staticmethod
+    def _gaps(cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
+        missing = cut.judged.rows[MISSING]
+        for i in np.flatnonzero(missing).tolist():
+            device = str(int(cut.table[SENDER, i]))
+            lost = int(missing[i])
+            events.append(Gap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
+
+    # -- what a person should know -------------------------------------------------------------------------------------
+
+    def _warn(self, device: int, topic: str, words: str, cut: Cut, row: int, events: list[Event]) -> None:
+        """Say something about a device, once."""
+        if (device, topic) in self._said:
+            return
+        self._said.add((device, topic))
+        offset, size = cut.start + int(cut.table[OFFSET, row]), int(cut.table[SIZE, row])
+        values = {"device_id": device, "warning": words}
+        events.append(Reply(WARNING, values, offset, size, int(cut.arrival_ns[row]), str(device)))
+
+    def _newer(self, cut: Cut, offsets: Ints, events: list[Event]) -> None:
+        """Versions other than the known one."""
+        minors = cut.judged.rows[MINOR]
+        for device, at in zip(*np.unique(cut.table[SENDER] << 4 | minors, return_index=True), strict=True):
+            minor = int(minors[at])
+            if minor > KNOWN_MINOR:
+                words = f"speaks IDTP 2.{minor}, newer than what is known here, and is read as 2.{KNOWN_MINOR}"
+                self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
+            elif minor < KNOWN_MINOR:
+                words = "speaks IDTP 2.0, in which every payload type is the vendor's own"
+                self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
+
+    def _successor(self, rejects: list[Reject]) -> Iterator[Reply]:
+        """INDT, by name, once."""
+        if (-1, "indt") in self._said:
+            return
+        for reject in rejects:
+            if reject.reason == REASONS[INDT]:
+                self._said.add((-1, "indt"))
+                values = {"warning": "these bytes speak INDT, the successor of IDTP, which is not read here"}
+                yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)
+                return
+
+
+def _groups(keys: Ints) -> Iterator[tuple[int, Ints | None]]:
+    """Each key and its rows; None where it is the only one."""
+    n = len(keys)
+    if n == 1:
+        yield int(keys[0]), None
+        return
+    order = np.empty(n, np.int64)
+    bounds = np.empty(n + 1, np.int64)
+    groups = group(keys, order, bounds)
+    if groups == 1:
+        yield int(keys[0]), None
+        return
+    for begin, end in pairwise(bounds[: groups + 1].tolist()):
+        yield int(keys[order[begin]]), order[begin:end]
+
+
+def _offset(event: Event) -> int:
+    """Where an event stands in the stream. What is said about a frame comes before it."""
+    if isinstance(event, Batch):
+        return 2 * int(event.offset[0]) + 1
+    return 2 * event.offset

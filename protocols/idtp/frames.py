@@ -1,0 +1,328 @@
+"""IDTP frames: how one is delimited, found in a stream, and built.
+
+    I D T P   TIMESTAMP   SEQUENCE   DEVICE   SIZE    VERSION   MODE   TYPE   CRC8   PAYLOAD   TRAILER
+    0         4           8          12       14      16        17     18     19     20        20 + SIZE
+
+Little-endian. SIZE counts the payload, at most 972 bytes in every mode. CRC8 covers bytes 0 to 18. The trailer covers
+header (CRC8 included) and payload, and depends on the mode, which the sender chooses:
+
+    0  Lite     none: a damaged payload goes unnoticed
+    1  Safety   CRC-32/AUTOSAR, 4 bytes
+    2  Secure   HMAC-SHA256, 32 bytes
+
+A candidate is checked in this order, and fails at the first check that it does not pass:
+
+    bad_crc8         needs the whole header, 20 bytes
+    bad_version      the major number, the high nibble, is not 2
+    bad_mode         none of the three
+    below_min_mode   weaker than this source may be (a Lite header must not swallow the Secure frame that it covers)
+    bad_size         more than 972: at once, without waiting for 65 kB
+    (complete?)      it waits; at the end of a file, or after a stall, it is `truncated`
+    bad_crc32, bad_hmac; no_key: a Secure frame, and no key to check it with
+
+After a failure the search goes on 4 bytes later, right after the preamble, and never after the claimed length. `INDT`
+is the preamble of a successor protocol: a candidate that fails by that name.
+
+## Secure frames
+
+The loop below is compiled and cannot ask for an HMAC. It goes on as if every Secure frame were genuine; `scanner`
+checks those afterwards, in order, and where one is not it throws away what was found behind it and searches again from
+there. After each forged frame it looks ahead by a few frames only, so that a stream of forgeries costs little more than
+a stream of good ones.
+
+Source: IDTP v2.1.0, sections 3 to 6, with its errata 1 to 5 and 7.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from protocols.checksums import crc8_autosar, crc32_autosar
+from protocols.framing import (
+    BAD_CRC8,
+    BAD_CRC32,
+    BAD_HMAC,
+    BAD_MODE,
+    BAD_SIZE,
+    BAD_VERSION,
+    BELOW_MIN_MODE,
+    BODY,
+    FRAME,
+    ID,
+    INDT,
+    LENGTH,
+    NO_KEY,
+    OFFSET,
+    SENDER,
+    SIZE,
+    STATUS,
+    TRUNCATED,
+    Bytes,
+    Ints,
+    Scan,
+)
+from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
+
+PREAMBLE, SUCCESSOR = b"IDTP", b"INDT"
+HEADER = struct.Struct("<4sIIHHBBB")  # all but its CRC-8
+HEADER_SIZE = 20
+TIMESTAMP_AT, SEQUENCE_AT, DEVICE_AT, SIZE_AT, VERSION_AT, MODE_AT, TYPE_AT, CRC_AT = 4, 8, 12, 14, 16, 17, 18, 19
+MAX_PAYLOAD = 972
+MAX_FRAME = 1024
+MAJOR, VERSION = 2, 0x21
+
+LITE, SAFETY, SECURE = range(3)
+MODES = ("Lite", "Safety", "Secure")
+TRAILERS = (0, 4, 32)
+
+_I, _D, _T, _P, _N = b"IDTPN"
+_FEW = 8  # frames to look ahead after a forged one
+
+
+@compiled(INT, BYTES, INT)
+def _u2(data: Bytes, at: int) -> int:
+    i = unsigned(at)
+    return int(data[i]) | int(data[i + unsigned(1)]) << 8
+
+
+@compiled(INT, BYTES, INT)
+def _u4(data: Bytes, at: int) -> int:
+    return _u2(data, at) | _u2(data, at + 2) << 16
+
+
+@compiled(INT, BYTES, INT, INT)
+def _preamble(data: Bytes, at: int, left: int) -> int:
+    """What begins with the I at `at`: 0 nothing, 1 IDTP, 2 INDT; as far as the `left` bytes tell."""
+    if left < 2:
+        return 1
+    second = int(data[at + 1])
+    if second == _D:
+        return 1 if (left < 3 or int(data[at + 2]) == _T) and (left < 4 or int(data[at + 3]) == _P) else 0
+    if second == _N:
+        return 2 if (left < 3 or int(data[at + 2]) == _D) and (left < 4 or int(data[at + 3]) == _T) else 0
+    return 0
+
+
+@compiled(INT, BYTES, INT, INT)
+def _header(data: Bytes, at: int, min_mode: int) -> int:
+    """What can be said against the whole header at `at`."""
+    if crc8_autosar(data, at, at + CRC_AT) != int(data[at + CRC_AT]):
+        return BAD_CRC8
+    if int(data[at + VERSION_AT]) >> 4 != MAJOR:
+        return BAD_VERSION
+    mode = int(data[at + MODE_AT])
+    if mode > SECURE:
+        return BAD_MODE
+    if mode < min_mode:
+        return BELOW_MIN_MODE
+    if _u2(data, at + SIZE_AT) > MAX_PAYLOAD:
+        return BAD_SIZE
+    return FRAME
+
+
+@compiled(INT, BYTES, INT, INT, INT)
+def _trailer(data: Bytes, at: int, end: int, secure: int) -> int:
+    """What can be said against the whole frame at `at`, whose trailer begins at `end`."""
+    mode = int(data[at + MODE_AT])
+    if mode == SAFETY:
+        return FRAME if crc32_autosar(data, at, end) == _u4(data, end) else BAD_CRC32
+    return NO_KEY if mode == SECURE and secure == 0 else FRAME
+
+
+@compiled(FOUR, BYTES, INT, FLAG, INT, INT, TABLE, INT, INT)
+def candidates(
+    data: Bytes, at: int, final: bool, min_mode: int, secure: int, table: Ints, first: int, stop: int
+) -> tuple[int, int, int, int]:
+    """Find candidates in `data[at:]` and write them into the columns `first` to `stop` of `table`.
+
+    As framing.Scan otherwise; returns the column after the last one written. ID is the payload type, SENDER the device.
+
+    Args:
+        min_mode: weaker modes fail.
+        secure: 0: Secure frames fail as `no_key`; 1: they are taken as they are.
+    """
+    end = len(data)
+    n = first
+    failed = 0
+    framed = 0
+    while at < end and n < stop:
+        if int(data[unsigned(at)]) != _I:
+            at += 1
+            continue
+        left = end - at
+        kind = _preamble(data, at, left)
+        if kind == 0:
+            at += 1
+            continue
+        if left < 4:  # the beginning of a preamble is no candidate yet
+            if not final:
+                break
+            at += 1
+            continue
+        status = INDT
+        size = 4
+        length = 0
+        if kind == 1 and left < HEADER_SIZE:
+            status = TRUNCATED
+            size = 0
+        elif kind == 1:
+            status = _header(data, at, min_mode)
+            size = HEADER_SIZE
+            if status == FRAME:
+                length = _u2(data, at + SIZE_AT)
+                mode = int(data[at + MODE_AT])
+                body_end = at + HEADER_SIZE + length
+                size += length + (32 if mode == SECURE else 4 * mode)
+                status = TRUNCATED if size > left else _trailer(data, at, body_end, secure)
+        if status == TRUNCATED and not final:
+            break
+        table[OFFSET, n] = at
+        table[SIZE, n] = size
+        table[BODY, n] = at + HEADER_SIZE
+        table[LENGTH, n] = length
+        table[ID, n] = int(data[at + TYPE_AT]) if left >= HEADER_SIZE else -1
+        table[SENDER, n] = _u2(data, at + DEVICE_AT) if left >= HEADER_SIZE else -1
+        table[STATUS, n] = status
+        n += 1
+        if status == FRAME:
+            framed += size
+            at += size
+        else:
+            failed += 1
+            at += 4
+    return n, at, failed, framed
+
+
+# -- Secure frames -----------------------------------------------------------------------------------------------------
+
+
+class Seal:
+    """HMAC-SHA256 with one key.
+
+    Both hashes of the construction begin with a block that depends on the key alone; it is hashed once, and each frame
+    goes on from a copy (half the time of hmac.digest).
+
+    Raises:
+        ValueError: the key is empty.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        if not key:
+            raise ValueError("a key has at least one byte")
+        block = hashlib.sha256(key).digest() if len(key) > 64 else key
+        block = block.ljust(64, b"\0")
+        self._inner = hashlib.sha256(bytes(byte ^ 0x36 for byte in block))
+        self._outer = hashlib.sha256(bytes(byte ^ 0x5C for byte in block))
+
+    def of(self, data: bytes | memoryview) -> bytes:
+        """The 32 bytes that seal `data`."""
+        inner, outer = self._inner.copy(), self._outer.copy()
+        inner.update(data)
+        outer.update(inner.digest())
+        return outer.digest()
+
+    def fits(self, frame: memoryview) -> bool:
+        """Is this Secure frame genuine? Takes the same time wherever it differs."""
+        return hmac.compare_digest(self.of(frame[:-32]), frame[-32:])
+
+
+def scanner(key: bytes | None = None, min_mode: int = LITE, *, show_unverified: bool = False) -> Scan:
+    """A scan for protocols/framing.py.
+
+    Args:
+        key: for Secure frames.
+        min_mode: LITE, SAFETY or SECURE; frames of weaker modes are rejected.
+        show_unverified: without a key, take Secure frames as they are.
+    """
+    if key is not None:
+        return _sealed(Seal(key), min_mode)
+    secure = 1 if show_unverified else 0
+
+    def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
+        return candidates(data, at, final, min_mode, secure, table, 0, table.shape[1])
+
+    return scan
+
+
+def _sealed(seal: Seal, min_mode: int) -> Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]:
+    def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
+        done, columns = 0, table.shape[1]
+        ahead = columns
+        view = data.data
+        while done < columns:
+            stop = min(done + ahead, columns)
+            found, at, _, _ = candidates(data, at, final, min_mode, 1, table, done, stop)
+            forged = _first_forged(seal, data, view, table, done, found)
+            if forged < found:
+                table[STATUS, forged] = BAD_HMAC
+                at = int(table[OFFSET, forged]) + 4
+                done, ahead = forged + 1, _FEW
+                continue
+            done, ahead = found, 2 * ahead
+            if found < stop:
+                break
+        good = table[STATUS, :done] == FRAME
+        return done, at, done - int(good.sum()), int(table[SIZE, :done][good].sum())
+
+    return scan
+
+
+def _first_forged(seal: Seal, data: Bytes, view: memoryview, table: Ints, first: int, stop: int) -> int:
+    """The first of the columns whose frame is Secure and not genuine; `stop` where all are."""
+    offsets, good = table[OFFSET, first:stop], table[STATUS, first:stop] == FRAME
+    for row in np.flatnonzero(good).tolist():
+        at = int(offsets[row])
+        if data[at + MODE_AT] == SECURE and not seal.fits(view[at : at + int(table[SIZE, first + row])]):
+            return first + row
+    return stop
+
+
+# -- building ----------------------------------------------------------------------------------------------------------
+
+
+def build(
+    kind: int,
+    payload: bytes = b"",
+    *,
+    timestamp: int = 0,
+    sequence: int = 0,
+    device: int = 0,
+    mode: int = LITE,
+    version: int = VERSION,
+    key: bytes | None = None,
+) -> bytes:
+    """One frame.
+
+    Args:
+        kind: payload type, 0 to 255.
+        timestamp, sequence: 32 bits; device: 16 bits.
+        mode: LITE, SAFETY or SECURE; Secure needs a key.
+    Raises:
+        ValueError: a number out of its range, a payload over 972 bytes, no key.
+    """
+    limits = {
+        "payload type": (kind, 0xFF),
+        "timestamp": (timestamp, 0xFFFFFFFF),
+        "sequence": (sequence, 0xFFFFFFFF),
+        "device_id": (device, 0xFFFF),
+        "payload size": (len(payload), MAX_PAYLOAD),
+        "mode": (mode, SECURE),
+        "version": (version, 0xFF),
+    }
+    for name, (value, most) in limits.items():
+        if not 0 <= value <= most:
+            raise ValueError(f"{name} is 0 to {most}, given {value}")
+    frame = HEADER.pack(PREAMBLE, timestamp, sequence, device, len(payload), version, mode, kind)
+    frame += bytes([crc8_autosar(np.frombuffer(frame, np.uint8), 0, CRC_AT)]) + payload
+    if mode == SAFETY:
+        return frame + struct.pack("<I", crc32_autosar(np.frombuffer(frame, np.uint8), 0, len(frame)))
+    if mode == SECURE:
+        if key is None:
+            raise ValueError("a Secure frame needs a key")
+        return frame + Seal(key).of(frame)
+    return frame

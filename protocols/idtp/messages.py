@@ -1,0 +1,132 @@
+"""Every payload type of IDTP, as rows.
+
+    0x00 … 0x06   standard: float32 readings, little-endian, packed
+    0x07 … 0x7F   reserved
+    0x80 … 0xFF   the vendor's own
+
+A type without a row is shown as bytes, unless the user has described it (vendor.py). In version 2.0 every type was the
+vendor's own, whatever its number.
+
+The document names single readings (acc_x, acc_y, acc_z); a reader wants the vector. So a row has one field for each
+quantity, and WIRE holds the document's names for lists, scripts and composing. The rows hold what travels; the decoder
+adds STATUS to them, what it found out about each frame, as flags.
+
+Source: IDTP v2.1.0, sections 4.5.1 to 4.5.3; Imu6, Imu9 and Imu10 have the units of the three-axis types (erratum 10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from protocols.schema import Bits, Field, Message
+
+STANDARD_END = 0x07  # the first number without a meaning
+SECTION = "IDTP v2.1.0, section 4.5.1"
+XYZ = ("x", "y", "z")
+
+ACCELERATION = Field(
+    "Acceleration",
+    "<f4",
+    (3,),
+    unit="m/s²",
+    axes=XYZ,
+    decimals=3,
+    doc="Specific force along the sensor's axes, which follow the right-hand rule.",
+    source=SECTION,
+)
+RATE = Field(
+    "RateOfTurn",
+    "<f4",
+    (3,),
+    unit="rad/s",
+    axes=XYZ,
+    decimals=4,
+    title="Rate of turn",
+    doc="Rate of turn about the sensor's axes.",
+    source=SECTION,
+)
+FIELD = Field(
+    "MagneticField",
+    "<f4",
+    (3,),
+    unit="µT",
+    axes=XYZ,
+    decimals=2,
+    title="Magnetic field",
+    doc="Magnetic flux density along the sensor's axes.",
+    source=SECTION,
+)
+PRESSURE = Field(
+    "BaroPressure",
+    "<f4",
+    unit="Pa",
+    decimals=1,
+    title="Pressure",
+    doc="Pressure measured by the barometer.",
+    source=SECTION,
+)
+QUATERNION = Field(
+    "Quaternion",
+    "<f4",
+    (4,),
+    axes=("w", "x", "y", "z"),
+    decimals=4,
+    frame="ENU from body",
+    doc="Orientation, scalar first, of norm 1.",
+    source=SECTION,
+)
+
+WIRE: Mapping[str, tuple[str, ...]] = {
+    ACCELERATION.name: ("acc_x", "acc_y", "acc_z"),
+    RATE.name: ("gyr_x", "gyr_y", "gyr_z"),
+    FIELD.name: ("mag_x", "mag_y", "mag_z"),
+    PRESSURE.name: ("baro",),
+    QUATERNION.name: ("w", "x", "y", "z"),
+}
+"""Field → the document's names of its elements."""
+
+
+def _row(number: int, name: str, fields: tuple[Field, ...], doc: str) -> Message:
+    return Message(number, name, fields, split=True, doc=doc, source=SECTION)
+
+
+MESSAGES: tuple[Message, ...] = (
+    _row(0x00, "Imu3Acc", (ACCELERATION,), "An accelerometer."),
+    _row(0x01, "Imu3Gyr", (RATE,), "A gyroscope."),
+    _row(0x02, "Imu3Mag", (FIELD,), "A magnetometer."),
+    _row(0x03, "Imu6", (ACCELERATION, RATE), "Accelerometer and gyroscope."),
+    _row(0x04, "Imu9", (ACCELERATION, RATE, FIELD), "Accelerometer, gyroscope and magnetometer."),
+    _row(0x05, "Imu10", (ACCELERATION, RATE, FIELD, PRESSURE), "Accelerometer, gyroscope, magnetometer and barometer."),
+    _row(0x06, "ImuQuat", (QUATERNION,), "Orientation."),
+)
+BY_ID: Mapping[int, Message] = {row.id: row for row in MESSAGES}
+BY_NAME: Mapping[str, Message] = {row.name: row for row in MESSAGES}
+
+MODE_NAMES: Mapping[int, str] = {0: "Lite", 1: "Safety", 2: "Secure"}
+MODE_BITS, UNVERIFIED, NOT_FINITE, NOT_UNIT, TOO_LONG = 0, 2, 3, 4, 5
+
+STATUS = Field(
+    "Status",
+    "u1",
+    title="Frame status",
+    bits=(
+        Bits("Mode", MODE_BITS, 2, MODE_NAMES, doc="What protects the frame: CRC-8, CRC-32 or HMAC."),
+        Bits("Unverified", UNVERIFIED, severity="fault", doc="A Secure frame, and no key to verify it with."),
+        Bits("NotFinite", NOT_FINITE, severity="caution", doc="A value is not a number, or infinite."),
+        Bits("NotUnit", NOT_UNIT, severity="caution", doc="The quaternion's norm is not 1: it is shown as a gap."),
+        Bits("TooLong", TOO_LONG, severity="caution", doc="The payload goes on behind what its type describes."),
+    ),
+    doc="What was found out about each frame.",
+)
+
+
+def status_of(name: str) -> Field:
+    """STATUS of one message, under a name of its own, because channels go by name."""
+    return replace(STATUS, name=f"{name}Status", title=f"{name} frame")
+
+
+def opaque(number: int, size: int, name: str = "") -> Message:
+    """A payload of unknown layout: its bytes."""
+    data = Field("data", "bytes", (size,), title="Payload", doc="The payload as it came.")
+    return Message(number, name or f"0x{number:02X}", (data,) if size else (), doc="A payload without a description.")

@@ -1,0 +1,167 @@
+"""What do the bytes of this payload mean? From (version, type, length) to a row, and from many payloads to columns.
+
+    shorter than its type    intact, but not decoded: its bytes
+    longer                   the fields at its beginning; the rest is passed over, and the frame marked
+    no description           its bytes
+
+Every message that is decoded has one more column than the wire has fields: its Status, with the mode of each frame and
+what was found odd about it. Odd values are kept: a NaN is a gap in any plot. A quaternion whose norm is not 1 is no
+rotation; it is marked, and NaN in its column, so that nothing is drawn from it. (`imuscope inspect` shows it as sent.)
+
+Source: IDTP v2.1.0, section 4.5, with its errata 2, 8, 10 and 11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.framing import Bytes, Ints
+from protocols.idtp.messages import (
+    BY_ID,
+    NOT_FINITE,
+    NOT_UNIT,
+    QUATERNION,
+    STANDARD_END,
+    TOO_LONG,
+    UNVERIFIED,
+    opaque,
+    status_of,
+)
+from protocols.idtp.vendor import Schema
+from protocols.jit import INTS, NOTHING, ROWS, TABLE, compiled, unsigned
+from protocols.layouts import Columns, Layout, element, size_of
+from protocols.schema import Field, Message
+
+Array = NDArray[Any]
+Rotation = Literal["enu_from_body", "body_from_enu"]
+
+UNIT_TOLERANCE = 0.01  # of the norm: float32 and slow filters stay far below; beyond, an attitude is off by a degree
+
+
+def row_of(kind: int, old: bool, schema: Schema) -> Message | None:
+    """The row of a payload type; None without one. `old`: version 2.0, whose types are all the vendor's own."""
+    if not old and kind < STANDARD_END:
+        return BY_ID[kind]
+    return schema.get(kind)
+
+
+@compiled(NOTHING, ROWS, TABLE, INTS, ROWS)
+def check_finite(rows: Bytes, floats: Ints, modes: Ints, status: Bytes) -> None:
+    """Begin the status of each row: its mode, and whether a float in it is not finite.
+
+    Args:
+        floats: (2, k): where the highest byte of each float is in a row, and which bits of the byte before it belong to
+            the exponent, which is all ones in a NaN or an infinity.
+        status: (n, 1), written.
+    """
+    for f in range(unsigned(len(rows))):
+        odd = 0
+        for k in range(unsigned(floats.shape[1])):
+            at = unsigned(floats[0, k])
+            if int(rows[f, at]) & 0x7F == 0x7F:
+                low = floats[1, k]
+                odd |= int(int(rows[f, at - unsigned(1)]) & low == low)
+        status[f, 0] = modes[f] | odd << NOT_FINITE
+
+
+class Payload:
+    """One layout: what (version, type, length) means.
+
+    Args:
+        old: version 2.0.
+        tick_ns: unit of the timestamp.
+    Attributes:
+        message: with its Status, as batches carry it.
+        width: bytes of a payload that are read.
+        trouble: "" or what a person should know: "shorter …", "longer …".
+    """
+
+    def __init__(self, kind: int, old: bool, length: int, schema: Schema, tick_ns: int) -> None:
+        row = row_of(kind, old, schema)
+        size = sum(size_of(field) for field in row.fields) if row else 0
+        self.trouble = ""
+        self.marks = 0
+        if row is None:
+            row = opaque(kind, length)
+        elif length < size:
+            self.trouble = f"{row.name} comes with {length} bytes instead of {size} and is not decoded"
+            row = opaque(kind, length, f"{row.name}Bytes")
+        elif length > size:
+            self.trouble = f"{row.name} comes with {length} bytes instead of {size}; the rest is passed over"
+            self.marks = 1 << TOO_LONG
+        self.status = status_of(row.name).name
+        fields = (*row.fields, status_of(row.name))
+        self.message = replace(row, fields=fields, time="timestamp", tick_ns=tick_ns, wrap=2**32)
+        self.layout = Layout.of(row.fields)
+        self.width = self.layout.size
+        self.floats = _floats(row.fields)
+        self.has_quaternion = QUATERNION in row.fields
+        self.scaled = any(field.scale != 1 or field.bias != 0 for field in row.fields)
+
+
+def _floats(fields: tuple[Field, ...]) -> Ints:
+    """Where the floats are; see `check_finite`."""
+    found: list[tuple[int, int]] = []
+    at = 0
+    for field in fields:
+        if field.dtype in ("<f4", "<f8"):
+            step = element(field).itemsize
+            found += [(end - 1, 0x80 if step == 4 else 0xF0) for end in range(at + step, at + size_of(field) + 1, step)]
+        at += size_of(field)
+    return np.array(found, np.int64).reshape(-1, 2).T.copy()
+
+
+class Shown(Mapping[str, Array]):
+    """Field → column, with the Status; made when first asked for (see events.Batch)."""
+
+    __slots__ = ("_columns", "_marks", "_modes", "_payload", "_rotation", "_rows", "_special")
+
+    def __init__(self, payload: Payload, rows: Bytes, modes: Ints, unverified: bool, rotation: Rotation) -> None:
+        self._payload = payload
+        self._rows = rows
+        self._modes = modes
+        self._marks = payload.marks | int(unverified) << UNVERIFIED
+        self._rotation = rotation
+        self._columns: Columns = payload.layout.columns(rows)
+        self._special: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        payload = self._payload
+        if name == payload.status or (payload.has_quaternion and name == QUATERNION.name):
+            if not self._special:
+                self._make()
+            return self._special[name]
+        if payload.scaled:  # a signalling NaN would be told of when it is multiplied
+            with np.errstate(all="ignore"):
+                return self._columns[name]
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._columns
+        yield self._payload.status
+
+    def __len__(self) -> int:
+        return len(self._columns) + 1
+
+    def _make(self) -> None:
+        table = np.empty((len(self._rows), 1), np.uint8)
+        check_finite(self._rows, self._payload.floats, self._modes, table)
+        status = table[:, 0]
+        if self._marks:
+            status |= np.uint8(self._marks)
+        if self._payload.has_quaternion:
+            column = self._columns[QUATERNION.name].copy()
+            with np.errstate(all="ignore"):
+                norm = np.sqrt(np.einsum("ij,ij->i", column, column, dtype=np.float64))
+                odd = ~(np.abs(norm - 1) <= UNIT_TOLERANCE)
+            status[odd] |= np.uint8(1 << NOT_UNIT)
+            column[odd] = np.nan
+            if self._rotation == "body_from_enu":
+                column[:, 1:] *= -1  # the inverse of a unit quaternion is its conjugate
+            self._special[QUATERNION.name] = column
+        self._special[self._payload.status] = status

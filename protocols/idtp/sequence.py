@@ -1,0 +1,174 @@
+"""Has this frame been here before? The sequence number of each device, against replays, and for counting losses.
+
+    last accepted                       + 2^16                     + 2^31 = − 2^31
+    ─────┼───────────────────────────────┼──────────────────────────────┼──────────────────────> sequence, modulo 2^32
+         │ newer: accepted, the numbers  │ far ahead: below Secure the  │ not newer: stale, dropped
+         │ between are lost              │ second that agrees counts    │ whole and counted
+
+The first frame of a device is accepted whatever its number. "Newer" is meant modulo 2^32: by the letter of the document
+("less than or equal to the last") a device would be locked out for good when its number wraps.
+
+Below Secure anybody can forge a number, and a damaged Lite header that passes its 8 bits of CRC is enough to set a
+false one. Therefore
+
+    far ahead   a jump of more than 2^16 is believed when the next frame goes on from there (1 to 2^16 further). The
+                frame that jumped is dropped and counted.
+    silence     when nothing of a device was accepted for 3 s, an older number is a restart. By arrival time, so it
+                never happens in a file that is read without.
+
+In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). A frame
+changes the state only after all its other checks have passed; a Secure frame that could not be verified never does, and
+is not judged.
+
+Source: IDTP v2.1.0, section 6.1, with its erratum 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints
+from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, unsigned
+
+FAR = 1 << 16
+HALF = 1 << 31
+MASK = 0xFFFFFFFF
+SILENCE_NS = 3_000_000_000
+
+# What is remembered of each device. The table has a row for each of the 2^16 that there can be; the system gives memory
+# only to rows that are used.
+KNOWN, LAST, ACCEPTED_NS, LAST_MODE, CANDIDATE = range(5)
+STATES = 8  # a power of two: a row is one line of a cache
+
+VERDICT, MISSING, TIMESTAMP, SEQUENCE, MODE, MINOR, SOURCE, KEY = range(8)
+JUDGED = 8
+
+
+@compiled(INT, BYTES, INT)
+def _u4(data: Bytes, at: int) -> int:
+    i = unsigned(at)
+    low = int(data[i]) | int(data[i + unsigned(1)]) << 8
+    return low | int(data[i + unsigned(2)]) << 16 | int(data[i + unsigned(3)]) << 24
+
+
+@compiled(INT, INTS, INT, INT, INT)
+def _verdict(state: Ints, sequence: int, mode: int, arrival: int) -> int:
+    """Of one frame of a known device, with the device's row of the state."""
+    ahead = (sequence - state[LAST]) & MASK
+    if 0 < ahead < HALF:
+        if mode == SECURE or ahead <= FAR:
+            return FRAME
+        further = (sequence - state[CANDIDATE]) & MASK
+        if state[CANDIDATE] >= 0 and 0 < further <= FAR:
+            return FRAME
+        state[CANDIDATE] = sequence
+        return FAR_AHEAD
+    silent = arrival - state[ACCEPTED_NS] >= SILENCE_NS
+    return FRAME if silent and mode < SECURE and state[LAST_MODE] < SECURE else STALE
+
+
+@compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, TABLE)
+def judge(
+    data: Bytes, table: Ints, arrival: Ints, states: Ints, check: bool, keyed: bool, out: Ints
+) -> tuple[int, int, int, int]:
+    """Judge n frames in the order of the stream, and read what their headers say.
+
+    Args:
+        table: of the accepted frames, see protocols/framing.py.
+        arrival: (n,) ns.
+        states: (2^16, STATES), updated.
+        check: False accepts every number, and counts losses only.
+        keyed: Secure frames were verified.
+        out: (JUDGED, n), written. VERDICT: FRAME, STALE or FAR_AHEAD. MISSING: numbers skipped just before. SOURCE:
+            device and whether it could be verified, see `source_of`. KEY: equal where one layout fits, see `key_of`.
+    Returns:
+        How many frames were dropped, how many have something missing before them, how many are of another VERSION, and
+        how many have another SOURCE than the first.
+    """
+    dropped = 0
+    gaps = 0
+    other = 0
+    mixed = 0
+    for f in range(unsigned(table.shape[1])):
+        at = table[OFFSET, f]
+        sequence = _u4(data, at + SEQUENCE_AT)
+        mode = int(data[unsigned(at + MODE_AT)])
+        out[TIMESTAMP, f] = _u4(data, at + TIMESTAMP_AT)
+        out[SEQUENCE, f] = sequence
+        out[MODE, f] = mode
+        minor = int(data[unsigned(at + VERSION_AT)]) & 0xF
+        unverified = mode == SECURE and not keyed
+        source = int(table[SENDER, f]) << 1 | int(unverified)
+        out[MINOR, f] = minor
+        out[SOURCE, f] = source
+        out[KEY, f] = (source << 1 | int(minor == 0)) << 20 | table[ID, f] << 12 | table[LENGTH, f]
+        out[VERDICT, f] = FRAME
+        out[MISSING, f] = 0
+        other += minor != VERSION & 0xF
+        mixed += source != out[SOURCE, 0]
+        if unverified:
+            continue
+        state = states[unsigned(table[SENDER, f])]
+        if state[KNOWN]:
+            ahead = (sequence - state[LAST]) & MASK
+            verdict = _verdict(state, sequence, mode, arrival[f]) if check else FRAME
+            if verdict != FRAME:
+                out[VERDICT, f] = verdict
+                dropped += 1
+                continue
+            if 1 < ahead < HALF and (check or ahead <= FAR):
+                out[MISSING, f] = ahead - 1
+                gaps += 1
+        state[KNOWN] = 1
+        state[LAST] = sequence
+        state[ACCEPTED_NS] = arrival[f]
+        state[LAST_MODE] = mode
+        state[CANDIDATE] = -1
+    return dropped, gaps, other, mixed
+
+
+def source_of(source: int) -> tuple[int, bool]:
+    """The device of a SOURCE, and whether its frames could not be verified."""
+    return source >> 1, bool(source & 1)
+
+
+def key_of(key: int) -> tuple[int, bool, int, int]:
+    """SOURCE, whether the version is 2.0, payload type and payload length of a KEY."""
+    return key >> 21, bool(key >> 20 & 1), key >> 12 & 0xFF, key & 0xFFF
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What was found out about n frames: `rows` is `out` of `judge`, the others are its counts."""
+
+    rows: Ints
+    dropped: int
+    gaps: int
+    other: int
+    mixed: int
+
+
+class Sequences:
+    """The sequences of all devices of one source.
+
+    Args:
+        check: False: accept frames whatever their numbers.
+        keyed: Secure frames come here verified.
+    """
+
+    def __init__(self, *, check: bool = True, keyed: bool = False) -> None:
+        self._check = check
+        self._keyed = keyed
+        self._states = np.zeros((1 << 16, STATES), np.int64)
+
+    def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> Judged:
+        """Judge the frames of `table`; see the function."""
+        rows = np.empty((JUDGED, table.shape[1]), np.int64)
+        return Judged(rows, *judge(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
+
+    def rearm(self, device: int | None = None) -> None:
+        """Forget the sequence of a device, or of all: its next frame is a first one. For a person to ask for."""
+        self._states[slice(None) if device is None else device] = 0

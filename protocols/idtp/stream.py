@@ -1,0 +1,127 @@
+"""What does an IDTP link carry, piece by piece? Frames that count, and what does not.
+
+    chunks ──> protocols/stream.py ──> frames that are whole and genuine ──> sequence.py ──> frames that are new
+                        └─> Reject: damaged, forged, too weak                     └─> Reject: stale, far_ahead
+
+Both the decoder (columns) and the listing (one line a frame) stand on this. On a link of datagrams no frame crosses
+from one into the next, so each is searched on its own: what is incomplete at its end is given up there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Reject
+from protocols.framing import FRAME, OFFSET, REASONS, SIZE, Bytes, Ints
+from protocols.idtp.frames import LITE, SECURE, scanner
+from protocols.idtp.sequence import VERDICT, Judged, Sequences
+from protocols.nmea import Found
+from protocols.stream import Cut as Whole
+from protocols.stream import Stream
+
+
+@dataclass(slots=True)
+class Cut:
+    """What one drain found; n frames were accepted.
+
+    Args:
+        data, array, start, table, arrival_ns: see protocols/stream.py.
+        judged: what sequence.py says of the accepted frames.
+        rejects: by offset.
+    """
+
+    data: bytes
+    array: Bytes
+    start: int
+    table: Ints
+    arrival_ns: Ints
+    judged: Judged
+    rejects: list[Reject]
+
+
+def _nothing(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+    """No other protocol shares a port with this one."""
+    return [], len(data)
+
+
+class IdtpStream:
+    """Cuts a stream of bytes, given in chunks, into frames and rejects.
+
+    Args:
+        key: for Secure frames.
+        min_mode: LITE, SAFETY or SECURE, the weakest mode that is accepted; None: SECURE with a key, else LITE.
+        replay_check: False accepts frames whatever their sequence numbers.
+        show_unverified: without a key, accept Secure frames as they are; they are marked.
+        datagrams: every chunk is a datagram.
+    Raises:
+        ValueError: an empty key, or no such mode.
+    """
+
+    def __init__(
+        self,
+        *,
+        key: bytes | None = None,
+        min_mode: int | None = None,
+        replay_check: bool = True,
+        show_unverified: bool = False,
+        datagrams: bool = False,
+    ) -> None:
+        if min_mode is None:
+            min_mode = LITE if key is None else SECURE
+        if min_mode not in (0, 1, 2):
+            raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
+        self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing)
+        self.sequences = Sequences(check=replay_check, keyed=key is not None)
+        self._datagrams = datagrams
+        self._waiting: list[tuple[bytes, int]] = []
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        if self._datagrams:
+            self._waiting.append((bytes(data), arrival_ns))
+        else:
+            self._stream.feed(data, arrival_ns)
+
+    @property
+    def buffered(self) -> int:
+        """Bytes that are not decided yet."""
+        return self._stream.buffered + sum(len(data) for data, _ in self._waiting)
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame."""
+        return self._stream.skipped
+
+    def drain(self, *, stalled: bool = False) -> Iterator[Cut]:
+        """Everything that is complete, one Cut for each datagram; see events.Decoder.drain."""
+        if not self._datagrams:
+            yield self._judged(self._stream.drain(stalled=stalled))
+            return
+        waiting, self._waiting = self._waiting, []
+        for data, arrival_ns in waiting:
+            self._stream.feed(data, arrival_ns)
+            yield self._judged(self._stream.drain(stalled=True))
+
+    def _judged(self, whole: Whole) -> Cut:
+        """Without what its sequence number says is old."""
+        table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
+        judged = self.sequences.judge(whole.array, table, arrivals)
+        if judged.dropped:
+            verdicts = judged.rows[VERDICT]
+            for i in np.flatnonzero(verdicts != FRAME).tolist():
+                offset, size = whole.start + int(table[OFFSET, i]), int(table[SIZE, i])
+                rejects.append(Reject(offset, size, REASONS[verdicts[i]], int(arrivals[i])))
+            rejects.sort(key=_offset)
+            good = verdicts == FRAME
+            table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
+            rows: Any = np.ascontiguousarray(judged.rows[:, good])
+            judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
+        return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
+
+
+def _offset(reject: Reject) -> int:
+    return reject.offset
