@@ -298,6 +298,19 @@ ATTITUDE = Grade(density=np.radians(0.003), bias=np.radians(0.2))  # rad, of a f
 POSITION = Grade(density=0.02, bias=0.6)  # m, of a satellite receiver without corrections
 VELOCITY = Grade(density=0.01, bias=0.03)
 
+# What a rigidly mounted sensor feels of engine and road at full speed, as a density like a sensor's noise. On tarmac a
+# car's floor shakes by some tenths of m/s² and °/s; a tenth of that stays at standstill, from the idling engine.
+SHAKING_FORCE = Grade(density=0.035, bias=0.0)
+SHAKING_TURN = Grade(density=np.radians(0.06), bias=0.0)
+IDLING = 0.08
+FULL_SPEED = 12.0  # m/s
+
+
+def shaking(motion: Motion) -> Floats:
+    """How much of the full shaking there is at each time of a drive, (n,)."""
+    return IDLING + (1 - IDLING) * np.minimum(speed(motion) / FULL_SPEED, 1.0)
+
+
 _BLOCK = 256
 _WAVES_S = (37.0, 101.0, 283.0, 811.0)  # periods of the slow bias: no two in step
 

@@ -11,6 +11,9 @@ with a column per element. What a column is called, coloured and explained comes
 (protocols/schema.py); its dtype is that of the array itself. How to cut a batch is worked out once per message layout
 and kept as a plan, because the same layouts come thousands of times.
 
+People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit of
+the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
+
 A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
 that share channels. `split` puts the pieces of each channel back into the order of the stream.
 """
@@ -36,17 +39,25 @@ Axis = Literal["", "x", "y", "z", "w"]
 _XYZ: tuple[Axis, ...] = ("x", "y", "z")
 # Labels of three-vectors whose elements lie along axes, lower case; their colours follow the position.
 _AXIS_LABELS = {"xyz", "rollpitchyaw", "enu", "ned", "nwu", "eastnorthup", "northeastdown", "northwestup"}
+# Unit of a protocol's table → unit on the page, factor, how many digits fewer after the point.
+SHOWN: Mapping[str, tuple[str, float, int]] = {
+    "rad/s": ("°/s", 180 / np.pi, 2),
+    "mm": ("m", 1e-3, -3),
+    "mm/s": ("m/s", 1e-3, -3),
+}
 _MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
 _MOST_BYTES = 64  # an unknown item is shown byte by byte up to this size
 
 
 @dataclass(frozen=True, slots=True)
 class _Cut:
-    """How one channel is cut from a batch: its id, the columns it is made of, and rows per sample (a table's k)."""
+    """How one channel is cut from a batch: its id, the columns it is made of, rows per sample (a table's k), and the
+    factor of each column that is shown in another unit (0 where it is not; empty when none is)."""
 
     channel: int
     names: tuple[str, ...]
     per_sample: int
+    factors: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +124,8 @@ class Channels:
             info = _describe(self._device, message, name, fields, batch.columns)
             if info is not None:
                 used = tuple(field.name for field in fields)
-                cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]])))
+                factors = _in_shown_units(info)
+                cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts
 
     def _identify(self, info: ChannelInfo) -> int:
@@ -140,7 +152,25 @@ def _values(batch: Batch, cut: _Cut) -> list[Array]:
     for name in cut.names:
         array = np.asarray(batch.columns[name])
         out.extend(_rows(array) if cut.per_sample != 1 or _is_table(array) else _flat(array))
-    return out
+    if not cut.factors:
+        return out
+    # A Python number keeps float32 what it is; integers become float64.
+    return [column * factor if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+
+
+def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
+    """Change `info` to the page's units; the factor of each column, 0 where it stays, () when all do."""
+    factors = []
+    for column in info.columns:
+        unit, factor, fewer = SHOWN.get(column.unit, ("", 0.0, 0))
+        factors.append(factor)
+        if factor:
+            column.unit = unit
+            column.dtype = column.dtype if column.dtype in ("f4", "f8") else "f8"
+            if column.decimals >= 0 or fewer < 0:
+                column.decimals = max(0, max(column.decimals, 0) - fewer)
+    info.unit = SHOWN[info.unit][0] if info.unit in SHOWN else info.unit
+    return tuple(factors) if any(factors) else ()
 
 
 def _flat(array: Array) -> list[Array]:

@@ -46,7 +46,7 @@ class Identity:
         """Take what an answer tells; True when something is new."""
         before = (self.product, self.serial_number, self.firmware)
         values = reply.values
-        product = values.get("product_code")
+        product = values.get("product_code") or _code_in(values.get("reserved_host"))
         if isinstance(product, str) and product.strip():
             self.product = product.strip().strip("\x00")
         elif not self.product and "600-series" in reply.message.title:
@@ -58,6 +58,12 @@ class Identity:
             parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
             self.firmware = ".".join(str(part) for part in parts)
         return before != (self.product, self.serial_number, self.firmware)
+
+
+def _code_in(reserved: object) -> str:
+    """The product code that devices with a 64-bit identifier write into 20 bytes of Configuration (xbus facts)."""
+    text = bytes(reserved[:20]).strip(b"\0 ") if isinstance(reserved, bytes | bytearray | np.bytes_) else b""
+    return text.decode("ascii") if text.startswith(b"MTi") and text.isascii() else ""
 
 
 class Intake:

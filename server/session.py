@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol as Shape
@@ -46,6 +47,7 @@ GUESS_S = 0.4  # with fewer bytes than that, after so long
 GUESS_SCORE = 0.5
 UNKNOWN_BYTES = 16 * 1024  # kept while the protocol is unknown
 TRIES_KEPT = 12
+_MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
 
 class Guess(Shape):
@@ -364,7 +366,12 @@ class Session:
         )
 
     def _name(self, product: str, protocol: str) -> str:
-        return product or self.info.product or (self._speech.title(protocol) if protocol else _short(self.info.source))
+        """What people call it: the model of a product code (MTi-630 of MTi-630-8A1G6), else the protocol, else the link."""
+        product = product or self.info.product
+        model = _MODEL.match(product)
+        if product:
+            return model.group() if model else product
+        return self._speech.title(protocol) if protocol else _short(self.info.source)
 
     def _set(self, **changes: object) -> None:
         new = replace(self.info, **changes)  # type: ignore[arg-type]

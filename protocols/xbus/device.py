@@ -64,6 +64,7 @@ class XbusDevice:
         drop, corrupt: share of MTData2 frames that never leave, or leave with one bit turned.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): SampleTimeFine jumps once.
+        road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
         measuring: True to be powered long ago and already in the measurement state at `start_ns`.
     Raises:
         ValueError: the product is not known.
@@ -81,6 +82,7 @@ class XbusDevice:
         corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
+        road: float = 0.0,
         measuring: bool = False,
     ) -> None:
         if product not in PRODUCTS:
@@ -95,7 +97,7 @@ class XbusDevice:
         self._rate = max(int(rate), 1)
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
-        self.run = Run(self.product.abilities, seed, self.product.wrap, jump)
+        self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road)
         self.settings: dict[int, bytes] = {}
         self.output: tuple[tuple[int, int], ...] = ()
         self.restore()
@@ -292,5 +294,6 @@ class XbusDevice:
         identifier = self.identifier()
         head = identifier if self.product.series == 600 else identifier + struct.pack(">HH", 1152, 0)
         date = b"".join(part.encode() for part in ("20260101", "00000000"))
-        body = head + bytes(8) + date + bytes(64) + struct.pack(">H", 1) + identifier
+        host = self.product.code.encode("ascii").ljust(20) if self.product.series == 600 else b""  # as the real ones do
+        body = head + bytes(8) + date + host.ljust(64, b"\0") + struct.pack(">H", 1) + identifier
         return body.ljust(118, b"\0")

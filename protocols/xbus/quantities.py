@@ -140,12 +140,14 @@ class Run:
         seed: of the sensor errors.
         wrap: ticks at which SampleTimeFine wraps.
         jump: (device time ns, by ticks): the clock's one jump, a fault; None for none.
+        road: how much of the vehicle's shaking reaches the sensor, 0 to 1.
     """
 
     abilities: frozenset[str]
     seed: int = 0
     wrap: int = 2**32
     jump: tuple[int, int] | None = None
+    road: float = 0.0
     state: State = field(default_factory=State)
 
     def ticks(self, device_ns: Array) -> Array:
@@ -250,14 +252,21 @@ class Values:
             return np.empty((0, 3))
         return self.cadence.errors(name, grade).at(int(self.steps[0]), len(self.steps))
 
+    def _shaking(self, name: str, grade: motion.Grade) -> Floats | float:
+        if not self.run.road:
+            return 0.0
+        return self.run.road * motion.shaking(self.drive)[:, None] * self._error(name, grade)
+
     @cached_property
     def force(self) -> tuple[Floats, Array]:
         """Measured specific force, held at the range's end, and where it was."""
-        return _clip(self.drive.force + self._error("acc", motion.ACCELEROMETER), ACCELERATION_RANGE)
+        felt = self.drive.force + self._shaking("acc-road", motion.SHAKING_FORCE)
+        return _clip(felt + self._error("acc", motion.ACCELEROMETER), ACCELERATION_RANGE)
 
     @cached_property
     def turn(self) -> tuple[Floats, Array]:
-        return _clip(self.drive.rate + self._error("gyr", motion.GYRO), TURN_RANGE)
+        felt = self.drive.rate + self._shaking("gyr-road", motion.SHAKING_TURN)
+        return _clip(felt + self._error("gyr", motion.GYRO), TURN_RANGE)
 
     @cached_property
     def field(self) -> tuple[Floats, Array]:

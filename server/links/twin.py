@@ -130,6 +130,7 @@ def make_device(options: TwinOptions, start_ns: int) -> Device:
         start_ns=start_ns,
         clock_drift_ppm=options.drift_ppm,
         clock_jump=(options.jump_s, JUMP_S) if options.jump_s else None,
+        road=1.0,
     )
 
 

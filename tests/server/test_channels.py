@@ -194,3 +194,21 @@ def test_any_other_message_is_one_channel() -> None:
     assert (info.name, info.title, info.kind) == ("INS", "Inertial", "record")
     assert [column.name for column in info.columns] == ["theta_0", "theta_1", "theta_2", "week", "week2"]
     assert len(found["INS"]) == 7
+
+
+def test_people_read_degrees_and_metres() -> None:
+    """What stands in SHOWN is converted once, in numbers, unit, dtype and digits."""
+    turn = Field("RateOfTurn", ">f4", (3,), unit="rad/s", axes=("x", "y", "z"), decimals=4)
+    info, columns = one(turn, np.array([[0.0, np.pi, -np.pi / 2]], "f4"))
+    assert info.unit == "°/s"
+    assert [(c.unit, c.dtype, c.decimals) for c in info.columns] == [("°/s", "f4", 2)] * 3
+    assert [float(c[0]) for c in columns[2:]] == pytest.approx([0.0, 180.0, -90.0])
+    assert columns[3].dtype == np.float32
+
+    fix = Field("GnssPvtData", fields=(Field("numSV", "u1"), Field("height", ">i4", unit="mm")))
+    info, columns = one(fix, np.array([(7, -1234)], [("numSV", "u1"), ("height", "i4")]))
+    assert [(c.name, c.unit, c.dtype, c.decimals) for c in info.columns] == [
+        ("numSV", "", "u1", -1),
+        ("height", "m", "f8", 3),
+    ]
+    assert [column.tolist() for column in columns[2:]] == [[7], [-1.234]]

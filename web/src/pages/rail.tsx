@@ -111,11 +111,14 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
   );
 }
 
+/** Protocols by the names their documents use. */
+const PROTOCOLS: Readonly<Record<string, string>> = { xbus: "Xbus", isb: "ISB", idtp: "IDTP" };
+
 /** What is known of the product beyond the name above it. */
 function productWords({ name, product, protocol, firmware }: DeviceInfo): string {
   if (protocol === "") return "nothing known yet";
   const said = product === name ? "" : product || "product not told yet";
-  return [said, protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
+  return [said, PROTOCOLS[protocol] ?? protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
 }
 
 interface WhyProps {
