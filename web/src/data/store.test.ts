@@ -1,0 +1,109 @@
+import { beforeEach, describe, expect, it, vi } from "vitest";
+import type { SampleFrame } from "../wire/codec";
+import type { ChannelInfo, ColumnInfo, EventInfo } from "../wire/types";
+import { Store } from "./store";
+
+const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => ({
+  name, dtype: "f4", unit, label: "", axis, choices: {}, bits: [], decimals: -1, period: 0, doc: "",
+});
+const info = (id: number, name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo => ({
+  id, device: "1", message: "MTData2", name, title: name, kind, unit: "", frame: "ENU from body", columns, doc: "", source: "",
+});
+const acceleration = info(1, "Acceleration", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
+const quaternion = info(2, "Quaternion", "quaternion", ["q0", "q1", "q2", "q3"].map((name) => column(name)));
+const HALF = Math.SQRT1_2;
+
+function frame(channel: number, sequence: number, n: number, values: readonly number[], more: Partial<SampleFrame> = {}): SampleFrame {
+  const at = Float64Array.from({ length: n }, (_, k) => 1000 + (sequence + k) * 0.01);
+  return { channel, sequence, n, dropped: 0, history: false, now: 0, arrival: at, time: at, columns: values.map((v) => new Float32Array(n).fill(v)), ...more };
+}
+const send = (store: Store, ...frames: SampleFrame[]): void => store.receive({ kind: "frames", frames, received: NaN });
+const event = (seq: number, more: Partial<EventInfo> = {}): EventInfo => ({
+  seq, time: 0, device: "1", kind: "text", level: "info", text: "", t0: null, t1: null, samples: 0, data: {}, ...more,
+});
+
+let store: Store;
+beforeEach(() => {
+  store = new Store();
+  store.receive({ kind: "subscribed", fresh: true });
+  store.receive({ kind: "text", text: { op: "channels", channels: [acceleration, quaternion] } });
+});
+
+describe("derived quantities", () => {
+  it("come with the samples: norm and Euler angles", () => {
+    send(store, frame(1, 0, 3, [2, 3, 6]), frame(2, 0, 3, [HALF, 0, 0, HALF]));
+    const vector = store.channel("1", "Acceleration")!;
+    expect(vector.info.columns.map(({ name }) => name)).toEqual(["x", "y", "z", "norm"]);
+    expect(vector.ring.value(3, 2)).toBe(7);
+    const euler = store.channel("1", "EulerAngles")!;
+    expect(euler.info).toMatchObject({ id: -3, kind: "euler", unit: "°", frame: "ENU from body" });
+    expect([euler.ring.length, euler.ring.value(0, 0), euler.ring.value(1, 0)]).toEqual([3, 0, -0]);
+    expect(euler.ring.value(2, 2)).toBeCloseTo(90, 4);
+    expect(euler.ring.time(1)).toBe(vector.ring.time(1));
+  });
+
+  it("give way to the device's own Euler angles", () => {
+    const own = info(9, "EulerAngles", "euler", ["roll", "pitch", "yaw"].map((name) => column(name)));
+    store.receive({ kind: "text", text: { op: "channels", channels: [own] } });
+    expect(store.channels.value.filter(({ info: { name } }) => name === "EulerAngles").map(({ info: { id } }) => id)).toEqual([9]);
+  });
+});
+
+it("lets the newest channel of a name live", () => {
+  store.receive({ kind: "text", text: { op: "channels", channels: [{ ...acceleration, id: 5 }] } });
+  expect(store.channels.value.map(({ info: { id } }) => id).sort()).toEqual([-3, 2, 5]);
+  send(store, frame(1, 0, 3, [1, 1, 1])); // a straggler of the old one
+  expect(store.channel("1", "Acceleration")!.ring.length).toBe(0);
+});
+
+describe("a connection that was lost", () => {
+  const missed = [frame(1, 30, 10, [0, 0, 3], { history: true }), frame(1, 20, 10, [0, 0, 2], { history: true }), frame(1, 5, 15, [0, 0, 1], { history: true })];
+
+  it("comes back with only what was missed, in order, and nothing twice", () => {
+    send(store, frame(1, 0, 20, [0, 0, 1]));
+    store.receive({ kind: "subscribed", fresh: false });
+    send(store, frame(1, 40, 5, [0, 0, 4]), ...missed, frame(1, 45, 5, [0, 0, 4]));
+    expect(store.channel("1", "Acceleration")!.ring.length).toBe(20);
+    store.receive({ kind: "text", text: { op: "backfilled" } });
+    const { ring } = store.channel("1", "Acceleration")!;
+    expect(Array.from({ length: ring.length }, (_, i) => ring.value(2, i))).toEqual([1, 2, 3, 4].flatMap((v) => Array<number>(v === 1 ? 20 : 10).fill(v)));
+    expect(ring.breaks).toEqual([]);
+  });
+
+  it("is not waited for for ever", () => {
+    vi.useFakeTimers();
+    send(store, frame(1, 0, 20, [0, 0, 1]));
+    store.receive({ kind: "subscribed", fresh: false });
+    send(store, frame(1, 40, 5, [0, 0, 4]));
+    vi.advanceTimersByTime(3100);
+    vi.useRealTimers();
+    const { ring } = store.channel("1", "Acceleration")!;
+    expect(ring.length).toBe(25);
+    expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
+  });
+
+  it("to a server that was restarted forgets everything", () => {
+    send(store, frame(1, 0, 20, [0, 0, 1]));
+    store.receive({ kind: "subscribed", fresh: true });
+    expect(store.channels.value).toEqual([]);
+    expect(store.events.value).toEqual([]);
+  });
+});
+
+describe("what is missing", () => {
+  it("is told by gap events, once, also when they are sent again", () => {
+    const gap = event(4, { kind: "gap", t0: 1001, t1: 1001.18, samples: 72 });
+    store.receive({ kind: "text", text: { op: "events", events: [event(3), gap] } });
+    store.receive({ kind: "text", text: { op: "events", events: [event(3), gap, event(5)] } });
+    expect(store.events.value.map(({ seq }) => seq)).toEqual([3, 4, 5]);
+    expect(store.losses("1")).toMatchObject([{ t0: 1001, t1: 1001.18, samples: 72, by: "device" }]);
+  });
+
+  it("includes what was dropped for this browser, once for all channels of a moment", () => {
+    send(store, frame(1, 0, 20, [0, 0, 1]), frame(2, 0, 20, [1, 0, 0, 0]));
+    send(store, frame(1, 50, 5, [0, 0, 1], { dropped: 30 }), frame(2, 50, 5, [1, 0, 0, 0], { dropped: 30 }));
+    expect(store.dropped()).toBe(60);
+    expect(store.losses("1")).toMatchObject([{ samples: 30, by: "browser" }]);
+    expect(store.channel("1", "Acceleration")!.ring.breaks.length).toBe(1);
+  });
+});

@@ -1,0 +1,199 @@
+import { describe, expect, it } from "vitest";
+import { Ring } from "../data/ring";
+import type { Channel } from "../data/store";
+import type { ChannelInfo, ColumnInfo } from "../wire/types";
+import { duration, tickLabel, timeGrid, timeStep } from "./axis";
+import { PixelColumns } from "./columns";
+import { lanesOf, runsOf, stateWords, words } from "./lanes";
+import { stripLength } from "./memory";
+import { niceStep, Scale, ticks } from "./scale";
+import { plotsOf } from "./select";
+import { CHANNELS, frameOf, STATUS_BITS } from "./synthetic";
+import { timeAt, timeWindow, xOf, type TimeWindow } from "./window";
+
+const windowOf = (end: number, span: number, width = 200): TimeWindow =>
+  timeWindow({ device: "1", live: false, end, span, timeBase: "device" }, end, 100, width, 1);
+
+function ringOf(info: ChannelInfo): Ring {
+  return new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: bits.length > 0 })));
+}
+
+describe("the window", () => {
+  it("moves in whole pixels, so that a pixel keeps its samples", () => {
+    for (const end of [1000.001, 1000.05, 1000.0999]) expect(windowOf(end, 20).g1).toBe(10_001);
+    expect(windowOf(1000.2001, 20).g1).toBe(10_003);
+  });
+
+  it("maps time to place and back", () => {
+    const w = windowOf(1000, 20);
+    expect(xOf(w, w.t0)).toBe(100);
+    expect(xOf(w, w.t1)).toBe(300);
+    expect(timeAt(w, xOf(w, 993.25))).toBeCloseTo(993.25, 9);
+  });
+});
+
+describe("columns of pixels", () => {
+  /** What a slow look at every sample finds. */
+  function oracle(ring: Ring, g: number, dt: number): [number, number] {
+    let [lo, hi] = [Infinity, -Infinity];
+    for (let i = 0; i < ring.length; i++) {
+      if (ring.time(i) < g * dt || ring.time(i) >= (g + 1) * dt) continue;
+      [lo, hi] = [Math.min(lo, ring.value(0, i)), Math.max(hi, ring.value(0, i))];
+    }
+    return [lo, hi];
+  }
+
+  it("are those of every sample, as samples come, the window moves, zooms and jumps", () => {
+    const info = CHANNELS[0]!;
+    const ring = ringOf(info);
+    const columns = new PixelColumns(ring, [0]);
+    let sent = 0;
+    let state = 5;
+    const random = (): number => (state = (Math.imul(state, 1_664_525) + 1_013_904_223) >>> 0) / 2 ** 32;
+    let span = 5;
+    for (let step = 0; step < 60; step++) {
+      const n = 1 + Math.floor(random() * 40);
+      ring.take(frameOf(info, sent, Float64Array.from({ length: n }, (_, k) => 1000 + (sent + k) * 0.01), false));
+      sent += n;
+      if (random() < 0.15) span = 1 + random() * 8;
+      const end = ring.time(ring.length - 1) + random() * 0.3 - (random() < 0.2 ? 3 : 0);
+      const w = windowOf(end, span, 120);
+      columns.prepare(w.g0, w.g1, w.dt, "device");
+      for (let g = w.g0; g < w.g1; g++) {
+        expect([columns.lo[0]![g & columns.mask], columns.hi[0]![g & columns.mask]]).toEqual(oracle(ring, g, w.dt));
+      }
+    }
+  });
+});
+
+describe("the y scale", () => {
+  it("widens at once and narrows only after five seconds of spare room", () => {
+    const scale = new Scale(0.01);
+    scale.update(-1, 1, 0, false);
+    scale.update(-10, 1, 100, false);
+    expect(scale.lo).toBeLessThanOrEqual(-10);
+    const { lo, hi } = scale;
+    for (let now = 200; now < 5100; now += 100) scale.update(-1, 1, now, false);
+    expect([scale.lo, scale.hi]).toEqual([lo, hi]);
+    scale.update(-1, 1, 5300, false);
+    expect(scale.lo).toBeGreaterThan(-3);
+  });
+
+  it("keeps its wide span when the room was needed in between", () => {
+    const scale = new Scale(0.01);
+    scale.update(-10, 10, 0, false);
+    const { lo } = scale;
+    scale.update(-1, 1, 3000, false);
+    scale.update(-10, 10, 4000, false);
+    scale.update(-1, 1, 7000, false);
+    expect(scale.lo).toBe(lo);
+  });
+
+  it("shows the whole circle of what goes round", () => {
+    const scale = new Scale(0.2, 360);
+    scale.update(-179, 178, 0, true);
+    expect([scale.lo, scale.hi]).toEqual([-190, 190]);
+    expect(ticks(-190, 190, 80, true).map(({ value }) => value).sort((a, b) => a - b)).toEqual([-180, -90, 0, 90, 180]);
+  });
+
+  it("has room around a constant, and ignores that there is nothing", () => {
+    const scale = new Scale(0.1);
+    scale.update(Infinity, -Infinity, 0, false);
+    scale.update(5, 5, 0, false);
+    expect(scale.lo).toBeLessThan(5);
+    expect(scale.hi).toBeGreaterThan(5);
+  });
+
+  it("puts ticks where people count, zero first", () => {
+    expect([0.9, 1.1, 3, 7].map((least) => niceStep(least))).toEqual([1, 2, 5, 10]);
+    expect(ticks(-6, 19, 100)[0]!.value).toBe(0);
+    expect(ticks(-0.02, 0.02, 60).every(({ decimals }) => decimals === 2)).toBe(true);
+  });
+});
+
+describe("the time axis", () => {
+  it("has the steps of a clock", () => {
+    expect(timeStep(20, 700)).toBe(2);
+    expect(timeStep(3600, 700)).toBe(600);
+    expect(timeStep(0.02, 700)).toBe(0.005);
+    expect(timeGrid(windowOf(1000, 20, 700)).slice(0, 3)).toEqual([980, 982, 984]);
+  });
+
+  it("names the day at midnight, and milliseconds when they matter", () => {
+    expect(tickLabel(1_795_219_200, 3600)).toBe("21 Nov");
+    expect(tickLabel(1_795_225_931.125, 0.005)).toBe("01:52:11.125");
+    expect([1.1141, 0.18, -0.0125, 75].map(duration)).toEqual(["1.114 s", "180.0 ms", "−12.50 ms", "1 min 15.0 s"]);
+  });
+
+  it("shows memory in lengths that people know", () => {
+    expect([stripLength(5, 20), stripLength(61, 20), stripLength(100, 600), stripLength(1e6, 1)]).toEqual([60, 120, 600, 1e6]);
+  });
+});
+
+describe("which plots there are", () => {
+  const channel = (name: string, kind: ChannelInfo["kind"], names: readonly (readonly [string, string])[], unit = ""): Channel => {
+    const columns = names.map(([column, axis]): ColumnInfo => ({
+      name: column, dtype: "f4", unit, label: "", axis: axis as ColumnInfo["axis"], choices: {}, bits: [], decimals: -1, period: 0, doc: "",
+    }));
+    const info = { id: 1, device: "1", message: "", name, title: name, kind, unit, frame: "", columns, doc: "", source: "" };
+    return { info, ring: ringOf(info) };
+  };
+  const xyz = [["x", "x"], ["y", "y"], ["z", "z"]] as const;
+  const angles = [["roll", "x"], ["pitch", "y"], ["yaw", "z"]] as const;
+  const titles = (channels: readonly Channel[], primary: boolean): string[] => plotsOf(channels).filter((plot) => plot.primary === primary).map(({ title }) => title);
+
+  it("stand in the design's order, one of each family", () => {
+    const sent = [
+      channel("EulerAngles", "euler", angles, "°"), channel("MagneticField", "vector", xyz, "a.u."), channel("RateOfTurn", "vector", xyz, "°/s"),
+      channel("FreeAcceleration", "vector", xyz, "m/s²"), channel("Acceleration", "vector", xyz, "m/s²"), channel("PacketCounter", "counter", [["value", ""]]),
+      channel("Temperature", "scalar", [["value", ""]], "°C"),
+    ];
+    expect(titles(sent, true)).toEqual(["Acceleration", "RateOfTurn", "MagneticField", "Roll, pitch", "Yaw"]);
+    expect(titles(sent, false)).toEqual(["FreeAcceleration", "Temperature"]);
+  });
+
+  it("are the first few of what there is when none of the five is sent", () => {
+    expect(titles([channel("Temperature", "scalar", [["value", ""]], "°C"), channel("BaroPressure", "scalar", [["value", ""]], "Pa")], true)).toEqual(["Temperature", "BaroPressure"]);
+  });
+
+  it("do not put latitude and longitude on one scale", () => {
+    const plots = plotsOf([channel("LatLon", "vector", [["latitude", ""], ["longitude", ""]], "°")]);
+    expect(plots.map(({ series }) => series.length)).toEqual([1, 1]);
+  });
+});
+
+describe("lanes", () => {
+  const info = CHANNELS.find(({ kind }) => kind === "status")!;
+  const filled = (rows: readonly number[]): Channel => {
+    const ring = ringOf(info);
+    const times = Float64Array.from(rows, (_, k) => 1000 + k * 0.01);
+    ring.take({ ...frameOf(info, 0, times, false), columns: [Uint32Array.from(rows)] });
+    return { info, ring };
+  };
+
+  it("are there for what was set once, for enumerations, and for what must be seen when it is cleared", () => {
+    const names = (rows: number[]): string[] => lanesOf([filled(rows)]).map(({ name }) => name);
+    expect(names([2, 2])).toEqual(["Filter valid", "No rotation update", "Rtk status"]);
+    expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "No rotation update", "Rtk status"]);
+  });
+
+  it("keep a flag of one sample at any zoom, and draw nothing after the newest sample", () => {
+    const rows = Array.from({ length: 4000 }, (_, k) => 2 | (k === 1234 ? 1 << 10 : 0));
+    const { ring } = filled(rows);
+    const columns = new PixelColumns(ring, [0]);
+    const w = windowOf(1050, 50, 100);
+    columns.prepare(w.g0, w.g1, w.dt, "device");
+    const clip = STATUS_BITS.find(({ name }) => name === "ClipAccZ")!;
+    const set = runsOf(columns, 0, clip, w).filter(({ state }) => state === 1);
+    expect(set).toHaveLength(1);
+    expect(set[0]!.to - set[0]!.from).toBe(1);
+    const last = runsOf(columns, 0, STATUS_BITS[0]!, w).at(-1)!;
+    expect(last.to * w.dt).toBeCloseTo(1040, 0);
+  });
+
+  it("say what a value means", () => {
+    const rtk = STATUS_BITS.find(({ name }) => name === "RtkStatus")!;
+    expect([0, 1, 3, -2].map((state) => stateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
+    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual(["Clip acc X", "Filter valid", "SyncIn Marker", "rtk status", "GNSS fix"]);
+  });
+});
