@@ -29,6 +29,8 @@ def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
         what was found, in order, with an empty name where a check failed; and from where bytes must be kept because a
         message there may still be incomplete (the length of `data` when none is).
     """
+    if not _STARTS.search(data):
+        return nmea.find(data, final=final)
     found: list[Found] = []
     text = 0  # from where sentences have not been looked for
     at = 0

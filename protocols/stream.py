@@ -86,7 +86,10 @@ class Stream:
         if scanned.failed:
             rejects = self._rejects(table, start)
             table = np.ascontiguousarray(table[:, table[STATUS] == FRAME])
-        arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
+        if table.shape[1] == 1:  # the usual case of a live stream
+            arrivals = np.array([buffer.arrival(int(table[OFFSET, 0]) + int(table[SIZE, 0]) + start - 1)])
+        else:
+            arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
         self._scan_at = start + scanned.at
         self._known += scanned.framed
         texts: list[Text] = []

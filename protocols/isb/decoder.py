@@ -24,11 +24,12 @@ import numpy as np
 
 from protocols.events import Batch, Decoder, Event, Reply, Step
 from protocols.foreign import find
-from protocols.framing import BODY, LENGTH, OFFSET, Ints
+from protocols.framing import BODY, OFFSET, Ints
 from protocols.isb import messages
 from protocols.isb.frames import FLAGS, SET_DATA, TYPE_MASK, WITH_OFFSET, scan
 from protocols.isb.plain import values_of
 from protocols.isb.sorting import (
+    ABOUT,
     BY,
     FAMILIES,
     KEY,
@@ -39,6 +40,7 @@ from protocols.isb.sorting import (
     TIME,
     TIMED,
     UNTOLD,
+    WHOLE_KEY,
     gather,
     group,
     no_wholes,
@@ -119,49 +121,68 @@ class IsbDecoder(Decoder):
         if n:
             out = np.empty((SORTED, n), np.int64)
             sort(cut.array, cut.table, RULES, VERSION_NUMBERS, self._firmware, self._memory, self._wholes, out)
-            order = np.empty(n, np.int64)
-            bounds = np.empty(n + 1, np.int64)
-            groups = group(out[KEY], order, bounds)
-            streamed = int(bounds[groups])
-            if streamed < n:
-                self._replies(cut, np.flatnonzero(out[KEY] < 0), out[KEY], events)
-            if out[STEP].any():
-                self._steps(cut, out, events)
-            for g in range(groups):
-                rows: Any = order[bounds[g] : bounds[g + 1]] if groups > 1 or streamed < n else slice(None)
-                self._batches(cut, out, rows, events)
+            if n == 1:
+                self._single(cut, out, events)
+            else:
+                self._many(cut, out, events)
         return sorted(events, key=_offset) if len(events) > 1 else events
+
+    def _single(self, cut: Cut, out: Ints, events: list[Event]) -> None:
+        """One packet: what `_many` does, without arrays where plain numbers do."""
+        key, part, _, timed, step, _ = out[:, 0].tolist()
+        if step != NO_STEP:
+            self._steps(cut, out, events)
+        if key < 0:
+            self._replies(cut, np.zeros(1, np.int64), out[KEY], events)
+        elif part >= 0:
+            self._batches(cut, out, np.zeros(1, np.int64), events)
+        else:
+            form = self._forms.get(key) or self._form(key)
+            begin = int(cut.table[BODY, 0])
+            payload = cut.data[begin : begin + form.layout.size]
+            if not key >> 27 & 0x7FF:
+                self._whole[form.message.id] = payload
+            columns = form.layout.columns(np.frombuffer(payload, np.uint8).reshape(1, -1))
+            offset = cut.table[OFFSET] + cut.start
+            events.append(Batch(form.message, "", cut.arrival_ns, offset, out[TIME] if timed else None, columns))
+
+    def _many(self, cut: Cut, out: Ints, events: list[Event]) -> None:
+        n = out.shape[1]
+        order = np.empty(n, np.int64)
+        bounds = np.empty(n + 1, np.int64)
+        groups = group(out[KEY], order, bounds)
+        streamed = int(bounds[groups])
+        if streamed < n:
+            self._replies(cut, np.flatnonzero(out[KEY] < 0), out[KEY], events)
+        if out[STEP].any():
+            self._steps(cut, out, events)
+        for g in range(groups):
+            self._batches(cut, out, order[bounds[g] : bounds[g + 1]], events)
 
     # -- data ----------------------------------------------------------------------------------------------------------
 
-    def _batches(self, cut: Cut, out: Ints, rows: Any, events: list[Event]) -> None:
+    def _batches(self, cut: Cut, out: Ints, which: Ints, events: list[Event]) -> None:
         """The packets of one key: one batch; two where only some have a device time."""
-        table = cut.table
-        parts = out[PART][rows]
-        starts = table[BODY][rows]
-        key = int(out[KEY][rows][0])
+        first = int(which[0])
+        key = int(out[KEY, first])
         form = self._forms.get(key) or self._form(key)
         did = form.message.id
-        whole: Any = _NOTHING
-        if parts[0] >= 0:
-            whole = np.frombuffer(self._whole[did], np.uint8)
-        raw = np.empty((len(starts), form.layout.size), np.uint8)
-        gather(cut.array, starts, table[LENGTH][rows], parts, whole, raw)
-        if key >> 27 & 0x7FF == 0 and int(self._wholes[0, did]) == key:
-            self._whole[did] = raw[-1].tobytes()
-        offsets = table[OFFSET][rows] + cut.start
-        arrivals = cut.arrival_ns[rows]
-        timed = out[TIMED][rows] > 0
-        times = out[TIME][rows]
-        if timed.all():
-            columns = form.layout.columns(raw)
-            events.append(Batch(form.message, "", arrivals, offsets, times, columns))
+        whole = np.frombuffer(self._whole[did], np.uint8) if out[PART, first] >= 0 else _NOTHING
+        rows = np.empty((len(which), form.layout.size), np.uint8)
+        about = np.empty((ABOUT, len(which)), np.int64)
+        timed = gather(cut.array, cut.table, out, cut.arrival_ns, which, whole, rows, about)
+        if not key >> 27 & 0x7FF and int(self._wholes[WHOLE_KEY, did]) == key:
+            self._whole[did] = rows[-1].tobytes()
+        offsets, arrivals, times = about
+        offsets += cut.start
+        if timed in (0, len(which)):
+            columns = form.layout.columns(rows)
+            events.append(Batch(form.message, "", arrivals, offsets, times if timed else None, columns))
             return
-        for part, has_time in ((timed, True), (~timed, False)):
-            if part.any():
-                time = times[part] if has_time else None
-                columns = form.layout.columns(raw[part])
-                events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns))
+        has_time = out[TIMED][which] > 0
+        for part, time in ((has_time, times[has_time]), (~has_time, None)):
+            columns = form.layout.columns(rows[part])
+            events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns))
 
     def _form(self, key: int) -> messages.Form:
         if len(self._forms) >= _FORMS:

@@ -124,8 +124,10 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
         if left >= 2 and int(data[at + 1]) != SECOND:
             at += 1
             continue
-        status = _verdict(data, at, left)
+        status = FRAME
         size = _u2(data, at + 4) + HEADER + TRAILER if left >= HEADER else 0
+        if size == 0 or size > MAX_DATA or int(data[at + 2]) != DATA:  # the usual case needs no closer look
+            status = _verdict(data, at, left)
         if status == FRAME:
             if size == 0 or size > left:
                 if not final:
@@ -136,7 +138,7 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
                 status = TRUNCATED
             else:
                 sums = fletcher16(data, at, at + size - TRAILER)
-                if sums != _u2(data, at + size - TRAILER):
+                if sums & 0xFF != int(data[at + size - 2]) or sums >> 8 != int(data[at + size - 1]):
                     status = BAD_CHECKSUM
         flags = int(data[at + 2]) if left >= 3 else 0
         skip = 0

@@ -19,25 +19,30 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from protocols.framing import BODY, FRAME, ID, LENGTH, STATUS, Bytes, Ints
+from protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
 from protocols.isb.timeline import (
     FIX,
     GTIME,
     NO_STEP,
     NONE,
+    ONE,
     S,
+    THREE,
+    TWO,
     WEEK_TOW,
     double_ns,
     exact,
     tell,
 )
-from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, unsigned
+from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, inlined, unsigned
 
 VIEW = types.Array(types.int64, 2, "A")  # a scan's table is the filled part of a larger one
 
 KEY, PART, TIME, TIMED, STEP, BY = range(6)
 SORTED = 6
+OFFSETS, ARRIVALS, TIMES = range(3)
+ABOUT = 3
 
 # What is known of each data set, one column per DID; see messages.rules().
 STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(12)
@@ -63,15 +68,22 @@ def no_wholes() -> Ints:
     return np.full((WHOLES, 256), -1, np.int64)
 
 
-@compiled(INT, BYTES, INT, INT)
+@inlined
+def _u4(data: Bytes, at: int) -> int:
+    at = unsigned(at)
+    return int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
+
+
+@inlined
 def _number(data: Bytes, at: int, size: int) -> int:
+    at = unsigned(at)
     value = 0
-    for i in range(size - 1, -1, -1):
-        value = value << 8 | int(data[at + i])
+    for i in range(unsigned(size)):
+        value |= int(data[at + i]) << 8 * int(i)
     return value
 
 
-@compiled(INT, BYTES, INT, INT, INT, TABLE)
+@inlined
 def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     """What kind of value a whole set carries."""
     if rules[VARIANT, did] == RAW_DATA and length > RAW_AT:
@@ -81,7 +93,7 @@ def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> in
     return 0
 
 
-@compiled(INT, BYTES, INT, INT, INT, TABLE)
+@inlined
 def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     """How many elements of a set's list are in use: what its count says, and at most what there is."""
     if rules[VARIANT, did] == RAW_DATA:
@@ -96,19 +108,14 @@ def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     return min(min(said, there), MOST_COUNT)
 
 
-@compiled(INT, BYTES, INT, INT, INT, TABLE)
-def _clock(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
-    """The clock field of a whole set as ns; -1 where it is not there or no time."""
-    at = rules[CLOCK_AT, did]
-    if rules[CLOCK, did] == GTIME:
-        if length < at + 16:
-            return -1
-        seconds = _number(data, body + at, 8)
-        fraction = double_ns(data, body + at + 8)
-        return -1 if fraction < 0 or seconds < 0 or seconds > 1 << 33 else seconds * S + fraction
-    if rules[CLOCK_MS, did]:
-        return _number(data, body + at, 4) * 1_000_000 if length >= at + 4 else -1
-    return double_ns(data, body + at) if length >= at + 8 else -1
+@compiled(INT, BYTES, INT, INT)
+def _since_1970(data: Bytes, at: int, end: int) -> int:
+    """RTKLIB's time at `at`, whole seconds (i64) and their fraction (f64), as ns; -1 where it is no time."""
+    if end < at + 16:
+        return -1
+    seconds = _number(data, at, 8)
+    fraction = double_ns(data, at + 8)
+    return -1 if fraction < 0 or seconds < 0 or seconds > 1 << 33 else seconds * S + fraction
 
 
 @compiled(INT, BYTES, INT, INTS)
@@ -142,7 +149,7 @@ def sort(
         out[STEP, f] = NO_STEP
         out[BY, f] = 0
         flags = table[FLAGS, f]
-        did = table[ID, f]
+        did = unsigned(table[ID, f])
         if table[STATUS, f] != FRAME or flags & TYPE_MASK != DATA:
             continue
         body = table[BODY, f]
@@ -153,7 +160,7 @@ def sort(
             out[KEY, f] = -1 - firmware[rules[FAMILY, did]]
             continue
         offset = _number(data, body - 2, 2) if flags & WITH_OFFSET else 0
-        layout = firmware[rules[FAMILY, did]] << 46 | did << 38
+        layout = firmware[rules[FAMILY, did]] << 46 | int(did) << 38
         if offset > 0:
             if wholes[WHOLE_KEY, did] >= 0 and offset + length <= wholes[WHOLE_SIZE, did]:
                 out[KEY, f] = wholes[WHOLE_KEY, did]
@@ -164,24 +171,36 @@ def sort(
                 out[KEY, f] = layout | offset << 27 | length << 16
             continue
         clock = rules[CLOCK, did]
-        if clock != NONE and not (clock == GTIME and rules[VARIANT, did] == RAW_DATA and length < RAW_AT + 16):
+        if clock != NONE:
+            at = rules[CLOCK_AT, did]
             week = -1
-            if clock == WEEK_TOW or clock == FIX:
-                week = _number(data, body + rules[WEEK_AT, did], 4) if length >= rules[WEEK_AT, did] + 4 else -1
-            if rules[VARIANT, did] != RAW_DATA or count_of(data, body, length, did, rules) > 0:
-                ns = _clock(data, body, length, did, rules)
-                time, timed, step, by = tell(memory, clock, ns, week)
-                out[TIME, f] = time
-                out[TIMED, f] = timed
-                out[STEP, f] = step
-                out[BY, f] = by
-                if timed and rules[VARIANT, did] == POSITION and length >= TOW_OFFSET_AT + 8 and week > 0:
-                    _, _, step, by = exact(memory, week, double_ns(data, body + TOW_OFFSET_AT))
-                    if step != NO_STEP and out[STEP, f] == NO_STEP:
-                        out[STEP, f] = step
-                        out[BY, f] = by
-        variant = variant_of(data, body, length, did, rules)
-        count = count_of(data, body, length, did, rules)
+            ns = -1
+            if clock == GTIME:
+                if rules[VARIANT, did] != RAW_DATA or count_of(data, body, length, did, rules) > 0:
+                    ns = _since_1970(data, body + at, body + length)
+            elif rules[CLOCK_MS, did]:
+                if length >= at + 4:
+                    ns = _u4(data, body + at) * 1_000_000
+            elif length >= at + 8:
+                ns = double_ns(data, body + at)
+            if (clock == WEEK_TOW or clock == FIX) and length >= rules[WEEK_AT, did] + 4:
+                week = _u4(data, body + rules[WEEK_AT, did])
+            time, timed, step, by = tell(memory, clock, ns, week)
+            out[TIME, f] = time
+            out[TIMED, f] = timed
+            out[STEP, f] = step
+            out[BY, f] = by
+            if rules[VARIANT, did] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
+                _, _, step, by = exact(memory, week, double_ns(data, body + TOW_OFFSET_AT))
+                if step != NO_STEP and out[STEP, f] == NO_STEP:
+                    out[STEP, f] = step
+                    out[BY, f] = by
+        variant = 0
+        count = 0
+        if rules[VARIANT, did] != NO_VARIANT:
+            variant = variant_of(data, body, length, did, rules)
+        if rules[LIST_STEP, did] != 0 or rules[VARIANT, did] == RAW_DATA:
+            count = count_of(data, body, length, did, rules)
         out[KEY, f] = layout | length << 16 | variant << 8 | count
         wholes[WHOLE_KEY, did] = out[KEY, f]
         wholes[WHOLE_SIZE, did] = length
@@ -240,25 +259,41 @@ def group(keys: Ints, order: Ints, bounds: Ints) -> int:
     return groups
 
 
-@compiled(NOTHING, BYTES, INTS, INTS, INTS, BYTES, ROWS)
-def gather(data: Bytes, starts: Ints, lengths: Ints, parts: Ints, whole: Bytes, rows: Bytes) -> None:
+@compiled(INT, BYTES, VIEW, VIEW, INTS, INTS, BYTES, ROWS, TABLE)
+def gather(
+    data: Bytes, table: Ints, done: Ints, arrivals: Ints, which: Ints, whole: Bytes, rows: Bytes, about: Ints
+) -> int:
     """Copy the packets of a group into the rows of one array; a part is written over the row before it.
 
     Args:
-        starts, lengths, parts: (n,) where the data begin, how many, and PART.
+        table, done, arrivals: the scan's table, what `sort` made of it, and when each packet arrived.
+        which: (n,) columns of `table` that belong to the group.
         whole: the value that a part in the first row changes; may be empty when there is none.
+        rows: (n, size), written.
+        about: (ABOUT, n), written: offset, arrival and time of each.
+    Returns:
+        How many have a time.
     """
     width = unsigned(rows.shape[1])
-    for f in range(unsigned(len(starts))):
-        start = unsigned(starts[f])
-        if parts[f] < 0:
+    timed = 0
+    for f in range(unsigned(len(which))):
+        k = unsigned(which[f])
+        about[OFFSETS, f] = table[OFFSET, k]
+        about[ARRIVALS, f] = arrivals[k]
+        about[TIMES, f] = done[TIME, k]
+        timed += done[TIMED, k]
+        start = unsigned(table[BODY, k])
+        if done[PART, k] < 0:
             for i in range(width):
                 rows[f, i] = data[start + i]
             continue
-        for i in range(width):
-            rows[f, i] = rows[f - unsigned(1), i] if f > 0 else whole[i]
-        at = unsigned(parts[f])
-        for i in range(unsigned(lengths[f])):
+        if f > 0:
+            for i in range(width):
+                rows[f, i] = rows[f - ONE, i]
+        else:
+            for i in range(width):
+                rows[f, i] = whole[i]
+        at = unsigned(done[PART, k])
+        for i in range(unsigned(table[LENGTH, k])):
             rows[f, at + i] = data[start + i]
-
-
+    return timed

@@ -26,13 +26,11 @@ show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.framing import Bytes, Ints
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, compiled
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, compiled, inlined, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
@@ -56,6 +54,8 @@ LATE_NS = 10 * S
 NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not believed
 TOLD_NS = 5_000_000  # a correction of the shift below this is no event
 LONGEST_UP_S = 1e9
+HIGHEST = 0x41D00000  # upper half of a float64 of 2^30
+ONE, TWO, THREE, FOUR_ON = (unsigned(n) for n in (1, 2, 3, 4))  # a sum with a plain number would be signed again
 
 # Unix seconds from which GPS time is ahead of UTC by one second more
 _LEAPS = np.array(
@@ -90,17 +90,17 @@ def remember() -> NDArray[np.int64]:
     return memory
 
 
-@compiled(INT, BYTES, INT)
+@inlined
 def double_ns(data: Bytes, at: int) -> int:
     """The float64 at `at`, seconds, as ns; -1 where it is no time (negative, not finite, beyond 30 years)."""
-    high = int(data[at + 7]) << 8 | int(data[at + 6])
-    exponent = high >> 4  # with the sign as its highest bit
-    if exponent > 1023 + 30 or exponent == 0:
-        return 0 if exponent == 0 else -1
-    mantissa = high & 15 | 16
-    for i in range(5, -1, -1):
-        mantissa = mantissa << 8 | int(data[at + i])
-    return int(round(math.ldexp(float(mantissa), exponent - 1075) * 1e9))
+    at = unsigned(at)
+    low = int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
+    at += FOUR_ON
+    high = int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
+    if high >= HIGHEST:  # negative, or too large to be worth a look
+        return -1
+    seconds = np.int64(high << 32 | low).view(np.float64)
+    return int(seconds * 1e9 + 0.5) if seconds < LONGEST_UP_S else -1
 
 
 @compiled(FOUR, INTS, INT)
