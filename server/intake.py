@@ -207,6 +207,8 @@ class Intake:
 
     def _tell(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
         offsets, hosts = _stream_order(batches, times)
+        if self._last_time is not None and len(hosts):
+            hosts = np.maximum(hosts, self._last_time)
         rejects = []
         for event in events:
             if isinstance(event, Batch):
@@ -241,8 +243,10 @@ class Intake:
         self._figures.gaps += 1
         self._figures.lost += gap.missing
         at = int(np.searchsorted(offsets, gap.offset))
-        after = float(hosts[at]) if at < len(hosts) else gap.arrival_ns / 1e9
         before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
+        # The first frame after the hole may carry an older time (a GNSS solution): the hole ends at the first newer one.
+        newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
+        after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
         self._incidents.gap(gap, after if before is None else min(before, after), after, self._blame(rejects))
 
     def _blame(self, rejects: int) -> Blame:
@@ -261,16 +265,16 @@ class Intake:
 def _stream_order(
     batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Offset and host time (arrival where there is no device time) of every sample, in the order of the stream."""
+    """Offset and host time (arrival where there is no device time) reached by then, of every sample in stream order."""
     if not batches:
         return np.zeros(0, np.int64), np.zeros(0)
     arrivals = [batch.arrival_ns / 1e9 for batch in batches]
     hosts = [np.where(np.isnan(time), arrival, time) for time, arrival in zip(times, arrivals, strict=True)]
     if len(batches) == 1:
-        return batches[0].offset, hosts[0]
+        return batches[0].offset, np.maximum.accumulate(hosts[0])
     offsets = np.concatenate([batch.offset for batch in batches])
     order = np.argsort(offsets, kind="stable")
-    return offsets[order], np.concatenate(hosts)[order]
+    return offsets[order], np.maximum.accumulate(np.concatenate(hosts)[order])
 
 
 def _field_bytes(field: Field) -> int:
