@@ -22,7 +22,7 @@ DESKTOP, PHONE = (1440, 900), (390, 844)
 # Controls a person can see, with how far a finger may miss their middle and still hit them, px to each side.
 TARGETS = """() => {
   const reach = (element, x, y, dx, dy) => {
-    for (let step = 22; step > 0; step--) {
+    for (let step = 44; step > 0; step--) {
       const hit = document.elementFromPoint(x + dx * step, y + dy * step);
       if (hit && (hit === element || element.contains(hit))) return step;
     }
@@ -32,6 +32,7 @@ TARGETS = """() => {
   const controls = "button, a[href], input, select, summary, [role=button], [role=tab], [role=switch]";
   for (const element of document.querySelectorAll(controls)) {
     if (!element.checkVisibility({checkOpacity: true, checkVisibilityCSS: true}) || element.disabled) continue;
+    if (getComputedStyle(element).pointerEvents === "none") continue; // for the keyboard: what lies under it is touched
     element.scrollIntoView({block: "center", inline: "nearest"});
     const box = element.getBoundingClientRect();
     if (box.width === 0 || box.height === 0) continue;

@@ -75,10 +75,15 @@ export class Legend {
       const now = valueAt(series, t, base);
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
       const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base)), decimals)}`;
-      value.set(narrow && text !== NONE ? text.padStart(decimals + 3) : text);
+      value.set(narrow && text !== NONE ? text.padStart(decimals + (isAngle(series) ? 5 : 3)) : text);
       button.classList.toggle("diff", from !== undefined);
     }
   }
+}
+
+/** An angle may need "−179." before its decimals, most else that changes quickly no more than "−9.". */
+function isAngle({ channel, column }: Series): boolean {
+  return (channel.info.columns[column]?.unit || channel.info.unit) === "°";
 }
 
 /** b − a, the short way round for an angle. */
