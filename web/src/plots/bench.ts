@@ -3,8 +3,10 @@
  * view and measures; `bench.html` alone is for looking. Options: `rate` (samples/s), `span` (s in view), `lost=1`, `theme=light`.
  * Results of a measurement stand in `window.bench` once `window.bench.done` is true.
  *
- * Per frame two spans of script are timed: `draw`, the stack's update, and `feed`, the frame's new samples into rings. Steady frames are
- * live ones; `zoom` frames change the window every time, so that no pixel can be kept from the frame before.
+ * Per frame two spans of script are timed: `draw`, the stack's update, and `feed`, the frame's new samples made, encoded, decoded and
+ * put into rings. First come live frames, as one sees them: a window of 50 s moves by a pixel every fourth frame, and what
+ * stands still is not drawn. `pan` frames move by a pixel every time, so that every frame draws everything; `zoom` frames change the
+ * window's length, so that moreover no pixel can be kept from the frame before.
  */
 import * as actions from "../data/actions";
 import { onFrame } from "../data/loop";
@@ -34,6 +36,8 @@ const SPAN = option("span", BENCH ? 50 : 20);
 const CHARTS: readonly number[] = [1, 2, 3, 6, 7, 8];
 const FRAMES = option("frames", 600);
 const BLOCK = 4000;
+/** Frames of panning, and of zooming, after the live ones. */
+const FORCED = 120;
 
 const theme = options.get("theme");
 if (theme !== null) document.documentElement.dataset["theme"] = theme;
@@ -88,9 +92,10 @@ if (BENCH) for (const button of [...root.querySelectorAll<HTMLButtonElement>(".m
 const percentile = (list: number[], p: number): number => [...list].sort((a, b) => a - b)[Math.min(list.length - 1, Math.floor(list.length * p))] ?? NaN;
 const figures = (list: number[]): Figures => ({ p50: percentile(list, 0.5), p95: percentile(list, 0.95), max: Math.max(...list) });
 const draws: number[] = [];
+const pans: number[] = [];
 const zooms: number[] = [];
 const feeds: number[] = [];
-const result = { done: false, frames: 0, points: 0, fps: NaN, draw: figures([0]), zoom: figures([0]), feed: figures([0]) };
+const result = { done: false, frames: 0, points: 0, fps: NaN, draw: figures([0]), pan: figures([0]), zoom: figures([0]), feed: figures([0]) };
 let started = NaN;
 let stopped = false;
 
@@ -99,22 +104,23 @@ onFrame((at) => {
   const t0 = performance.now();
   feed();
   const t1 = performance.now();
-  const zooming = BENCH && result.frames >= FRAMES;
-  if (zooming) view.value = { ...view.peek(), span: SPAN * (0.9 + 0.1 * (result.frames % 2)) };
+  const phase = result.frames < FRAMES ? "live" : result.frames < FRAMES + FORCED ? "pan" : "zoom";
+  if (BENCH && phase === "pan") actions.panTo(actions.rightEdge() - SPAN / 700);
+  if (BENCH && phase === "zoom") view.value = { ...view.peek(), span: SPAN * (0.9 + 0.1 * (result.frames % 2)) };
   stack.update(at);
   const t2 = performance.now();
   if (!BENCH) return;
   result.frames += 1;
   if (result.frames === 30) started = at; // compiled and filled by now
   if (result.frames <= 30) return;
-  (zooming ? zooms : draws).push(t2 - t1);
+  ({ live: draws, pan: pans, zoom: zooms })[phase].push(t2 - t1);
   feeds.push(t1 - t0);
   if (result.frames === FRAMES) result.fps = (1000 * (FRAMES - 30)) / (at - started);
-  if (result.frames < FRAMES + 120) return;
+  if (result.frames < FRAMES + 2 * FORCED) return;
   stopped = true;
   const shown = store.channels.peek().filter(({ info }) => CHARTS.includes(info.id));
   const from = store.serverNow() - SPAN;
   result.points = shown.reduce((sum, { ring }) => sum + 3 * (ring.end - ring.row(from, "device")), 0);
-  Object.assign(result, { draw: figures(draws), zoom: figures(zooms), feed: figures(feeds), done: true });
+  Object.assign(result, { draw: figures(draws), pan: figures(pans), zoom: figures(zooms), feed: figures(feeds), done: true });
 });
 Object.assign(window, { bench: result, imuscope: { store, view, cursor, measure, hidden, actions } });

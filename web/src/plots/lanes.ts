@@ -20,6 +20,8 @@ export const LANE_PX = 17;
 /** A loss or a fault is never narrower than this in its lane, px. */
 const LEAST_PX = 4;
 const PULSE_PX = 3;
+/** Room for a lane's name where it stands on the lane, px. */
+const NAME_PX = 124;
 /** In `states`: no sample has come yet, or the value changed within the pixel. */
 const NOTHING = -1;
 const MIXED = -2;
@@ -112,6 +114,29 @@ function before(ring: Ring, column: number, row: number, bits: BitsInfo): number
   return ((ring.columns[column]![(row - 1) & ring.mask]! | 0) & maskOf(bits)) >>> bits.low;
 }
 
+/** A run as drawn, px. */
+interface Bar {
+  readonly a: number;
+  readonly b: number;
+  readonly state: number;
+  /** In a state that is to be seen. */
+  readonly hot: boolean;
+}
+
+function drawBar(x: CanvasRenderingContext2D, { a, b, state, hot }: Bar, bits: BitsInfo, y: number, look: Palette): void {
+  const height = LANE_PX - 4;
+  // A pulse of a plain flag is a tick, not a bar: it has no inside to be read.
+  const pulse = bits.width === 1 && b - a < PULSE_PX;
+  const quiet = state === MIXED ? "bg-active" : pulse ? "ink-3" : "bg-hover";
+  x.fillStyle = look.colour[hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : quiet];
+  x.fillRect(a, y + 1.5, b - a, height);
+  if (state !== MIXED) return;
+  x.fillStyle = hatch(x, look.colour.edge, 5);
+  x.globalAlpha = 0.6;
+  x.fillRect(a, y + 1.5, b - a, height);
+  x.globalAlpha = 1;
+}
+
 /** All lanes of a device: pixel columns per status word, drawn row under row. */
 export class Lanes {
   readonly #columns = new Map<Ring, PixelColumns>();
@@ -156,35 +181,25 @@ export class Lanes {
     const { bits, channel, column } = lane;
     const columns = this.#of(channel, w);
     const at = columns.columns.indexOf(column);
-    const height = LANE_PX - 4;
     x.fillStyle = look.colour.grid;
     x.fillRect(w.left, y + LANE_PX - 1, w.width, 1);
     const px = (g: number): number => w.left + (g - w.g0) / w.ratio;
-    for (const { from, to, state } of runsOf(columns, at, bits, w)) {
+    const bars = runsOf(columns, at, bits, w).map(({ from, to, state }): Bar => {
       const hot = raised(bits, state);
-      if (state === 0 && !hot && bits.width === 1) continue;
-      const [a, b] = [px(from), Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1))];
-      // A pulse of a plain flag is a tick, not a bar: it has no inside to be read.
-      const pulse = bits.width === 1 && b - a < PULSE_PX;
-      const colour = hot ? (bits.severity === "fault" ? "status-bad" : "status-warn") : state === MIXED ? "bg-active" : pulse ? "ink-3" : "bg-hover";
-      x.fillStyle = look.colour[colour];
-      x.fillRect(a, y + 1.5, b - a, height);
-      if (state === MIXED) {
-        x.fillStyle = hatch(x, look.colour.edge, 5);
-        x.globalAlpha = 0.6;
-        x.fillRect(a, y + 1.5, b - a, height);
-        x.globalAlpha = 1;
-      }
-      this.#word(x, stateWords(bits, state), hot, a, b, y, look);
-    }
-  }
-
-  #word(x: CanvasRenderingContext2D, text: string, hot: boolean, a: number, b: number, y: number, look: Palette): void {
-    if (text === "" || text === "changing") return;
-    const width = x.measureText(text).width;
-    if (!hot && b - a < width + 12) return;
+      return { a: px(from), b: Math.max(px(to) - 1, px(from) + (hot ? LEAST_PX : 1)), state, hot };
+    });
+    for (const bar of bars) if (bar.state !== 0 || bar.hot || bits.width > 1) drawBar(x, bar, bits, y, look);
+    // Names stand on the data where the gutter is narrow: words begin after them.
+    let free = look.narrow ? w.left + NAME_PX : w.left;
     x.fillStyle = look.colour["ink-2"];
-    x.fillText(text, hot ? b + 7 : a + 7, y + LANE_PX / 2 + 0.5);
+    for (const { a, b, state, hot } of bars) {
+      const text = state === MIXED || (state === 0 && !hot && bits.width === 1) ? "" : stateWords(bits, state);
+      const width = x.measureText(text).width;
+      const from = Math.max(hot ? b + 7 : a + 7, free);
+      if (text === "" || (!hot && b - from < width + 5)) continue;
+      x.fillText(text, from, y + LANE_PX / 2 + 0.5);
+      free = from + width + 8;
+    }
   }
 
   #of(channel: Channel, w: TimeWindow): PixelColumns {

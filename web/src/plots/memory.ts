@@ -14,6 +14,12 @@ const LENGTHS: readonly number[] = [60, 120, 300, 600, 1200, 1800, 3600, 7200, 1
 /** Behind live by more than this, s, is worth a word. */
 const BEHIND_S = 0.05;
 const MARK_PX = 1.5;
+/** Part of the bars, at either end, that may reach over the strip's scale. */
+const OUTLIERS = 0.03;
+
+/** Steps between the strip's marks, s; the first that gives no more than MARKS of them is taken. */
+const MARK_STEPS: readonly number[] = [15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 21_600];
+const MARKS = 5;
 
 /** Length of the strip for what is held, s. */
 export function stripLength(held: number, window: number): number {
@@ -62,19 +68,20 @@ export class Memory {
     if (columns === undefined) return;
     columns.prepare(strip.g0, strip.g1, strip.dt, strip.base);
     const [lo, hi, mask] = [columns.lo[0]!, columns.hi[0]!, columns.mask];
-    let [least, most] = [Infinity, -Infinity];
-    for (let g = strip.g0; g < strip.g1; g++) {
-      if (lo[g & mask]! < least) least = lo[g & mask]!;
-      if (hi[g & mask]! > most) most = hi[g & mask]!;
-    }
-    if (!(least <= most)) return;
+    const seen: number[] = [];
+    for (let g = strip.g0; g < strip.g1; g++) if (lo[g & mask]! <= hi[g & mask]!) seen.push(g & mask);
+    if (seen.length === 0) return;
+    // One jolt must not flatten an hour: the strip spans what all but the wildest bars need, and those reach its edge.
+    const least = quantile(seen.map((slot) => lo[slot]!), OUTLIERS);
+    const most = quantile(seen.map((slot) => hi[slot]!), 1 - OUTLIERS);
     const k = height / Math.max(most - least, 1e-12);
+    const within = (v: number): number => Math.min(height, Math.max(0, (most - v) * k));
     const step = strip.width / (strip.g1 - strip.g0);
     x.fillStyle = look.colour["ink-3"];
     x.globalAlpha = 0.75;
     for (let g = strip.g0, px = strip.left; g < strip.g1; g++, px += step) {
       const [a, b] = [lo[g & mask]!, hi[g & mask]!];
-      if (a <= b) x.fillRect(px, y + (most - b) * k, Math.max(step * 0.8, 0.5), Math.max(1.4, (b - a) * k));
+      if (a <= b) x.fillRect(px, y + within(b), Math.max(step * 0.8, 0.5), Math.max(1.4, within(a) - within(b)));
     }
     x.globalAlpha = 1;
   }
@@ -104,15 +111,20 @@ export class Memory {
     const behind = w.now - w.t1;
     const say = w.live || behind < BEHIND_S ? "now" : behindWords(behind);
     const room = x.measureText(say).width + 12;
-    for (let k = 5; k >= 1; k--) {
-      const px = right - (k / 5) * strip.width;
-      x.textAlign = k === 5 ? "left" : "center";
-      if (px + 24 < right - room) x.fillText(ago((k / 5) * length), px, y);
+    const step = MARK_STEPS.find((seconds) => length / seconds <= MARKS) ?? length / MARKS;
+    for (let t = step; t <= length * 1.001; t += step) {
+      const px = right - (t / length) * strip.width;
+      x.textAlign = px - strip.left < 24 ? "left" : "center";
+      if (px + 24 < right - room) x.fillText(ago(t), px, y);
     }
     x.textAlign = "right";
     x.fillStyle = look.colour.ink;
     x.fillText(say, right, y);
   }
+}
+
+function quantile(values: number[], part: number): number {
+  return values.sort((a, b) => a - b)[Math.round(part * (values.length - 1))] ?? 0;
 }
 
 function behindWords(seconds: number): string {

@@ -41,8 +41,8 @@ const asked = signal<ReadonlySet<string>>(new Set());
 const normsSeen = new Set<string>();
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
-/** A title longer than this reaches the tick labels, px. */
-const TITLE_PX = 104;
+/** A title that ends after this reaches the tick labels, px from the left. */
+const TITLE_PX = 126;
 
 class Stack {
   readonly #store: Store;
@@ -244,7 +244,7 @@ class Stack {
     for (const plot of this.#plots) {
       plot.top = plot.root.offsetTop;
       plot.sheet.resize(width, plot.root.clientHeight);
-      plot.wideTitle = (plot.root.querySelector("b")?.scrollWidth ?? 0) > TITLE_PX;
+      plot.wideTitle = titleEnd(plot) > TITLE_PX;
     }
     const box = (sheet: Sheet): void => void sheet.resize(width, sheet.canvas.parentElement?.clientHeight ?? 0);
     [this.#lanesSheet, this.#axis, this.#over].forEach(box);
@@ -291,6 +291,11 @@ class Stack {
     this.#seen.disconnect();
     this.#root.remove();
   }
+}
+
+function titleEnd({ legend }: Plot): number {
+  const title = legend.root.querySelector("b");
+  return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
 /** Would a plot of `b` draw the same samples as one of `a`? */
