@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.jit import BYTES, INT, compiled, unsigned
+from protocols.jit import BYTES, INT, compiled, inlined, unsigned
 
 
 @compiled(INT, BYTES, INT, INT)
@@ -71,7 +71,7 @@ _signed = np.int64  # a lookup in an unsigned table, for sums with Python's numb
 
 
 def _crc8_tables(polynomial: int, places: int) -> NDArray[np.uint8]:
-    """(places, 256): what a byte contributes when 0, 1, … bytes follow; most significant bit first."""
+    """(places, 256): what a byte contributes at each place of a block; most significant bit first."""
     tables = np.empty((places, 256), np.uint8)
     for byte in range(256):
         crc = byte
@@ -80,7 +80,7 @@ def _crc8_tables(polynomial: int, places: int) -> NDArray[np.uint8]:
         tables[0, byte] = crc
     for place in range(1, places):
         tables[place] = tables[0][tables[place - 1]]
-    return tables
+    return tables[::-1].copy()
 
 
 def _crc32_tables(reflected: int, places: int) -> NDArray[np.uint32]:
@@ -96,25 +96,34 @@ def _crc32_tables(reflected: int, places: int) -> NDArray[np.uint32]:
     return tables
 
 
-_CRC8_PLACES = 20  # an IDTP header, 19 bytes, is one block
-_CRC8 = _crc8_tables(0x2F, _CRC8_PLACES)
+CRC8_BLOCK = 19  # an IDTP header is one block
+CRC8_START, CRC8_END = 0xFF, 0xFF
+_CRC8 = _crc8_tables(0x2F, CRC8_BLOCK)
 _CRC32 = _crc32_tables(0xC8DF352F, 8)  # 0xF4ACFB13 with its bits in reverse
+
+
+@inlined
+def crc8_block(data: NDArray[Any], at: Any, crc: Any) -> Any:
+    """The CRC-8 after CRC8_BLOCK bytes from `at` (unsigned), which was `crc` before; not inverted."""
+    total = _signed(_CRC8[0, (crc ^ _signed(data[at])) & 0xFF])
+    for i in range(unsigned(1), unsigned(CRC8_BLOCK)):
+        total ^= _signed(_CRC8[i, data[at + unsigned(i)]])
+    return total
 
 
 @compiled(INT, BYTES, INT, INT)
 def crc8_autosar(data: NDArray[Any], start: int, stop: int) -> int:
     """The CRC-8/AUTOSAR of `data[start:stop]`."""
-    crc = _signed(0xFF)
+    crc = _signed(CRC8_START)
     at = unsigned(start)
     end = unsigned(stop)
+    while at + unsigned(CRC8_BLOCK) <= end:
+        crc = crc8_block(data, at, crc)
+        at += unsigned(CRC8_BLOCK)
     while at < end:
-        last = min(end - at, unsigned(_CRC8_PLACES)) - unsigned(1)
-        total = _signed(_CRC8[last, int(data[at]) ^ crc])
-        for i in range(unsigned(1), last + unsigned(1)):
-            total ^= _signed(_CRC8[last - unsigned(i), data[at + unsigned(i)]])
-        crc = total
-        at += last + unsigned(1)
-    return int(crc ^ 0xFF)
+        crc = _signed(_CRC8[CRC8_BLOCK - 1, (crc ^ _signed(data[at])) & 0xFF])
+        at += unsigned(1)
+    return int(crc ^ CRC8_END)
 
 
 @compiled(INT, BYTES, INT, INT)

@@ -39,10 +39,11 @@ import hashlib
 import hmac
 import struct
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from protocols.checksums import crc8_autosar, crc32_autosar
+from protocols.checksums import CRC8_END, CRC8_START, crc8_autosar, crc8_block, crc32_autosar
 from protocols.framing import (
     BAD_CRC8,
     BAD_CRC32,
@@ -66,7 +67,7 @@ from protocols.framing import (
     Ints,
     Scan,
 )
-from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
+from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, inlined, unsigned
 
 PREAMBLE, SUCCESSOR = b"IDTP", b"INDT"
 HEADER = struct.Struct("<4sIIHHBBB")  # all but its CRC-8
@@ -80,55 +81,52 @@ LITE, SAFETY, SECURE = range(3)
 MODES = ("Lite", "Safety", "Secure")
 TRAILERS = (0, 4, 32)
 
-_I, _D, _T, _P, _N = b"IDTPN"
+_I, _D, _T, _N = b"IDTN"
+_IDTP, _INDT = (int.from_bytes(word, "little") for word in (PREAMBLE, SUCCESSOR))
 _FEW = 8  # frames to look ahead after a forged one
 
 
-@compiled(INT, BYTES, INT)
-def _u2(data: Bytes, at: int) -> int:
-    i = unsigned(at)
-    return int(data[i]) | int(data[i + unsigned(1)]) << 8
+@inlined
+def _u2(data: Bytes, at: Any) -> int:
+    """The 16-bit number at `at`, which is unsigned, as in all of these."""
+    return int(data[at]) | int(data[at + unsigned(1)]) << 8
 
 
-@compiled(INT, BYTES, INT)
-def _u4(data: Bytes, at: int) -> int:
-    return _u2(data, at) | _u2(data, at + 2) << 16
+@inlined
+def _u4(data: Bytes, at: Any) -> int:
+    return _u2(data, at) | _u2(data, at + unsigned(2)) << 16
 
 
-@compiled(INT, BYTES, INT, INT)
-def _preamble(data: Bytes, at: int, left: int) -> int:
-    """What begins with the I at `at`: 0 nothing, 1 IDTP, 2 INDT; as far as the `left` bytes tell."""
-    if left < 2:
-        return 1
+@compiled(FLAG, BYTES, INT, INT)
+def _may_begin(data: Bytes, at: int, left: int) -> bool:
+    """Do the last `left` bytes, 1 to 3 and the first an I, begin a preamble?"""
+    if left == 1:
+        return True
     second = int(data[at + 1])
-    if second == _D:
-        return 1 if (left < 3 or int(data[at + 2]) == _T) and (left < 4 or int(data[at + 3]) == _P) else 0
-    if second == _N:
-        return 2 if (left < 3 or int(data[at + 2]) == _D) and (left < 4 or int(data[at + 3]) == _T) else 0
-    return 0
+    third = int(data[at + 2]) if left == 3 else -1
+    return (second == _D and third in (-1, _T)) or (second == _N and third in (-1, _D))
 
 
-@compiled(INT, BYTES, INT, INT)
-def _header(data: Bytes, at: int, min_mode: int) -> int:
+@inlined
+def _header(data: Bytes, at: Any, min_mode: int) -> int:
     """What can be said against the whole header at `at`."""
-    if crc8_autosar(data, at, at + CRC_AT) != int(data[at + CRC_AT]):
+    if crc8_block(data, at, np.int64(CRC8_START)) ^ CRC8_END != int(data[at + unsigned(CRC_AT)]):
         return BAD_CRC8
-    if int(data[at + VERSION_AT]) >> 4 != MAJOR:
+    if int(data[at + unsigned(VERSION_AT)]) >> 4 != MAJOR:
         return BAD_VERSION
-    mode = int(data[at + MODE_AT])
+    mode = int(data[at + unsigned(MODE_AT)])
     if mode > SECURE:
         return BAD_MODE
     if mode < min_mode:
         return BELOW_MIN_MODE
-    if _u2(data, at + SIZE_AT) > MAX_PAYLOAD:
+    if _u2(data, at + unsigned(SIZE_AT)) > MAX_PAYLOAD:
         return BAD_SIZE
     return FRAME
 
 
-@compiled(INT, BYTES, INT, INT, INT)
-def _trailer(data: Bytes, at: int, end: int, secure: int) -> int:
+@inlined
+def _trailer(data: Bytes, at: Any, end: Any, mode: int, secure: int) -> int:
     """What can be said against the whole frame at `at`, whose trailer begins at `end`."""
-    mode = int(data[at + MODE_AT])
     if mode == SAFETY:
         return FRAME if crc32_autosar(data, at, end) == _u4(data, end) else BAD_CRC32
     return NO_KEY if mode == SECURE and secure == 0 else FRAME
@@ -151,43 +149,49 @@ def candidates(
     failed = 0
     framed = 0
     while at < end and n < stop:
-        if int(data[unsigned(at)]) != _I:
+        here = unsigned(at)
+        if int(data[here]) != _I:
             at += 1
             continue
         left = end - at
-        kind = _preamble(data, at, left)
-        if kind == 0:
+        if left < 4:  # the beginning of a preamble is no candidate yet
+            if not final and _may_begin(data, at, left):
+                break
             at += 1
             continue
-        if left < 4:  # the beginning of a preamble is no candidate yet
-            if not final:
-                break
+        word = _u4(data, here)
+        if word != _IDTP and word != _INDT:
             at += 1
             continue
         status = INDT
         size = 4
         length = 0
-        if kind == 1 and left < HEADER_SIZE:
+        if word == _IDTP and left < HEADER_SIZE:
             status = TRUNCATED
             size = 0
-        elif kind == 1:
-            status = _header(data, at, min_mode)
+        elif word == _IDTP:
+            status = _header(data, here, min_mode)
             size = HEADER_SIZE
             if status == FRAME:
-                length = _u2(data, at + SIZE_AT)
-                mode = int(data[at + MODE_AT])
-                body_end = at + HEADER_SIZE + length
-                size += length + (32 if mode == SECURE else 4 * mode)
-                status = TRUNCATED if size > left else _trailer(data, at, body_end, secure)
+                mode = int(data[here + unsigned(MODE_AT)])
+                length = _u2(data, here + unsigned(SIZE_AT))
+                size += length
+                body_end = unsigned(at + size)
+                size += 32 if mode == SECURE else 4 * mode
+                status = TRUNCATED if size > left else _trailer(data, here, body_end, mode, secure)
         if status == TRUNCATED and not final:
             break
-        table[OFFSET, n] = at
-        table[SIZE, n] = size
-        table[BODY, n] = at + HEADER_SIZE
-        table[LENGTH, n] = length
-        table[ID, n] = int(data[at + TYPE_AT]) if left >= HEADER_SIZE else -1
-        table[SENDER, n] = _u2(data, at + DEVICE_AT) if left >= HEADER_SIZE else -1
-        table[STATUS, n] = status
+        column = unsigned(n)
+        table[OFFSET, column] = at
+        table[SIZE, column] = size
+        table[BODY, column] = at + HEADER_SIZE
+        table[LENGTH, column] = length
+        table[ID, column] = -1
+        table[SENDER, column] = -1
+        table[STATUS, column] = status
+        if left >= HEADER_SIZE:
+            table[ID, column] = int(data[here + unsigned(TYPE_AT)])
+            table[SENDER, column] = _u2(data, here + unsigned(DEVICE_AT))
         n += 1
         if status == FRAME:
             framed += size
