@@ -1,0 +1,220 @@
+"""Time across fix and restart, parts of sets, foreign messages between packets, and what is told by name."""
+
+from __future__ import annotations
+
+import datetime
+import struct
+
+import numpy as np
+import pytest
+
+from protocols import rtcm, ubx
+from protocols.checksums import crc24q, fletcher16
+from protocols.events import Batch, Event, Reject, Reply, Step, Text
+from protocols.isb import frames
+from protocols.isb.decoder import IsbDecoder
+from protocols.isb.frames import build
+from protocols.isb.likeness import likeness
+from protocols.isb.timeline import leap_seconds, remember, tell, utc_ns
+
+S = 1_000_000_000
+WEEK = 2392  # 2025-11-09
+MIDNIGHT = int(datetime.datetime(2025, 11, 9, tzinfo=datetime.UTC).timestamp())
+
+
+def imu(up: float) -> bytes:
+    return build(frames.DATA, 58, struct.pack("<dI6f", up, 0, *range(6)))
+
+
+def ins(week: int, tow: float, roll: float = 0.0) -> bytes:
+    return build(frames.DATA, 4, struct.pack("<IdII6f3d3f", week, tow, 0, 0, roll, *[0.0] * 11))
+
+
+def velocity(tow_ms: int) -> bytes:
+    return build(frames.DATA, 30, struct.pack("<I4fI", tow_ms, 1, 2, 3, 0, 0))
+
+
+def position(week: int, tow_ms: int, tow_offset: float = 0.0) -> bytes:
+    return build(frames.DATA, 13, struct.pack("<III6d5fd4B", week, tow_ms, 0, *[0.0] * 11, tow_offset, 18, 0, 0, 0))
+
+
+def decode(*chunks: bytes) -> list[Event]:
+    decoder = IsbDecoder()
+    events: list[Event] = []
+    for arrival, chunk in enumerate(chunks):
+        decoder.feed(chunk, arrival)
+        events += decoder.drain()
+    return events + decoder.drain(stalled=True)
+
+
+def times(events: list[Event], name: str) -> list[float | None]:
+    out: list[float | None] = []
+    for event in events:
+        if isinstance(event, Batch) and event.message.name == name:
+            out += [None] * len(event) if event.time_ns is None else (event.time_ns / S).tolist()
+    return out
+
+
+# -- time --------------------------------------------------------------------------------------------------------------
+
+
+def test_leap_seconds() -> None:
+    assert leap_seconds(int(datetime.datetime(2016, 12, 31, tzinfo=datetime.UTC).timestamp())) == 17
+    assert leap_seconds(int(datetime.datetime(2017, 1, 1, tzinfo=datetime.UTC).timestamp())) == 18
+    assert utc_ns(WEEK, 18 * S) == MIDNIGHT * S
+
+
+def test_up_time_alone() -> None:
+    assert times(decode(imu(10), imu(10.5)), "DID_IMU") == [10, 10.5]
+
+
+@pytest.mark.parametrize("split", [True, False])
+def test_first_fix_is_a_step_and_nothing_is_in_1980(split: bool) -> None:
+    parts = [ins(0, 5.0), imu(5.001), velocity(5002), position(0, 5003), ins(WEEK, 18.0), imu(5.011), velocity(18_020)]
+    events = decode(*parts) if split else decode(b"".join(parts))
+    assert times(events, "DID_INS_1") == [5.0, MIDNIGHT]
+    assert times(events, "DID_GPS1_VEL") == [5.002, MIDNIGHT + 0.02]
+    assert times(events, "DID_GPS1_POS") == [5.003]
+    assert times(events, "DID_IMU") == pytest.approx([5.001, MIDNIGHT + 0.01])
+    (step,) = (event for event in events if isinstance(event, Step))
+    assert step.kind == "sync"
+    assert step.by_ns == pytest.approx((MIDNIGHT - 5.001) * S, abs=1000)
+
+
+def test_position_tells_the_shift_exactly() -> None:
+    events = decode(imu(100.0), position(WEEK, 18_000 + 100, 0.0), imu(100.2), position(WEEK, 18_300, -1.0))
+    assert times(events, "DID_IMU")[-1] == pytest.approx(MIDNIGHT + 0.3)
+    up, tow = 1000.0, 300_000.0  # up-time + offset = time of week
+    parts = [imu(up), position(WEEK, int(tow * 1e3) + 60, tow - up), imu(up + 1)]
+    assert times(decode(*parts), "DID_IMU")[-1] == pytest.approx(MIDNIGHT - 18 + tow + 1, abs=1e-6)
+
+
+def test_time_of_week_without_a_week_has_no_time_and_follows_the_week_over_its_end() -> None:
+    assert times(decode(velocity(1000)), "DID_GPS1_VEL") == [None]
+    events = decode(ins(WEEK, 604_799.9), velocity(100), ins(WEEK + 1, 0.2), velocity(604_799_950))
+    late = MIDNIGHT - 18 + 604_800
+    assert times(events, "DID_GPS1_VEL") == pytest.approx([late + 0.1, late - 0.05])
+    assert not [event for event in events if isinstance(event, Step)]
+
+
+def test_restart() -> None:
+    events = decode(imu(500), ins(WEEK, 1000.0), imu(500.1), imu(0.5), ins(0, 0.6))
+    assert times(events, "DID_IMU")[-1] == 0.5
+    assert times(events, "DID_INS_1")[-1] == pytest.approx(0.6)
+    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset"]
+
+
+def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
+    second = bytearray(position(0, 0))
+    second = bytearray(build(frames.DATA, 14, bytes(second[6:-2])))
+    events = decode(imu(500), ins(WEEK, 1000.0), bytes(second), imu(500.1), bytes(second))
+    assert times(events, "DID_GPS2_POS") == [None, None]
+    assert len([event for event in events if isinstance(event, Step)]) == 1
+
+
+@pytest.mark.parametrize("clock", [float("nan"), float("inf"), -1.0, 1e300, 5e-324])
+def test_clocks_that_are_none(clock: float) -> None:
+    expected = 0.0 if clock == 5e-324 else None
+    assert times(decode(imu(clock)), "DID_IMU") == [expected]
+    assert times(decode(ins(WEEK, clock)), "DID_INS_1") == ([MIDNIGHT - 18] if clock == 5e-324 else [None])
+    assert times(decode(ins(5, 100.0)), "DID_INS_1") == [None]  # a week of 1980
+
+
+def test_tell_is_pure_but_for_its_memory() -> None:
+    first, second = remember(), remember()
+    assert tell(first, 1, 5 * S, -1) == tell(second, 1, 5 * S, -1) == (5 * S, 1, 0, 0)
+    assert (first == second).all()
+
+
+# -- parts -------------------------------------------------------------------------------------------------------------
+
+
+def theta(values: tuple[float, float, float]) -> bytes:
+    return build(frames.DATA, 4, struct.pack("<3f", *values), offset=20)
+
+
+@pytest.mark.parametrize("split", [True, False])
+def test_parts_merge_into_the_last_value(split: bool) -> None:
+    parts = [theta((9, 9, 9)), ins(WEEK, 18.0, 1.0), theta((2, 0, 0)), theta((3, 0, 0)), ins(WEEK, 19.0), theta((4, 0, 0))]
+    events = decode(*parts) if split else decode(b"".join(parts))
+    batches = [event for event in events if isinstance(event, Batch)]
+    alone = next(batch for batch in batches if "week" not in batch.columns)
+    assert (len(alone), alone.time_ns) == (1, None)
+    rows = [
+        (int(o), float(np.radians(b.columns["theta"][i][0])), int(b.columns["week"][i]))
+        for b in batches if "week" in b.columns
+        for i, o in enumerate(b.offset.tolist())
+    ]  # fmt: skip
+    assert [(round(roll, 6), week) for _, roll, week in sorted(rows)] == [(r, WEEK) for r in (1, 2, 3, 0, 4)]
+    assert times(events, "DID_INS_1")[-1] == MIDNIGHT + 1
+
+
+def test_parts_of_configuration_merge_too() -> None:
+    whole = build(frames.DATA, 12, bytes(288))
+    part = build(frames.DATA, 12, (16).to_bytes(4, "little"), offset=16)
+    replies = [event for event in decode(whole, part) if isinstance(event, Reply)]
+    assert [reply.values["startupNavDtMs"] for reply in replies] == [0, 16]
+    assert len(replies[1].values) == len(replies[0].values) > 40
+
+
+# -- others in the stream ----------------------------------------------------------------------------------------------
+
+
+def ubx_message(group: int, number: int, payload: bytes) -> bytes:
+    body = bytes([group, number]) + len(payload).to_bytes(2, "little") + payload
+    return ubx.SYNC + body + fletcher16(np.frombuffer(body, np.uint8), 0, len(body)).to_bytes(2, "little")
+
+
+def rtcm_message(number: int, size: int = 20) -> bytes:
+    payload = (number << 4).to_bytes(2, "big") + bytes(size - 2)
+    body = rtcm.SYNC + len(payload).to_bytes(2, "big") + payload
+    return body + crc24q(np.frombuffer(body, np.uint8), 0, len(body)).to_bytes(3, "big")
+
+
+def test_check_values() -> None:
+    digits = np.frombuffer(b"123456789", np.uint8)
+    assert crc24q(digits, 0, 9) == 0xCDE703
+    assert fletcher16(np.frombuffer(bytes.fromhex("ef4908000000"), np.uint8), 0, 6) == 0x2740
+
+
+def test_foreign_messages_are_named() -> None:
+    stream = imu(1) + ubx_message(1, 7, bytes(92)) + rtcm_message(1077) + b"$HCHDM,123.45,M*18\r\n" + imu(2)
+    events = decode(stream)
+    texts = [(event.protocol, event.name) for event in events if isinstance(event, Text)]
+    assert texts == [("ubx", "NAV-PVT"), ("rtcm3", "1077"), ("nmea", "HCHDM")]
+    assert times(events, "DID_IMU") == [1, 2]
+    assert not [event for event in events if isinstance(event, Reject)]
+
+
+@pytest.mark.parametrize("false_start", [b"\xb5\x62\x01\x07\xff\x1f", b"\xb5\x62\x01\x07\xff\xff", b"\xd3\x03\xff", b"$GPGGA,"])
+def test_a_false_length_costs_no_packet(false_start: bytes) -> None:
+    decoder = IsbDecoder()
+    decoder.feed(imu(1) + false_start + imu(2), 0)
+    events = decoder.drain()
+    assert times(events, "DID_IMU") == [1, 2]
+    decoder.feed(imu(3), 1)
+    assert times(decoder.drain(), "DID_IMU") == [3]
+
+
+def test_packets_inside_a_failed_candidate_survive() -> None:
+    data = bytearray(imu(1))
+    data[4:6] = (1000).to_bytes(2, "little")
+    assert times(decode(bytes(data) + imu(2) * 30), "DID_IMU") == [2.0] * 30
+
+
+# -- likeness ----------------------------------------------------------------------------------------------------------
+
+
+def test_likeness() -> None:
+    score, words = likeness(imu(1) * 3 + ins(0, 1))
+    assert score == 1
+    assert "4 ISB packets (DID_IMU, DID_INS_1)" in words
+    assert likeness(bytes(1000))[0] == 0
+    assert 0 < likeness(b"$HCHDM,123.45,M*18\r\n")[0] <= 0.5
+
+
+def test_protocol_1_is_told_by_name() -> None:
+    body = bytes([4, 0, 5, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0, 0]) + b"\xfd\x00" + bytes(70)
+    score, words = likeness((b"\xff" + body + b"\xfe") * 5)
+    assert score < 0.5
+    assert "protocol 1.x" in words

@@ -1,0 +1,271 @@
+"""Does every ISB row agree with the vendor, and does every row have a vector?"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch, Reply
+from protocols.isb import frames
+from protocols.isb.decoder import IsbDecoder
+from protocols.isb.frames import build, get_data, set_data, stop
+from protocols.isb.messages import COMMANDS, ROWS
+from protocols.isb.plain import packet_of, plain
+from protocols.isb.tables import SETS, TABLES
+from protocols.layouts import size_of
+from tests.oracles import isb as oracle
+from tests.protocols.isb_vectors import COMPUTED, DATA, FORMATS, by_did, everything, leaves, packet
+from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS
+
+
+def values(data: bytes) -> dict[str, Any]:
+    """Columns of one packet, undone to wire values."""
+    decoder = IsbDecoder()
+    decoder.feed(data, 0)
+    (event,) = (e for e in decoder.drain() if isinstance(e, (Batch, Reply)))
+    return dict(event.values if isinstance(event, Reply) else event.columns)
+
+
+@pytest.mark.parametrize("vector", DATA, ids=lambda vector: str(vector["did_name"]))
+def test_vendor_values(vector: dict[str, Any]) -> None:
+    said = plain(packet(vector))
+    assert said["id"] == vector["did"]
+    assert said["message"] == vector["did_name"]
+    assert said["fields"] == vector["fields"]
+    assert list(said["fields"]) == list(vector["fields"])
+
+
+@pytest.mark.parametrize("vector", [*DATA, *COMPUTED], ids=lambda vector: str(vector["did_name"]))
+def test_like_the_oracle(vector: dict[str, Any]) -> None:
+    data = packet(vector)
+    expected = oracle.values(FORMATS[str(vector["did"])]["fields"], data[6:-2])
+    said = leaves(plain(data)["fields"])
+    for name, numbers in expected.items():
+        if name in said:
+            np.testing.assert_array_equal(said[name], numbers)
+    raw = vector["did"] in (60, 69, 70)
+    assert raw or not expected or {name.partition("[")[0] for name in expected} == {n.partition("[")[0] for n in said}
+
+
+@pytest.mark.parametrize("vector", DATA, ids=lambda vector: str(vector["did_name"]))
+def test_columns_are_the_values_in_shown_units(vector: dict[str, Any]) -> None:
+    columns = values(packet(vector))
+    struct = SETS[vector["did"]].struct
+    assert struct is not None
+    for field, _ in struct.places:
+        if field.fields or field.dtype in ("ascii", "bytes") or field.name not in columns:
+            continue
+        wire = np.asarray(vector["fields"][field.name], float)
+        got = np.asarray(columns[field.name], float)
+        scale = field.scale if isinstance(columns[field.name], np.ndarray) else 1.0
+        np.testing.assert_allclose(got.ravel(), (wire * scale).ravel(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("data", list(everything()), ids=lambda data: data[:4].hex())
+def test_plain_values_are_the_packet(data: bytes) -> None:
+    assert packet_of(json.loads(json.dumps(plain(data), allow_nan=False))) == data
+
+
+def test_every_data_set_has_a_vector() -> None:
+    met = {vector["did"] for vector in (*DATA, *COMPUTED)}
+    assert met == set(SETS) == {int(did) for did in FORMATS}
+    assert len(SETS) == 109
+    assert {plain(packet(vector))["message"] for vector in COMMAND_VECTORS} >= {
+        row.name for row in COMMANDS.values() if row.name != "STOP_DID_BROADCAST"
+    }
+
+
+@pytest.mark.parametrize("did", [did for did, row in SETS.items() if row.struct])
+def test_the_table_is_the_structure(did: int) -> None:
+    """Offsets, types and sizes are those of the facts, gaps and all."""
+    struct, row = SETS[did].struct, FORMATS[str(did)]
+    assert struct is not None
+    assert struct.size == row["size"]
+    tops: dict[str, int] = {}
+    for name, _, _, offset in row["fields"]:
+        tops.setdefault(name.partition("[")[0], offset)
+    for field, at in struct.places:
+        if field.dtype != "bytes":
+            assert tops[field.name] == at, field.name
+    last, at = struct.places[-1]
+    assert at + size_of(last) == struct.size
+
+
+def test_positions_velocities_and_attitudes_name_their_frame() -> None:
+    named = {"lla", "ecef", "ned", "uvw", "vel", "ve", "theta", "qn2b", "qe2b", "refLla", "baseLla", "pqr", "acc"}
+    for name, struct in TABLES.structs.items():
+        for field, _ in struct.places:
+            if field.name.rpartition(".")[2] in named and field.shape and not field.fields:
+                assert field.frame, f"{name}.{field.name}"
+                assert len(field.axes) == field.shape[-1]
+
+
+# -- commands ----------------------------------------------------------------------------------------------------------
+
+
+def test_commands_are_the_vendors() -> None:
+    made = {
+        "stop_broadcasts_all_ports": stop(all_ports=True),
+        "stop_broadcasts_current_port": stop(),
+        "save_persistent": set_data(7, b"\1\0\0\0\xfe\xff\xff\xff"),
+    }
+    for vector in COMMAND_VECTORS:
+        arguments = vector["args"]
+        if vector["what"] == "get_data":
+            kept = {name: arguments[name] for name in ("size", "offset", "period")}
+            made["get_data"] = get_data(arguments["did"], **kept)
+        if vector["what"] in made:
+            assert made[vector["what"]] == packet(vector)
+        if vector["what"] == "set_data_offset":
+            field, value = arguments["field"], arguments["value"]
+            assert plain(packet(vector))["fields"] == {field: value}
+            record = {"message": "SET_DID_FLASH_CONFIG", "fields": {field: value}}
+            assert packet_of(record) == packet(vector)
+
+
+def test_the_document_preset() -> None:
+    preset = bytes.fromhex("ef4905090c00e23c3501900000c000010000f7b0")
+    said = plain(preset)
+    assert (said["message"], said["fields"]["options"]) == ("SET_DID_RMC", 256)
+    assert said["flags"]["options"] == ["RMC_OPTIONS_PRESERVE_CTRL"]
+
+
+def test_limits() -> None:
+    """Errata 8: beyond these a candidate is no packet, even when its checksum agrees."""
+    cases = {
+        build(frames.DATA, 4, bytes(1024)): "",
+        build(frames.DATA, 4, bytes(1025)): "bad_size",
+        build(frames.DATA, 4, bytes(1024), offset=1022): "",
+        build(frames.DATA, 4, bytes(1024), offset=1023): "bad_size",
+        build(frames.DATA, 43, bytes(1024), offset=60_000): "",
+        build(frames.ACK, 0, bytes(2040)): "",
+        get_data(4, size=1024): "",
+        get_data(4, size=1025): "bad_size",
+        oracle.build(9, 4, b""): "bad_type",
+        oracle.build(0, 4, b""): "bad_type",
+        oracle.build(0x24, 4, b"\0"): "bad_size",
+        oracle.build(0x14, 4, b"1234"): "",
+    }
+    for data, reason in cases.items():
+        decoder = IsbDecoder()
+        decoder.feed(data + stop(), 0)
+        events = decoder.drain(stalled=True)
+        rejects = [event for event in events if not isinstance(event, (Batch, Reply))]
+        assert [getattr(event, "reason", "") for event in rejects[:1]] == ([reason] if reason else []), data[:8].hex()
+        assert any(isinstance(e, Reply) and e.message.name == "STOP_BROADCASTS_CURRENT_PORT" for e in events)
+
+
+# -- lists -------------------------------------------------------------------------------------------------------------
+
+
+def satellites(count: int, said: int | None = None) -> bytes:
+    entry = bytes.fromhex("01 05 2d 5a00 2c 1c00".replace(" ", ""))
+    head = (1000).to_bytes(4, "little") + (count if said is None else said).to_bytes(4, "little")
+    return build(frames.DATA, 15, head + entry * count)
+
+
+def test_lists_have_as_many_rows_as_are_in_use() -> None:
+    for data, expected in ((satellites(7), 7), (satellites(50, 12), 12), (satellites(0), 0), (satellites(3, 9), 3)):
+        sat = values(data)["sat"]
+        assert sat.shape == (1, expected)
+        assert expected == 0 or (sat["svId"] == 5).all()
+    assert len(plain(satellites(50, 12))["fields"]["sat"]) == 50
+    assert packet_of(plain(satellites(7))) == satellites(7)
+
+
+def test_raw_gnss_data_by_type() -> None:
+    observation = bytes(8) + bytes(8) + bytes([9]) + bytes(52)
+    data = build(frames.DATA, 69, bytes([1, 1, 2, 0]) + observation * 2)
+    assert values(data)["obs"]["sat"].tolist() == [[9, 9]]
+    ephemeris = build(frames.DATA, 69, bytes([1, 2, 0, 0]) + bytes(288))
+    assert "eph" in values(ephemeris)
+    odd = build(frames.DATA, 69, bytes([1, 77, 0, 0]) + b"abcd")
+    assert plain(odd)["fields"]["buf"] == b"abcd".hex()
+    for packet_ in (data, ephemeris, odd):
+        assert packet_of(plain(packet_)) == packet_
+
+
+def test_velocity_frame_follows_the_status() -> None:
+    for status, frame in ((0, "ECEF"), (0x8000, "NED")):
+        decoder = IsbDecoder()
+        payload = bytearray(by_did(30)[6:-2] if any(v["did"] == 30 for v in DATA) else bytes(24))
+        payload[20:24] = status.to_bytes(4, "little")
+        decoder.feed(build(frames.DATA, 30, bytes(payload)), 0)
+        (batch,) = decoder.drain()
+        assert isinstance(batch, Batch)
+        assert next(f for f in batch.message.fields if f.name == "vel").frame == frame
+
+
+def test_shorter_longer_and_older() -> None:
+    whole = by_did(10)[6:-2]
+    assert "upTime" not in values(build(frames.DATA, 10, whole[:56]))
+    longer = build(frames.DATA, 10, whole + b"\1\2\3")
+    assert set(values(longer)) == set(values(build(frames.DATA, 10, whole)))
+    assert plain(longer)["wire"]["unknown"] == {"64": "010203"}
+    assert packet_of(plain(longer)) == longer
+    old = build(frames.DATA, 8, bytes(range(45)))
+    assert list(plain(old)["fields"]) == ["options"]  # the pairs are elsewhere before 2.1.9
+    assert packet_of(plain(old)) == old
+    cut = build(frames.DATA, 4, by_did(4)[6:-2][24:36], offset=24)
+    assert [len(value) for value in plain(cut)["fields"].values()] == [2, 1]
+    assert packet_of(plain(cut)) == cut
+
+
+def test_firmware_picks_the_layout() -> None:
+    info = bytearray(by_did(1)[6:-2])
+    info[12:16] = bytes([2, 0, 3, 0])
+    port = build(frames.DATA, 75, bytes(223))
+    decoder = IsbDecoder()
+    decoder.feed(port + build(frames.DATA, 1, bytes(info)) + port, 0)
+    batches = [event for event in decoder.drain() if isinstance(event, Batch)]
+    assert [set(batch.columns) for batch in batches] == [{"port", "activePorts"}, {"port", "activePorts"}]
+    bit = build(frames.DATA, 79, bytes(120))
+    info[12:16] = bytes([2, 3, 0, 0])
+    decoder.feed(build(frames.DATA, 1, bytes(info)) + bit, 0)
+    (batch,) = (event for event in decoder.drain() if isinstance(event, Batch))
+    assert "pos_variance" not in batch.columns
+    assert "time.time" in batch.columns
+
+
+def test_unknown_data_sets_are_kept() -> None:
+    said = plain(build(frames.DATA, 200, b"abc"))
+    assert said == {"id": 200, "message": "DID_200", "fields": {"data": "616263"}}
+    assert ROWS[200].kind == "reply"
+
+
+def log_folder() -> Path:
+    folder = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"
+    if not folder.is_dir():
+        pytest.skip(f"no logs: {folder} is not there")
+    return folder
+
+
+def test_vendor_log() -> None:
+    """Every record of the vendor's log, in order, with its values; sentences in it have a wrong checksum."""
+    folder = log_folder()
+    data = next(folder.glob("*.raw")).read_bytes()
+    expected = [json.loads(line) for line in (folder / "raw.values.jsonl").read_text().splitlines()]
+    found = oracle.scan(data, final=True)
+    sets = [row for row in expected if "did" in row]
+    assert [(p.did, p.part or 0, len(p.payload)) for p in found.packets] == [
+        (row["did"], row["offset"], row["size"]) for row in sets
+    ]
+    for one, row in zip(found.packets, sets, strict=True):
+        said = plain(data[one.offset : one.offset + one.size])["fields"]
+        for name, value in row["fields"].items():
+            np.testing.assert_allclose(said[name], value, rtol=2e-7) if name != "manufacturer" else None
+    decoder = IsbDecoder()
+    decoder.feed(data, 0)
+    events = decoder.drain(stalled=True)
+    ins = next(event for event in events if isinstance(event, Batch) and event.message.name == "DID_INS_1")
+    rows = [row for row in sets if row["did"] == 4]
+    assert len(ins) == len(rows)
+    last: dict[str, Any] = {}
+    for i, row in enumerate(rows):  # a part of the set is merged into the last value
+        last.update(row["fields"])
+        np.testing.assert_allclose(ins.columns["theta"][i], np.degrees(last["theta"]), rtol=1e-6)
+        assert ins.columns["lla"][i].tolist() == pytest.approx(last["lla"], rel=1e-14)
