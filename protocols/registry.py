@@ -14,6 +14,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from protocols.events import Decoder
+from protocols.isb.decoder import IsbDecoder
+from protocols.isb.frames import DATA, stop
+from protocols.isb.frames import build as isb_build
+from protocols.isb.likeness import likeness as isb_likeness
+from protocols.isb.listing import IsbListing
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build
 from protocols.xbus.likeness import likeness as xbus_likeness
@@ -68,6 +73,14 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             xbus_likeness,
             XbusListing,
             build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
+        ),
+        ProtocolInfo(
+            "isb",
+            "Inertial Sense IMX, GPX (ISB 2.x)",
+            IsbDecoder,
+            isb_likeness,
+            IsbListing,
+            2 * isb_build(DATA, 58, bytes(36)) + stop(),
         ),
     )
 }

@@ -112,8 +112,8 @@ class Message:
         wrap: ticks at which it wraps; 0 when the rule is found from the data or it never does.
         kind: "data" streams into plots; "reply" and "indication" are events; "command" is sent by the host.
         split: True when every field is a quantity of its own that a page subscribes to alone (the items of MTData2).
-        apart: fields that a page subscribes to alone (the vectors, status words and lists of a message whose other fields
-            stay together); each is a channel called message.field.
+        apart: fields that a page subscribes to alone (the vectors, status words and lists of a message whose other
+            fields stay together); each is a channel called message.field.
         direction: who sends it.
         title, doc, source: for a person; one sentence; section of the document.
     """

@@ -26,14 +26,13 @@ from protocols.events import Batch, Decoder, Event, Reply, Step
 from protocols.foreign import find
 from protocols.framing import BODY, OFFSET, Ints
 from protocols.isb import messages
-from protocols.isb.frames import FLAGS, SET_DATA, TYPE_MASK, WITH_OFFSET, scan
+from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
 from protocols.isb.plain import values_of
 from protocols.isb.sorting import (
     ABOUT,
     BY,
     FAMILIES,
     KEY,
-    NO_STEP,
     PART,
     SORTED,
     STEP,
@@ -46,7 +45,8 @@ from protocols.isb.sorting import (
     no_wholes,
     sort,
 )
-from protocols.isb.timeline import STEPS, remember
+from protocols.isb.tables import VERSIONS
+from protocols.isb.timeline import NO_STEP, STEPS, remember
 from protocols.schema import Direction, Message
 from protocols.stream import Cut, Stream
 
@@ -208,7 +208,7 @@ class IsbDecoder(Decoder):
             if kind == 4:
                 part, payload = self._merged(did, part, payload)
             told = -1 - int(keys[i])
-            version = None if told == UNTOLD else messages.VERSIONS[told]
+            version = None if told == UNTOLD else VERSIONS[told]
             values = Values(kind, did, payload, part, version)
             events.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
 
@@ -234,4 +234,3 @@ def _offset(event: Event) -> int:
     if isinstance(event, Batch):
         return 2 * int(event.offset[0]) + 1
     return 2 * event.offset
-

@@ -140,6 +140,8 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
                 sums = fletcher16(data, at, at + size - TRAILER)
                 if sums & 0xFF != int(data[at + size - 2]) or sums >> 8 != int(data[at + size - 1]):
                     status = BAD_CHECKSUM
+        if status in (BAD_TYPE, BAD_SIZE):
+            size = 0  # what is claimed may not be there yet, and would say nothing
         flags = int(data[at + 2]) if left >= 3 else 0
         skip = 0
         if flags & WITH_OFFSET and (flags & TYPE_MASK == DATA or flags & TYPE_MASK == SET_DATA):

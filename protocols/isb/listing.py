@@ -12,9 +12,10 @@ from protocols.events import Text
 from protocols.foreign import find
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET, scan
-from protocols.isb.messages import DEVICE_INFOS, VERSIONS, rules, version_numbers
+from protocols.isb.messages import DEVICE_INFOS, rules, version_numbers
 from protocols.isb.plain import plain
 from protocols.isb.sorting import FAMILY, FIRMWARE_AT, version_of
+from protocols.isb.tables import VERSIONS
 from protocols.stream import Cut, Stream
 
 Line = dict[str, Any]

@@ -1,8 +1,9 @@
 """Every data set as a row of the schema, and the form that a payload of some size has.
 
-A payload is rarely just "the structure": a GET may have asked for a part of it, a satellite list is as long as there are
-satellites, older firmware has a shorter or another structure, newer firmware a longer one. `form` says which fields a
-payload has and where, for any offset and size; what is cut in two is left out, what the table does not know has no field:
+A payload is rarely just "the structure": a GET may have asked for a part of it, a satellite list is as long as there
+are satellites, older firmware has a shorter or another structure, newer firmware a longer one. `places` says which
+fields a payload has and where, for any offset and size; what is cut in two is left out, what the table does not know
+has no field:
 
     table    week  timeOfWeek  insStatus  hdwStatus  theta ×3      uvw ×3 …
              0     4           12         16         20            32
@@ -31,7 +32,7 @@ import numpy as np
 
 from protocols.framing import Ints
 from protocols.isb import sorting
-from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
+from protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
 from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size
 from protocols.isb.timeline import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
 from protocols.layouts import Layout, size_of

@@ -27,9 +27,20 @@ from typing import Any
 import numpy as np
 
 from protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET, build
-from protocols.isb.messages import BY_NAME, COMMANDS, RAW_SETS, ROWS, SET_PREFIX, VERSIONS, Place, places, rules
-from protocols.isb.messages import set_row, version_for
+from protocols.isb.messages import (
+    BY_NAME,
+    COMMANDS,
+    RAW_SETS,
+    ROWS,
+    SET_PREFIX,
+    Place,
+    places,
+    rules,
+    set_row,
+    version_for,
+)
 from protocols.isb.sorting import variant_of
+from protocols.isb.tables import VERSIONS
 from protocols.layouts import EncodeError, pack, size_of, unpack
 from protocols.schema import Bits, Field
 
@@ -202,7 +213,7 @@ def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version
 
 
 def _extent(did: int, fields: Mapping[str, Any], version: str | None) -> tuple[int, int, bool]:
-    """The offset, size and need of an offset of a payload that has just the named fields, from the first to the last."""
+    """Offset, size and need of an offset of a payload that has just the named fields, from the first to the last."""
     start, stop = -1, 0
     for field, at in _places(did, 0, 2040, fields, version):
         if field.name in fields:

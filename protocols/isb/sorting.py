@@ -16,6 +16,8 @@ is how many elements of a list are in use. Sets that hardly ever come (device in
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import types
 
@@ -27,12 +29,11 @@ from protocols.isb.timeline import (
     NO_STEP,
     NONE,
     ONE,
-    S,
-    THREE,
-    TWO,
     WEEK_TOW,
+    S,
     double_ns,
     exact,
+    four,
     tell,
 )
 from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, inlined, unsigned
@@ -45,7 +46,9 @@ OFFSETS, ARRIVALS, TIMES = range(3)
 ABOUT = 3
 
 # What is known of each data set, one column per DID; see messages.rules().
-STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(12)
+STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(
+    12
+)
 RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
 
@@ -69,17 +72,11 @@ def no_wholes() -> Ints:
 
 
 @inlined
-def _u4(data: Bytes, at: int) -> int:
-    at = unsigned(at)
-    return int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
-
-
-@inlined
 def _number(data: Bytes, at: int, size: int) -> int:
-    at = unsigned(at)
+    start = unsigned(at)
     value = 0
     for i in range(unsigned(size)):
-        value |= int(data[at + i]) << 8 * int(i)
+        value |= int(data[start + i]) << 8 * int(i)
     return value
 
 
@@ -149,7 +146,7 @@ def sort(
         out[STEP, f] = NO_STEP
         out[BY, f] = 0
         flags = table[FLAGS, f]
-        did = unsigned(table[ID, f])
+        did: Any = unsigned(table[ID, f])
         if table[STATUS, f] != FRAME or flags & TYPE_MASK != DATA:
             continue
         body = table[BODY, f]
@@ -180,11 +177,11 @@ def sort(
                     ns = _since_1970(data, body + at, body + length)
             elif rules[CLOCK_MS, did]:
                 if length >= at + 4:
-                    ns = _u4(data, body + at) * 1_000_000
+                    ns = four(data, body + at) * 1_000_000
             elif length >= at + 8:
                 ns = double_ns(data, body + at)
-            if (clock == WEEK_TOW or clock == FIX) and length >= rules[WEEK_AT, did] + 4:
-                week = _u4(data, body + rules[WEEK_AT, did])
+            if clock in (WEEK_TOW, FIX) and length >= rules[WEEK_AT, did] + 4:
+                week = four(data, body + rules[WEEK_AT, did])
             time, timed, step, by = tell(memory, clock, ns, week)
             out[TIME, f] = time
             out[TIMED, f] = timed

@@ -6,8 +6,8 @@ Reading it takes a few milliseconds, once.
     words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
     sets            ─> DataSet                  versions ─> which firmware has which structure
 
-Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The vendor's
-full constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name is what lanes are labelled with.
+Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The
+vendor's full constant of a flag (`INS_STATUS_NAV_MODE`) is its `doc`; its short name is what lanes are labelled with.
 """
 
 from __future__ import annotations
@@ -167,9 +167,7 @@ def _bits(words: list[str], prefix: str) -> Bits:
     meanings = (word.split("=", 1) for word in words[2:] if "=" in word)
     choices = {int(value): meaning for value, meaning in meanings}
     severity = MARKS.get(mark, "")
-    return Bits(
-        words[1], int(low), int(width or 1), choices, severity, normal_set=mark == "+", doc=prefix + words[1]
-    )  # type: ignore[arg-type]
+    return Bits(words[1], int(low), int(width or 1), choices, severity, normal_set=mark == "+", doc=prefix + words[1])  # type: ignore[arg-type]
 
 
 def element_size(row: Field) -> int:

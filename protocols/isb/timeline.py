@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.framing import Bytes, Ints
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, compiled, inlined, unsigned
+from protocols.jit import FLAG, FOUR, INT, INTS, compiled, inlined, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
@@ -55,7 +55,7 @@ NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not
 TOLD_NS = 5_000_000  # a correction of the shift below this is no event
 LONGEST_UP_S = 1e9
 HIGHEST = 0x41D00000  # upper half of a float64 of 2^30
-ONE, TWO, THREE, FOUR_ON = (unsigned(n) for n in (1, 2, 3, 4))  # a sum with a plain number would be signed again
+ONE, TWO, THREE = (unsigned(n) for n in (1, 2, 3))  # a sum with a plain number would be signed again
 
 # Unix seconds from which GPS time is ahead of UTC by one second more
 _LEAPS = np.array(
@@ -91,12 +91,16 @@ def remember() -> NDArray[np.int64]:
 
 
 @inlined
+def four(data: Bytes, at: int) -> int:
+    """The u32 at `at`."""
+    i = unsigned(at)
+    return int(data[i]) | int(data[i + ONE]) << 8 | int(data[i + TWO]) << 16 | int(data[i + THREE]) << 24
+
+
+@inlined
 def double_ns(data: Bytes, at: int) -> int:
     """The float64 at `at`, seconds, as ns; -1 where it is no time (negative, not finite, beyond 30 years)."""
-    at = unsigned(at)
-    low = int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
-    at += FOUR_ON
-    high = int(data[at]) | int(data[at + ONE]) << 8 | int(data[at + TWO]) << 16 | int(data[at + THREE]) << 24
+    low, high = four(data, at), four(data, at + 4)
     if high >= HIGHEST:  # negative, or too large to be worth a look
         return -1
     seconds = np.int64(high << 32 | low).view(np.float64)
@@ -179,7 +183,7 @@ def tell(memory: Ints, kind: int, ns: int, week: int) -> tuple[int, int, int, in
         return 0, 0, NO_STEP, 0
     if kind == UP or (kind == WEEK_TOW and week == 0):
         return _up(memory, ns)
-    if (kind == WEEK_TOW or kind == FIX) and week != 0:
+    if kind in (WEEK_TOW, FIX) and week != 0:
         if week < FIRST_WEEK or week > LAST_WEEK or ns > (WEEK_S + 1) * S:
             return 0, 0, NO_STEP, 0
         return _gps(memory, utc_ns(week, ns), week)

@@ -57,4 +57,4 @@ def _number(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     ((kind, digits),) = value.items()
-    return struct.unpack("<f" if kind == "f32" else "<d", bytes.fromhex(digits))[0]
+    return struct.unpack(">f" if kind == "f32" else ">d", bytes.fromhex(digits))[0]

@@ -135,7 +135,14 @@ def theta(values: tuple[float, float, float]) -> bytes:
 
 @pytest.mark.parametrize("split", [True, False])
 def test_parts_merge_into_the_last_value(split: bool) -> None:
-    parts = [theta((9, 9, 9)), ins(WEEK, 18.0, 1.0), theta((2, 0, 0)), theta((3, 0, 0)), ins(WEEK, 19.0), theta((4, 0, 0))]
+    parts = [
+        theta((9, 9, 9)),
+        ins(WEEK, 18.0, 1.0),
+        theta((2, 0, 0)),
+        theta((3, 0, 0)),
+        ins(WEEK, 19.0),
+        theta((4, 0, 0)),
+    ]
     events = decode(*parts) if split else decode(b"".join(parts))
     batches = [event for event in events if isinstance(event, Batch)]
     alone = next(batch for batch in batches if "week" not in batch.columns)
@@ -186,7 +193,9 @@ def test_foreign_messages_are_named() -> None:
     assert not [event for event in events if isinstance(event, Reject)]
 
 
-@pytest.mark.parametrize("false_start", [b"\xb5\x62\x01\x07\xff\x1f", b"\xb5\x62\x01\x07\xff\xff", b"\xd3\x03\xff", b"$GPGGA,"])
+@pytest.mark.parametrize(
+    "false_start", [b"\xb5\x62\x01\x07\xff\x1f", b"\xb5\x62\x01\x07\xff\xff", b"\xd3\x03\xff", b"$GPGGA,"]
+)
 def test_a_false_length_costs_no_packet(false_start: bytes) -> None:
     decoder = IsbDecoder()
     decoder.feed(imu(1) + false_start + imu(2), 0)

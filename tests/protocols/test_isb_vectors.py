@@ -18,8 +18,8 @@ from protocols.isb.plain import packet_of, plain
 from protocols.isb.tables import SETS, TABLES
 from protocols.layouts import size_of
 from tests.oracles import isb as oracle
-from tests.protocols.isb_vectors import COMPUTED, DATA, FORMATS, by_did, everything, leaves, packet
 from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS
+from tests.protocols.isb_vectors import COMPUTED, DATA, FORMATS, by_did, everything, leaves, packet
 
 
 def values(data: bytes) -> dict[str, Any]:
