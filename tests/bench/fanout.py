@@ -66,7 +66,7 @@ class Reader:
             self.delays.append(now - stamp)
 
 
-async def _client(url: str, reader: Reader) -> None:
+async def client(url: str, reader: Reader) -> None:
     address = url.replace("http", "ws", 1) + "/ws"
     async with connect(address, subprotocols=[SUBPROTOCOL], compression=None, max_size=None, origin=url) as socket:  # type: ignore[arg-type,list-item]
         await socket.send(json.dumps({"op": "subscribe", "history": 0, "channels": None}))
@@ -91,7 +91,7 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as data:
         source = f"serial://{terminal}?baud=2000000"
         with ServerProcess(source, data=Path(data)) as server, feed:
-            tasks = [asyncio.create_task(_client(server.url, reader)) for reader in readers]
+            tasks = [asyncio.create_task(client(server.url, reader)) for reader in readers]
             await asyncio.sleep(1)
             feed.stdin.write("go\n")
             feed.stdin.flush()

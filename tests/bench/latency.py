@@ -3,9 +3,10 @@
     feed ── write, stamp ──> pty ──> server ──> WebSocket ──> worker: postMessage(typed arrays), stamp
 
 The page is the real one, drawing all it draws, in headless Chromium with software rendering; its worker is asked to
-note when it hands samples over, and the packet counter says which write they were. With more than one client each is a
-page of its own, so on a small machine this measures the machine too. The yardstick beside it: the same bytes read back
-from a pseudo-terminal by a bare loop, i.e. what the kernel and this machine's scheduling alone cost.
+note when it hands samples over, and the packet counter says which write they were. Further clients stand for browsers
+on other machines: they read the same bytes and draw nothing here (`--pages N` opens N pages instead, which on a small
+machine measures how many pages it can draw). The yardstick beside it: the same bytes read back from a pseudo-terminal
+by a bare loop, i.e. what the kernel and this machine's scheduling alone cost.
 
 Budget: p99 at most 25 ms at 2 kHz, for one to four clients.
 """
@@ -81,8 +82,8 @@ def delays_ms(noted: list[tuple[float, int]], written: list[float], offset: floa
     return found
 
 
-def product(browser: Browser, clients: int, rate: float, seconds: float) -> dict[str, Any]:
-    """The whole way, with `clients` pages."""
+def product(browser: Browser, pages: int, readers: int, rate: float, seconds: float) -> dict[str, Any]:
+    """The whole way, with so many pages here and readers that stand for pages elsewhere."""
     command = [sys.executable, str(ROOT / "tests/bench/feed.py"), str(rate), str(SETTLE_S + seconds)]
     with (
         tempfile.TemporaryDirectory() as data,
@@ -94,7 +95,11 @@ def product(browser: Browser, clients: int, rate: float, seconds: float) -> dict
         terminal = feed.stdout.readline().strip()
         server = contexts.enter_context(ServerProcess(f"serial://{terminal}?baud=2000000", data=Path(data)))
         workers = []
-        for _ in range(clients):
+        if readers:
+            reading = [sys.executable, str(ROOT / "tests/bench/readers.py"), server.url, str(readers)]
+            others = contexts.enter_context(subprocess.Popen(reading))
+            contexts.callback(others.terminate)
+        for _ in range(pages):
             context = contexts.enter_context(browser.new_context(viewport={"width": 1440, "height": 900}))
             page = context.new_page()
             page.goto(server.url)
@@ -113,9 +118,10 @@ def product(browser: Browser, clients: int, rate: float, seconds: float) -> dict
     expected = sum(at >= written[0] + SETTLE_S for at in written)
     every = [delay for delays in each for delay in delays]
     return {
-        "clients": clients,
+        "clients": pages + readers,
+        "pages": pages,
         "samples": len(every),
-        "missing": clients * expected - len(every),
+        "missing": max(0, pages * expected - len(every)),
         "p50_ms": percentile(every, 0.5),
         "p99_ms": percentile(every, 0.99),
         "worst_client_p99_ms": max(percentile(delays, 0.99) for delays in each),
@@ -157,6 +163,7 @@ def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="Latency from a pseudo-terminal to the page's worker.")
     parser.add_argument("--clients", type=int, nargs="*", default=[1, 2, 4])
+    parser.add_argument("--pages", type=int, default=1, help="so many of the clients are pages on this machine")
     parser.add_argument("--rate", type=float, default=2000)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
@@ -166,7 +173,10 @@ def main() -> None:
         sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
-        rows = [product(browser, clients, options.rate, options.seconds) for clients in options.clients]
+        rows = []
+        for clients in options.clients:
+            pages = min(clients, options.pages)
+            rows.append(product(browser, pages, clients - pages, options.rate, options.seconds))
         browser.close()
     yardstick = bare(options.rate, min(5.0, options.seconds))
     figures = {"rate_hz": options.rate, "runs": rows, "yardstick": yardstick, "budget": {"p99_ms": 25}}

@@ -34,7 +34,9 @@ def machine() -> dict[str, Any]:
         for line in cpuinfo.read_text().splitlines():
             if line.startswith("model name"):
                 model = line.split(":", 1)[1].strip()
-    return {"cpu": model, "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}", "gpu": None}
+    system = f"{platform.system()} {platform.machine()}"
+    load = os.getloadavg()[1]  # what else went on: over 5 minutes, so that a short run does not count itself twice
+    return {"cpu": model, "cores": os.cpu_count(), "system": system, "gpu": None, "load_5_min": round(load, 1)}
 
 
 def versions(extra: Mapping[str, str] | None = None) -> dict[str, str]:
