@@ -88,7 +88,8 @@ def unpack(fields: Sequence[Field], payload: bytes, at: int = 0, *, exact: bool 
 
     Args:
         fields: as returned by `fit`; the payload must hold them from `at` on.
-        exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many spellings.
+        exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many spellings; the
+            digits are those of its bits as a number, highest first, in whatever order they travel.
     """
     values = {}
     for field in fields:
@@ -113,8 +114,14 @@ def _read(field: Field, payload: bytes, at: int, exact: bool) -> Any:
         width = len(raw) // max(len(numbers), 1)
         for i, number in enumerate(numbers):
             if not math.isfinite(number):
-                numbers[i] = {f"f{8 * width}": raw[i * width : (i + 1) * width].hex()}
+                spelled = raw[i * width : (i + 1) * width][:: _order(field)]
+                numbers[i] = {f"f{8 * width}": spelled.hex()}
     return numbers if field.shape else numbers[0]
+
+
+def _order(field: Field) -> int:
+    """The step that turns the bytes of a number highest first, or back."""
+    return -1 if field.dtype.startswith("<") else 1
 
 
 def _numbers(field: Field, raw: bytes) -> list[Any]:
@@ -199,17 +206,19 @@ def _write_number(field: Field, value: Any) -> bytes:
     dtype = np.dtype(field.dtype)
     if dtype.kind == "f":
         try:
-            return struct.pack(">d" if dtype.itemsize == 8 else ">f", value)[:: -1 if field.dtype.startswith("<") else 1]
+            return struct.pack(">d" if dtype.itemsize == 8 else ">f", value)[:: _order(field)]
         except OverflowError:
             raise EncodeError(f"{field.name} is beyond a {8 * dtype.itemsize}-bit float, given {value!r}") from None
     limits = np.iinfo(dtype)
     if int(value) != value or not limits.min <= value <= limits.max:
         raise EncodeError(f"{field.name} is a whole number from {limits.min} to {limits.max}, given {value!r}")
-    return int(value).to_bytes(dtype.itemsize, "little" if field.dtype.startswith("<") else "big", signed=limits.min < 0)
+    return int(value).to_bytes(
+        dtype.itemsize, "little" if field.dtype.startswith("<") else "big", signed=limits.min < 0
+    )
 
 
 def _write_spelled(field: Field, value: Mapping[str, Any]) -> bytes:
-    """A float given as its bytes: {"f32": "7fc00000"}."""
+    """A float given as its bits: {"f32": "7fc00000"}."""
     size = size_of(replace(field, shape=()))
     try:
         raw = bytes.fromhex(value[f"f{8 * size}"])
@@ -217,7 +226,7 @@ def _write_spelled(field: Field, value: Mapping[str, Any]) -> bytes:
         raw = b""
     if np.dtype(field.dtype if field.dtype not in _SPECIAL else "u1").kind != "f" or len(raw) != size:
         raise EncodeError(f"{field.name} is a number, given {dict(value)!r}")
-    return raw
+    return raw[:: _order(field)]
 
 
 def _write_fixed(field: Field, value: float) -> bytes:
