@@ -85,7 +85,10 @@ class Unwrap:
         found = follow(
             values, arrival, self._state, self._wraps, self._late, self._tick_ns, int(AHEAD_S * 1e9), out, steps
         )
-        self.steps = [(row, "reset" if kind == RESET else "jump", by) for row, kind, by in steps[:, :found].T.tolist()]
+        self.steps = []
+        if found:  # rarely
+            table = steps[:, :found].T.tolist()
+            self.steps = [(row, "reset" if kind == RESET else "jump", by) for row, kind, by in table]
         return out
 
 

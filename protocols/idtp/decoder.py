@@ -45,6 +45,7 @@ UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_00
 KNOWN_MINOR = 1
 WARNING = Message(-1, "Warning", kind="indication", doc="What a person should know about a device.")
 
+LAYOUT = (1 << 21) - 1  # the part of a KEY that decides the layout
 _LAYOUTS = 4096  # remembered; a device has a handful
 
 
@@ -146,29 +147,35 @@ class IdtpDecoder(Decoder):
 
     def _data(self, cut: Cut, events: list[Event]) -> None:
         """Batches, gaps, steps and warnings of the accepted frames."""
-        rows, table, arrivals = cut.judged.rows, cut.table, cut.arrival_ns
-        n = table.shape[1]
+        rows, table = cut.judged.rows, cut.table
         offsets = table[OFFSET] + cut.start
         times = self._times(cut, offsets, events)
         if cut.judged.gaps:
             self._gaps(cut, offsets, times, events)
         if cut.judged.other:
             self._newer(cut, offsets, events)
+        if table.shape[1] == 1:  # the usual case of a live stream
+            events.append(self._batch(cut, int(rows[KEY, 0]), None, offsets, times, events))
+            return
         for key, which in _groups(rows[KEY]):
-            source, old, kind, length = key_of(key)
-            payload = self._payload(key & 0x1FFFFF, kind, old, length)
-            starts = table[BODY] if which is None else table[BODY][which]
-            if payload.trouble:
-                first = 0 if which is None else int(which[0])
-                self._warn(source >> 1, payload.message.name, payload.trouble, cut, first, events)
-            gathered = np.empty((len(starts), payload.width), np.uint8)
-            gather(cut.array, starts, gathered)
-            device, unverified = source_of(source)
-            pick: Any = slice(None) if which is None else which
-            shown = Shown(payload, gathered, rows[MODE] if n == 1 else rows[MODE][pick], unverified, self._rotation)
-            events.append(
-                Batch(payload.message, str(device), arrivals[pick], offsets[pick], times[pick], shown, not unverified)
-            )
+            events.append(self._batch(cut, key, which, offsets, times, events))
+
+    def _batch(self, cut: Cut, key: int, which: Ints | None, offsets: Ints, times: Ints, events: list[Event]) -> Batch:
+        """The frames of one key; `which` None: all of them."""
+        source, old, kind, length = key_of(key)
+        payload = self._payload(key & LAYOUT, kind, old, length)
+        starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
+        if which is not None:
+            starts, modes, arrivals = starts[which], modes[which], arrivals[which]
+            offsets, times = offsets[which], times[which]
+        device, unverified = source_of(source)
+        if payload.trouble:
+            first = 0 if which is None else int(which[0])
+            self._warn(device, payload.message.name, payload.trouble, cut, first, events)
+        gathered = np.empty((len(starts), payload.width), np.uint8)
+        gather(cut.array, starts, gathered)
+        shown = Shown(payload, gathered, modes, unverified, self._rotation)
+        return Batch(payload.message, str(device), arrivals, offsets, times, shown, not unverified)
 
     def _payload(self, layout: int, kind: int, old: bool, length: int) -> Payload:
         payload = self._payloads.get(layout)
@@ -248,9 +255,6 @@ class IdtpDecoder(Decoder):
 def _groups(keys: Ints) -> Iterator[tuple[int, Ints | None]]:
     """Each key and its rows; None where it is the only one."""
     n = len(keys)
-    if n == 1:
-        yield int(keys[0]), None
-        return
     order = np.empty(n, np.int64)
     bounds = np.empty(n + 1, np.int64)
     groups = group(keys, order, bounds)

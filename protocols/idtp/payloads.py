@@ -119,7 +119,7 @@ def _floats(fields: tuple[Field, ...]) -> Ints:
 class Shown(Mapping[str, Array]):
     """Field → column, with the Status; made when first asked for (see events.Batch)."""
 
-    __slots__ = ("_columns", "_marks", "_modes", "_payload", "_rotation", "_rows", "_special")
+    __slots__ = ("_marks", "_modes", "_payload", "_plain", "_rotation", "_rows", "_special")
 
     def __init__(self, payload: Payload, rows: Bytes, modes: Ints, unverified: bool, rotation: Rotation) -> None:
         self._payload = payload
@@ -127,19 +127,25 @@ class Shown(Mapping[str, Array]):
         self._modes = modes
         self._marks = payload.marks | int(unverified) << UNVERIFIED
         self._rotation = rotation
-        self._columns: Columns = payload.layout.columns(rows)
-        self._special: dict[str, Array] = {}
+        self._plain: Columns | None = None
+        self._special: dict[str, Array] | None = None
 
     def __getitem__(self, name: str) -> Array:
         payload = self._payload
         if name == payload.status or (payload.has_quaternion and name == QUATERNION.name):
-            if not self._special:
-                self._make()
+            if self._special is None:
+                self._special = self._make()
             return self._special[name]
         if payload.scaled:  # a signalling NaN would be told of when it is multiplied
             with np.errstate(all="ignore"):
                 return self._columns[name]
         return self._columns[name]
+
+    @property
+    def _columns(self) -> Columns:
+        if self._plain is None:
+            self._plain = self._payload.layout.columns(self._rows)
+        return self._plain
 
     def __iter__(self) -> Iterator[str]:
         yield from self._columns
@@ -148,20 +154,27 @@ class Shown(Mapping[str, Array]):
     def __len__(self) -> int:
         return len(self._columns) + 1
 
-    def _make(self) -> None:
+    def _make(self) -> dict[str, Array]:
+        """The Status, and the quaternion where there is one."""
         table = np.empty((len(self._rows), 1), np.uint8)
         check_finite(self._rows, self._payload.floats, self._modes, table)
         status = table[:, 0]
         if self._marks:
             status |= np.uint8(self._marks)
+        made = {self._payload.status: status}
         if self._payload.has_quaternion:
-            column = self._columns[QUATERNION.name].copy()
-            with np.errstate(all="ignore"):
-                norm = np.sqrt(np.einsum("ij,ij->i", column, column, dtype=np.float64))
-                odd = ~(np.abs(norm - 1) <= UNIT_TOLERANCE)
+            made[QUATERNION.name] = self._quaternion(status)
+        return made
+
+    def _quaternion(self, status: Array) -> Array:
+        """The quaternion, with NaN where it is none; such rows are marked in `status`."""
+        column = self._columns[QUATERNION.name].copy()
+        with np.errstate(all="ignore"):
+            norm = np.sqrt(np.einsum("ij,ij->i", column, column, dtype=np.float64))
+            odd = ~(np.abs(norm - 1) <= UNIT_TOLERANCE)
+        if odd.any():
             status[odd] |= np.uint8(1 << NOT_UNIT)
             column[odd] = np.nan
-            if self._rotation == "body_from_enu":
-                column[:, 1:] *= -1  # the inverse of a unit quaternion is its conjugate
-            self._special[QUATERNION.name] = column
-        self._special[self._payload.status] = status
+        if self._rotation == "body_from_enu":
+            column[:, 1:] *= -1  # the inverse of a unit quaternion is its conjugate
+        return column

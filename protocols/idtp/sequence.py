@@ -140,7 +140,7 @@ def key_of(key: int) -> tuple[int, bool, int, int]:
     return key >> 21, bool(key >> 20 & 1), key >> 12 & 0xFF, key & 0xFFF
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Judged:
     """What was found out about n frames: `rows` is `out` of `judge`, the others are its counts."""
 

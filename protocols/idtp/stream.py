@@ -9,7 +9,6 @@ from one into the next, so each is searched on its own: what is incomplete at it
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,15 +95,16 @@ class IdtpStream:
         """Bytes so far that belong to no frame."""
         return self._stream.skipped
 
-    def drain(self, *, stalled: bool = False) -> Iterator[Cut]:
+    def drain(self, *, stalled: bool = False) -> list[Cut]:
         """Everything that is complete, one Cut for each datagram; see events.Decoder.drain."""
         if not self._datagrams:
-            yield self._judged(self._stream.drain(stalled=stalled))
-            return
+            return [self._judged(self._stream.drain(stalled=stalled))]
         waiting, self._waiting = self._waiting, []
+        cuts = []
         for data, arrival_ns in waiting:
             self._stream.feed(data, arrival_ns)
-            yield self._judged(self._stream.drain(stalled=True))
+            cuts.append(self._judged(self._stream.drain(stalled=True)))
+        return cuts
 
     def _judged(self, whole: Whole) -> Cut:
         """Without what its sequence number says is old."""
