@@ -97,6 +97,16 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     } else pin(t);
   };
 
+  on(
+    "mousedown",
+    (event) => {
+      // A press on a plot leaves the focus ring away, and ends that of a button: Space must not press it again.
+      if (!onCanvas(event)) return;
+      event.preventDefault();
+      if (document.activeElement instanceof HTMLButtonElement) document.activeElement.blur();
+    },
+    false,
+  );
   on("pointerdown", (event) => {
     if (!onCanvas(event) || event.button !== 0) return;
     (event.target as Element).setPointerCapture(event.pointerId);

@@ -5,7 +5,7 @@
 import { toggleKey } from "../data/actions";
 import { lowerBound } from "../data/ring";
 import type { TimeBase } from "../data/view";
-import { NONE, number } from "../ui/format";
+import { number } from "../ui/format";
 import { el, Live, unit } from "../ui/dom";
 import type { PlotSpec, Series } from "./select";
 
@@ -36,6 +36,9 @@ interface Row {
   readonly series: Series;
   readonly button: HTMLButtonElement;
   readonly value: Live;
+  readonly text: HTMLElement;
+  /** Characters that the value has room for. */
+  width: number;
 }
 
 export class Legend {
@@ -61,7 +64,7 @@ export class Legend {
     const name = series.channel.info.title || series.channel.info.name;
     button.title = `${name} ${series.label}: click to hide or show, with Shift alone`;
     button.addEventListener("click", (event) => toggleKey(series.key, event.shiftKey));
-    return { series, button, value };
+    return { series, button, value, text, width: 0 };
   }
 
   /** Which series are drawn. */
@@ -71,14 +74,23 @@ export class Legend {
 
   /** Values at `t` (Infinity: the newest); with `from` the differences since then. */
   read(t: number, base: TimeBase, from: number | undefined, narrow: boolean): void {
-    for (const { series, button, value } of this.#rows) {
+    for (const row of this.#rows) {
+      const { series, button, value } = row;
       const now = valueAt(series, t, base);
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
       const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base)), decimals)}`;
-      value.set(narrow && text !== NONE ? text.padStart(decimals + (isAngle(series) ? 5 : 3)) : text);
+      value.set(text);
+      if (narrow) makeRoom(row, Math.max(text.length, decimals + (isAngle(series) ? 5 : 3)));
       button.classList.toggle("diff", from !== undefined);
     }
   }
+}
+
+/** Above a plot the values stand in a row: room once taken is kept, so that nothing moves when digits come and go. */
+function makeRoom(row: Row, characters: number): void {
+  if (characters <= row.width) return;
+  row.width = characters;
+  row.text.style.minWidth = `${characters}ch`;
 }
 
 /** An angle may need "−179." before its decimals, most else that changes quickly no more than "−9.". */
