@@ -131,7 +131,7 @@ class Intake:
         times = self._host_times(batches)
         self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *self._text_batches(events)]))
         for batch in batches:
-            self._figures.samples(batch.message.name, len(batch), self._hub.now())
+            self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
         self._tell(events, batches, times)
 
