@@ -7,7 +7,8 @@
                    GnssSatInfo   (n,) rec  ─> channel GnssSatInfo     one *row* per satellite, all at one time
 
 A message whose fields are quantities of their own (`split`) gives a channel per field; any other message is one channel
-with a column per element. What a column is called, coloured and explained comes from the rows of the protocol's table
+with a column per element, and a channel of its own for each field that stands apart (`apart`: message.field).
+What a column is called, coloured and explained comes from the rows of the protocol's table
 (protocols/schema.py); its dtype is that of the array itself. How to cut a batch is worked out once per message layout
 and kept as a plan, because the same layouts come thousands of times.
 
@@ -21,7 +22,7 @@ that share channels. `split` puts the pieces of each channel back into the order
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -118,7 +119,14 @@ class Channels:
         if message.split:
             groups = [(field.name, [field]) for field in last.values()]
         else:
-            groups = [(message.name, list(last.values()))]
+            groups = [
+                (f"{message.name}.{name}", [replace(last[name], title=_title(message, last[name]))])
+                for name in message.apart
+                if name in last
+            ]
+            rest = [field for field in last.values() if field.name not in message.apart]
+            if not groups or any(field.name != message.time for field in rest):  # a clock alone is the time axis
+                groups.append((message.name, rest))
         cuts = []
         for name, fields in groups:
             info = _describe(self._device, message, name, fields, batch.columns)
@@ -247,12 +255,17 @@ def _describe(
         name=name,
         title=words.title or name,
         kind=kind,
-        unit=words.unit,
+        unit="" if "," in words.unit else words.unit,  # each column has its own
         frame=words.frame,
         columns=_unique(found),
         doc=words.doc,
         source=words.source,
     )
+
+
+def _title(message: Message, field: Field) -> str:
+    """What a field that stands apart from its message is called."""
+    return f"{message.title or message.name} {field.title or field.name}"
 
 
 def _kind(field: Field, array: Array, message: Message) -> Kind:
@@ -270,7 +283,7 @@ def _kind(field: Field, array: Array, message: Message) -> Kind:
         return "matrix"
     if shape == (3,) and _joined(field.axes) == "rollpitchyaw":
         return "euler"
-    if shape == (4,) and "Quaternion" in field.name:
+    if shape == (4,) and ("Quaternion" in field.name or (_joined(field.axes) == "wxyz" and " from " in field.frame)):
         return "quaternion"
     return "vector"
 
@@ -293,10 +306,11 @@ def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
         return [_column(field, prefix or "value", dtype, _suffix_axis(prefix))]
     names = _element_names(field, array.shape[1:], len(flat))
     axes = _axis_colours(field, len(flat))
+    units = field.unit.split(",") if "," in field.unit else [field.unit] * len(flat)
     return [
-        _column(field, _join(prefix, name) if prefix else name, dtype, axis)
-        for name, axis in zip(names, axes, strict=True)
-    ][: len(flat)]
+        _column(replace(field, unit=unit), _join(prefix, name) if prefix else name, dtype, axis)
+        for name, axis, unit in zip(names, axes, units, strict=False)
+    ]
 
 
 def _table_infos(field: Field, array: Array, table: tuple[str, Array]) -> list[ColumnInfo]:

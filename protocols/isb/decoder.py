@@ -25,6 +25,7 @@ import numpy as np
 from protocols.events import Batch, Decoder, Event, Reply, Step
 from protocols.foreign import find
 from protocols.framing import BODY, OFFSET, Ints
+from protocols.grouping import group
 from protocols.isb import messages
 from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
 from protocols.isb.plain import values_of
@@ -41,7 +42,6 @@ from protocols.isb.sorting import (
     UNTOLD,
     WHOLE_KEY,
     gather,
-    group,
     no_wholes,
     sort,
 )

@@ -205,57 +205,6 @@ def sort(
         wholes[WHOLE_TIMED, did] = out[TIMED, f]
 
 
-@compiled(INT, INTS, INTS, INTS)
-def group(keys: Ints, order: Ints, bounds: Ints) -> int:
-    """Sort the rows with a key into groups, in stream order within each; groups by first appearance.
-
-    Args:
-        order: (n,), written: rows by group.
-        bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
-    Returns:
-        How many groups there are.
-    """
-    n = len(keys)
-    slots = 16
-    while slots < 2 * n and slots < 4096:
-        slots *= 2
-    heads = np.full(slots, -1, np.int64)  # slot → newest group whose key falls there …
-    chain = np.empty(n, np.int64)  # … → the group before it
-    key_of = np.empty(n, np.int64)
-    of = np.empty(n, np.int64)
-    groups = 0
-    for f in range(unsigned(n)):
-        of[f] = -1
-        key = keys[f]
-        if key < 0:
-            continue
-        slot = (key ^ key >> 16 ^ key >> 38) & (slots - 1)
-        g = heads[slot]
-        while g >= 0 and key_of[g] != key:
-            g = chain[g]
-        if g < 0:
-            g = groups
-            groups += 1
-            key_of[g] = key
-            chain[g] = heads[slot]
-            heads[slot] = g
-            bounds[g + 1] = 0
-        of[f] = g
-        bounds[g + 1] += 1
-    bounds[0] = 0
-    for g in range(groups):
-        bounds[g + 1] += bounds[g]
-    for f in range(unsigned(n)):
-        g = of[f]
-        if g >= 0:
-            order[bounds[g]] = f
-            bounds[g] += 1
-    for g in range(groups, 0, -1):
-        bounds[g] = bounds[g - 1]
-    bounds[0] = 0
-    return groups
-
-
 @compiled(INT, BYTES, VIEW, VIEW, INTS, INTS, BYTES, ROWS, TABLE)
 def gather(
     data: Bytes, table: Ints, done: Ints, arrivals: Ints, which: Ints, whole: Bytes, rows: Bytes, about: Ints

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch
+from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits, Field, Message
 from server.channels import Channels
 from server.wire import ChannelInfo
+from tests.protocols.isb_vectors import by_did
 
 SATELLITE = (Field("svId", "u1"), Field("cno", "u1", unit="dBHz"))
 
@@ -212,3 +214,22 @@ def test_people_read_degrees_and_metres() -> None:
         ("height", "m", "f8", 3),
     ]
     assert [column.tolist() for column in columns[2:]] == [[7], [-1.234]]
+
+
+def test_fields_that_stand_apart() -> None:
+    """Vectors and status words of an Inertial Sense set are channels of their own; a clock alone is the time axis."""
+    decoder = IsbDecoder()
+    decoder.feed(by_did(4) + by_did(58), 0)
+    page = Page()
+    channels = Channels("d", page)
+    channels.split([(event, np.zeros(len(event))) for event in decoder.drain() if isinstance(event, Batch)])
+    found = page.infos
+    kinds = {info.name: info.kind for info in found}
+    assert kinds["DID_INS_1.theta"] == "euler"
+    assert kinds["DID_INS_1.insStatus"] == "status"
+    assert kinds["DID_IMU.I.pqr"] == "vector"
+    assert "DID_IMU" not in kinds
+    assert kinds["DID_INS_1"] == "record"
+    lla = next(info for info in found if info.name == "DID_INS_1.lla")
+    assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
+    assert (lla.frame, lla.title) == ("WGS84", "INS 1 lla")
