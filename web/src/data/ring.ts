@@ -14,24 +14,16 @@
  * have to move further than LATE_ROWS is left where it came, with its neighbour's time, and counted in `retimed`.
  * `arrivals` is the other base; it follows the same order, so it may step back by a late sample's lateness.
  *
- * Gaps. `breaks` are the rows before which a line must not be joined: samples were dropped on the way, or the spacing is more
- * than 2.5 × the usual. `wraps[column]` are the rows where a wrapping quantity jumps over its edge.
+ * Where a line through the samples must be broken is kept in gaps.ts.
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import { DTYPE_SIZE, type Dtype } from "../wire/types";
 import { MinMax, OrAnd, type Extent, type Values } from "./buckets";
+import { Gaps } from "./gaps";
 import type { TimeBase } from "./view";
 
 /** How far back, in rows, a late sample is moved. 4096 rows are 2 s at 2 kHz: ten times the age of a GNSS fix. */
 const LATE_ROWS = 4096;
-/** A line is broken where two samples lie further apart than this many usual spacings (design, "Plots"). */
-const BREAK_FACTOR = 2.5;
-/** Added for channels on arrival time only: they come in bursts of a USB adapter's 16 ms. */
-const BURST_S = 0.05;
-/** Spacings looked at for the usual one. */
-const STEPS_SEEN = 63;
-/** Rows judged by one usual spacing. */
-const STRETCH = 256;
 /** Row number of the first row: room to prepend, and small enough for fast integers. */
 const START = 1 << 28;
 const REBASE_AT = 1 << 30;
@@ -78,18 +70,6 @@ function slots(dtype: Dtype, n: number): Values {
   }
 }
 
-/** Index of the first element ≥ x of an ascending list. */
-export function lowerBound(list: readonly number[], x: number): number {
-  let a = 0;
-  let b = list.length;
-  while (a < b) {
-    const m = (a + b) >> 1;
-    if (list[m]! < x) a = m + 1;
-    else b = m;
-  }
-  return a;
-}
-
 export class Ring {
   /** Rows `first` ≤ row < `end` are held. */
   first = START;
@@ -100,10 +80,6 @@ export class Ring {
   times = new Float64Array(FIRST_CAPACITY);
   columns: Values[];
   pyramids: (MinMax | OrAnd)[];
-  /** Rows before which no line may be drawn, ascending. */
-  readonly breaks: number[] = [];
-  /** Per wrapping column the rows at which it jumped over its edge, ascending. */
-  readonly wraps: (number[] | undefined)[];
   /** Goes up with every change. */
   revision = 0;
   /** Goes up when rows already drawn changed (prepended, moved, forgotten): caches start again. */
@@ -120,8 +96,7 @@ export class Ring {
   readonly #rowBytes: number;
   #nextSequence = -1;
   #firstSequence = -1;
-  #step = NaN;
-  #stepAt = 0;
+  readonly #gaps: Gaps;
   #newestArrival = NaN;
 
   constructor(kinds: readonly RingColumn[], budget: Budget = new Budget()) {
@@ -129,7 +104,7 @@ export class Ring {
     this.#budget = budget;
     this.columns = kinds.map((kind) => slots(kind.dtype, FIRST_CAPACITY));
     this.pyramids = this.columns.map((values, c) => this.#pyramid(values, c));
-    this.wraps = kinds.map((kind) => (kind.period > 0 ? [] : undefined));
+    this.#gaps = new Gaps(kinds.map(({ period }) => period));
     // Two time columns, the values, and a pyramid of 2 × 1/16 × 4/3 of them.
     this.#rowBytes = 16 + kinds.reduce((sum, kind) => sum + DTYPE_SIZE[kind.dtype] * (1 + 1 / 6), 0);
     budget.used += FIRST_CAPACITY * this.#rowBytes;
@@ -147,7 +122,17 @@ export class Ring {
 
   /** Usual spacing of the samples, s; NaN while unknown. */
   get step(): number {
-    return this.#step;
+    return this.#gaps.step;
+  }
+
+  /** Rows before which no line may be drawn, ascending. */
+  get breaks(): readonly number[] {
+    return this.#gaps.breaks;
+  }
+
+  /** Per wrapping column the rows at which it jumped over its edge, ascending. */
+  get wraps(): readonly (readonly number[] | undefined)[] {
+    return this.#gaps.wraps;
   }
 
   /** Arrival time of sample `i`, counted from the oldest held; unix s. */
@@ -236,11 +221,9 @@ export class Ring {
   /** Forget all samples. */
   clear(): void {
     this.first = this.end = START;
-    this.breaks.length = 0;
-    for (const wraps of this.wraps) if (wraps !== undefined) wraps.length = 0;
+    this.#gaps.clear();
     this.#nextSequence = this.#firstSequence = -1;
-    this.#step = this.#newestArrival = NaN;
-    this.#stepAt = 0;
+    this.#newestArrival = NaN;
     this.clocked = false;
     this.revision += 1;
     this.generation += 1;
@@ -270,7 +253,7 @@ export class Ring {
     const last = frame.arrival[frame.n - 1]!;
     if (!(last <= this.#newestArrival)) this.#newestArrival = last;
     this.#touch(start, this.end);
-    if (missing + frame.dropped > 0 && from > this.first && this.breaks.at(-1) !== from) this.#insertBreak(from);
+    if (missing + frame.dropped > 0 && from > this.first) this.#gaps.insert(from);
     if (this.end > REBASE_AT) this.#rebase();
   }
 
@@ -290,7 +273,7 @@ export class Ring {
     const gap = frame.sequence + frame.n < this.#firstSequence;
     this.#firstSequence = frame.sequence + skip;
     this.#touch(this.first, Math.min(this.end, settled + 1));
-    if (gap) this.#insertBreak(joint);
+    if (gap) this.#gaps.insert(joint);
     this.generation += 1;
   }
 
@@ -350,52 +333,10 @@ export class Ring {
     return start;
   }
 
-  /** Rows from ≤ row < to are new: bring pyramids, usual spacing, breaks and wraps up to date. */
+  /** Rows from ≤ row < to are new: bring pyramids, breaks and wraps up to date. */
   #touch(from: number, to: number): void {
     for (const pyramid of this.pyramids) pyramid.update(from, to);
-    const end = Math.min(this.end, to + 1);
-    // In stretches, because the rate may change within a long block of history.
-    for (let a = from; a < end; a += STRETCH) this.#judge(a, Math.min(a + STRETCH, end));
-  }
-
-  #judge(from: number, to: number): void {
-    const step = this.#usualStep(to);
-    const longest = BREAK_FACTOR * step + (this.clocked ? 0 : BURST_S);
-    this.#mark(this.breaks, from, to, (row) => this.times[row & this.mask]! - this.times[(row - 1) & this.mask]! > longest);
-    this.wraps.forEach((wraps, c) => {
-      if (wraps === undefined) return;
-      const values = this.columns[c]!;
-      const half = this.#kinds[c]!.period / 2;
-      this.#mark(wraps, from, to, (row) => Math.abs(values[row & this.mask]! - values[(row - 1) & this.mask]!) > half);
-    });
-  }
-
-  /** Median spacing of the rows before `to`; on arrival time the mean, because bursts make the median zero. */
-  #usualStep(to: number): number {
-    if (to >= this.#stepAt && to - this.#stepAt < STEPS_SEEN / 2 && this.#step === this.#step) return this.#step;
-    const a = Math.max(this.first, to - 1 - STEPS_SEEN);
-    const n = to - 1 - a;
-    if (n < 3) return this.#step;
-    const steps = new Float64Array(n);
-    for (let k = 0; k < n; k++) steps[k] = this.times[(a + k + 1) & this.mask]! - this.times[(a + k) & this.mask]!;
-    const step = this.clocked ? steps.sort()[n >> 1]! : (this.times[(to - 1) & this.mask]! - this.times[a & this.mask]!) / n;
-    if (to >= this.#stepAt || this.#step !== this.#step) [this.#step, this.#stepAt] = [step, to];
-    return step;
-  }
-
-  /** Replace what a sorted list says of rows from ≤ row < to by what `test` says of them, and drop rows no longer held. */
-  #mark(list: number[], from: number, to: number, test: (row: number) => boolean): void {
-    const found: number[] = [];
-    for (let row = Math.max(from, this.first + 1); row < to; row++) if (test(row)) found.push(row);
-    const a = lowerBound(list, from);
-    if (a < list.length) list.splice(a, lowerBound(list, to) - a, ...found);
-    else for (const row of found) list.push(row);
-    if (list.length > 0 && list[0]! <= this.first) list.splice(0, lowerBound(list, this.first + 1));
-  }
-
-  #insertBreak(row: number): void {
-    const at = lowerBound(this.breaks, row);
-    if (this.breaks[at] !== row) this.breaks.splice(at, 0, row);
+    this.#gaps.judge(this, from, to);
   }
 
   /** Room for n more rows: double the capacity while the budget allows. */
@@ -434,8 +375,7 @@ export class Ring {
     const turns = (this.first - START) & ~this.mask;
     this.first -= turns;
     this.end -= turns;
-    this.#stepAt -= turns;
-    for (const list of [this.breaks, ...this.wraps]) list?.forEach((row, k) => (list[k] = row - turns));
+    this.#gaps.shift(turns);
     this.generation += 1;
   }
 }

@@ -7,7 +7,8 @@
  */
 import { OrAnd } from "../data/buckets";
 import type { Loss } from "../data/losses";
-import { lowerBound, type Ring } from "../data/ring";
+import { lowerBound } from "../data/gaps";
+import type { Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { age, number } from "../ui/format";

@@ -3,7 +3,7 @@
  * button: a click hides or shows it, with Shift it stands alone.
  */
 import { toggleKey } from "../data/actions";
-import { lowerBound } from "../data/ring";
+import { lowerBound } from "../data/gaps";
 import type { TimeBase } from "../data/view";
 import { number } from "../ui/format";
 import { el, Live, unit } from "../ui/dom";

@@ -27,6 +27,8 @@ const LINE = 1.15;
 /** Letters at the right end and tick labels keep this far apart, px. */
 const LETTERS_APART = 11.5;
 const LABELS_APART = 12;
+/** A tick label may be set this much narrower to fit the gutter: six digits of pressure on a phone. */
+const CONDENSED = 0.68;
 /** New samples alone redraw a window that stands still this often, ms. */
 const STILL_MS = 100;
 const STANDARD_GRAVITY = 9.80665;
@@ -157,16 +159,17 @@ export class Plot {
     setFont(x, look, look.small);
     x.textAlign = "right";
     x.textBaseline = "middle";
+    const room = look.narrow ? look.gutter - 8 : look.gutter - 125;
     const used: number[] = [];
     for (const { text, value } of this.#labels(look)) {
       const y = sheet.snap(this.y(value));
       x.fillStyle = look.colour[value === 0 ? "grid-zero" : "grid"];
       x.fillRect(w.left, y, w.width, Math.max(hair, 1));
       if (y < inset + (this.wideTitle && !look.narrow ? 22 : 5) || y > sheet.height - 5 || used.some((other) => Math.abs(other - y) < LABELS_APART)) continue;
-      if (x.measureText(text).width > (look.narrow ? look.gutter - 4 : look.gutter - 118)) continue;
+      if (x.measureText(text).width * CONDENSED > room) continue;
       used.push(y);
       x.fillStyle = look.colour["ink-3"];
-      x.fillText(text, look.gutter - 7, y);
+      x.fillText(text, look.gutter - 7, y, room);
     }
     x.fillStyle = look.colour.line;
     x.fillRect(sheet.snap(w.left) - 1, inset, 1, sheet.height);

@@ -5,7 +5,8 @@
  *     samples      ╱╲   ╱╲ ░░ ╱╲        columns      │╷│╵││ ░░ │╷││
  *                    break ▲  ▲ break                    ▲ the pen is lifted where a break lies
  */
-import { lowerBound, type Ring } from "../data/ring";
+import { lowerBound } from "../data/gaps";
+import type { Ring } from "../data/ring";
 import type { Extent } from "../data/buckets";
 import type { PixelColumns } from "./columns";
 import { xOf, type TimeWindow } from "./window";
