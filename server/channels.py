@@ -12,8 +12,8 @@ What a column is called, coloured and explained comes from the rows of the proto
 (protocols/schema.py); its dtype is that of the array itself. How to cut a batch is worked out once per message layout
 and kept as a plan, because the same layouts come thousands of times.
 
-People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit of
-the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
+People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit
+of the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
 
 A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
 that share channels. `split` puts the pieces of each channel back into the order of the stream.

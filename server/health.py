@@ -2,8 +2,8 @@
 
 A meter keeps what came lately, with arrival times. Its rate is what came *between* the first and the last of those
 arrivals, over the time between them: 400 Hz in bursts of any size read 400, where counting what falls into a window
-would swing by a burst. It falls to 0 one second after the last arrival, which is also when the page calls a device lost;
-what comes seldom is given one and a half of its own intervals.
+would swing by a burst. It falls to 0 one second after the last arrival, when the page also calls a device lost; what
+comes seldom is given one and a half of its own intervals.
 """
 
 from __future__ import annotations

@@ -244,7 +244,7 @@ class Intake:
         self._figures.lost += gap.missing
         at = int(np.searchsorted(offsets, gap.offset))
         before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
-        # The first frame after the hole may carry an older time (a GNSS solution): the hole ends at the first newer one.
+        # The first frame after the hole may carry an older time (a GNSS solution): it ends at the first newer one.
         newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
         after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
         self._incidents.gap(gap, after if before is None else min(before, after), after, self._blame(rejects))

@@ -366,7 +366,7 @@ class Session:
         )
 
     def _name(self, product: str, protocol: str) -> str:
-        """What people call it: the model of a product code (MTi-630 of MTi-630-8A1G6), else the protocol, else the link."""
+        """What people call it: the model in its product code (MTi-630 of MTi-630-8A1G6), else protocol or link."""
         product = product or self.info.product
         model = _MODEL.match(product)
         if product:
