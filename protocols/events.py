@@ -14,7 +14,7 @@ batches may: a batch holds what one drain found).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -24,6 +24,37 @@ from numpy.typing import NDArray
 from protocols.schema import Message
 
 Array = NDArray[Any]
+
+
+class Late(Mapping[str, Any]):
+    """Values by name, read when first asked for: most answers and sentences of a busy stream are never looked at.
+
+    Args:
+        read: gives the values; called at most once.
+    """
+
+    __slots__ = ("_read", "_values")
+
+    def __init__(self, read: Callable[[], Mapping[str, Any]]) -> None:
+        self._read = read
+        self._values: Mapping[str, Any] | None = None
+
+    def _all(self) -> Mapping[str, Any]:
+        if self._values is None:
+            self._values = self._read()
+        return self._values
+
+    def __getitem__(self, name: str) -> Any:
+        return self._all()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    def __repr__(self) -> str:
+        return repr(dict(self._all()))
 
 
 @dataclass(frozen=True, slots=True)

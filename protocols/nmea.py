@@ -29,6 +29,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from protocols.events import Late
 from protocols.schema import Field, Message
 
 LONGEST = 192  # the standard says 82; $PSONCMS needs 132
@@ -169,7 +170,7 @@ def _sentence(raw: bytes, offset: int) -> Found | None:
     if not address:
         return None
     name = address.group(1).decode("ascii")
-    total = _SUM.search(line)
+    total = _SUM.match(line, max(len(line) - 3, 0))
     if total:
         content = line[1 : total.start()]
         good = checksum(content) == int(total.group(1), 16)
@@ -178,7 +179,8 @@ def _sentence(raw: bytes, offset: int) -> Found | None:
         good = name in UNCHECKED
     if not good:
         return Found(offset, len(raw), "nmea", "", _text(line))
-    fields = _own(name, content) if name in SENTENCES else _standard(line, content)
+    read = functools.partial(_own, name, content) if name in SENTENCES else functools.partial(_standard, line, content)
+    fields = Late(read)
     return Found(offset, len(raw), "nmea", name, _text(line), fields)
 
 

@@ -17,12 +17,12 @@ Source: ISB document; inertial-sense-sdk 2.7.1.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Decoder, Event, Reply, Step
+from protocols.events import Batch, Decoder, Event, Late, Reply, Step
 from protocols.foreign import find
 from protocols.framing import BODY, OFFSET, Ints
 from protocols.grouping import group
@@ -54,33 +54,6 @@ RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()
 _FORMS = 4096  # forms remembered; a device has some dozens
 _NOTHING = np.empty(0, np.uint8)
-
-
-class Values(Mapping[str, Any]):
-    """A reply's values by name, read when first asked for."""
-
-    __slots__ = ("_did", "_kind", "_offset", "_payload", "_read", "_version")
-
-    def __init__(self, kind: int, did: int, payload: bytes, offset: int, version: str | None) -> None:
-        self._kind, self._did, self._payload, self._offset, self._version = kind, did, payload, offset, version
-        self._read: dict[str, Any] | None = None
-
-    def _all(self) -> dict[str, Any]:
-        if self._read is None:
-            self._read = values_of(self._kind, self._did, self._payload, self._offset, self._version)
-        return self._read
-
-    def __getitem__(self, name: str) -> Any:
-        return self._all()[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._all())
-
-    def __len__(self) -> int:
-        return len(self._all())
-
-    def __repr__(self) -> str:
-        return repr(self._all())
 
 
 class IsbDecoder(Decoder):
@@ -209,7 +182,7 @@ class IsbDecoder(Decoder):
                 part, payload = self._merged(did, part, payload)
             told = -1 - int(keys[i])
             version = None if told == UNTOLD else VERSIONS[told]
-            values = Values(kind, did, payload, part, version)
+            values = Late(partial(values_of, kind, did, payload, part, version))
             events.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
 
     @staticmethod
