@@ -31,7 +31,7 @@ import numpy as np
 
 from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints
 from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
-from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, unsigned
+from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, inlined, unsigned
 
 FAR = 1 << 16
 HALF = 1 << 31
@@ -54,16 +54,21 @@ def _u4(data: Bytes, at: int) -> int:
     return low | int(data[i + unsigned(2)]) << 16 | int(data[i + unsigned(3)]) << 24
 
 
+@inlined
+def _agrees(state: Ints, sequence: int) -> bool:
+    """Does this number go on from one that jumped far ahead?"""
+    return bool(state[CANDIDATE] >= 0 and 0 < (sequence - state[CANDIDATE]) & MASK <= FAR)
+
+
 @compiled(INT, INTS, INT, INT, INT)
 def _verdict(state: Ints, sequence: int, mode: int, arrival: int) -> int:
     """Of one frame of a known device, with the device's row of the state."""
     ahead = (sequence - state[LAST]) & MASK
+    if 0 < ahead < HALF and (mode == SECURE or ahead <= FAR):
+        return FRAME
+    if mode < SECURE and _agrees(state, sequence):
+        return FRAME
     if 0 < ahead < HALF:
-        if mode == SECURE or ahead <= FAR:
-            return FRAME
-        further = (sequence - state[CANDIDATE]) & MASK
-        if state[CANDIDATE] >= 0 and 0 < further <= FAR:
-            return FRAME
         state[CANDIDATE] = sequence
         return FAR_AHEAD
     silent = arrival - state[ACCEPTED_NS] >= SILENCE_NS
@@ -119,7 +124,8 @@ def judge(
                 out[VERDICT, f] = verdict
                 dropped += 1
                 continue
-            if 1 < ahead < HALF and (check or ahead <= FAR):
+            newer = ahead < HALF or _agrees(state, sequence)
+            if ahead > 1 and newer and (check or ahead <= FAR):
                 out[MISSING, f] = ahead - 1
                 gaps += 1
         state[KNOWN] = 1

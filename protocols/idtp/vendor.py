@@ -22,8 +22,8 @@ IDTP leaves types from 0x80 on to each vendor. A small TOML file describes them,
     type = "f32"
     unit = "rad"
 
-Fields follow each other without gaps, in the order of the file. What is wrong in a file is said with message, field,
-the value given and what is allowed.
+A field may not have the name of one of the header's. Fields follow each other without gaps, in the order of the file.
+What is wrong in a file is said with message, field, the value given and what is allowed.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ TYPES: Mapping[str, str] = {
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MESSAGE_KEYS = ("type", "name", "doc", "field")
 _FIELD_KEYS = ("name", "type", "count", "axes", "unit", "scale", "bias", "decimals", "doc", "title")
+
+_TAKEN = ("timestamp", "sequence", "device_id", "version", "mode", "data")  # what plain.py writes beside the fields
 
 Schema = Mapping[int, Message]
 
@@ -96,6 +98,8 @@ def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
     name = _name(f"{message}, field {index}", table)
     place = f"{message}, field {name}"
     _only(place, table, _FIELD_KEYS)
+    if name in _TAKEN:
+        raise SchemaError(f"{message}, field {index}: name is none of {', '.join(_TAKEN)}; given {name!r}")
     kind = table.get("type")
     if not isinstance(kind, str) or kind not in TYPES:
         raise SchemaError(f"{place}: type is one of {', '.join(TYPES)}, given {kind!r}")

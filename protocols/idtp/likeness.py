@@ -1,0 +1,38 @@
+"""Do these bytes look like IDTP?
+
+The share of them that lies in valid frames; a Secure frame counts by its header, because no key is needed to know one.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from protocols.framing import ID, INDT, REASONS, SIZE
+from protocols.idtp.messages import BY_ID, MODE_NAMES
+from protocols.idtp.sequence import MODE
+from protocols.idtp.stream import IdtpStream
+
+
+def likeness(data: bytes) -> tuple[float, str]:
+    """(score 0..1, words)."""
+    if not data:
+        return 0.0, "no bytes"
+    stream = IdtpStream(replay_check=False, show_unverified=True)
+    stream.feed(data, 0)
+    cuts = stream.drain()
+    waiting = stream.buffered
+    cuts += stream.drain(stalled=True)
+    framed = sum(int(cut.table[SIZE].sum()) for cut in cuts)
+    if framed:
+        # what waits for its end at the end of the data speaks neither for nor against
+        score = min(1.0, framed / max(len(data) - waiting, framed))
+        kinds = Counter(kind for cut in cuts for kind in cut.table[ID].tolist())
+        modes = Counter(mode for cut in cuts for mode in cut.judged.rows[MODE].tolist())
+        names = ", ".join(BY_ID[kind].name if kind in BY_ID else f"0x{kind:02X}" for kind, _ in kinds.most_common(3))
+        how = " and ".join(MODE_NAMES[mode] for mode, _ in modes.most_common())
+        count = sum(kinds.values())
+        return score, f"{count} IDTP frame{'s' * (count > 1)} ({names}; {how}) in {framed} of {len(data)} B"
+    successors = sum(reject.reason == REASONS[INDT] for cut in cuts for reject in cut.rejects)
+    if successors > 1:
+        return 0.1, f"{successors} times INDT, the preamble of IDTP's successor, which is not read here"
+    return 0.0, "no frame in them"

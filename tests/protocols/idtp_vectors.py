@@ -1,0 +1,30 @@
+"""The IDTP vectors of tests/golden/idtp, encoded and read by the reference implementation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+GOLDEN = Path(__file__).parents[1] / "golden" / "idtp" / "vectors.json"
+ALL: dict[str, Any] = json.loads(GOLDEN.read_text())
+VECTORS: list[dict[str, Any]] = ALL["vectors"]
+NEGATIVE: list[dict[str, Any]] = ALL["negative"]
+KEY = bytes(range(32))
+
+
+def key_of(vector: dict[str, Any]) -> bytes | None:
+    """The key that a vector was made with, or is to be read with."""
+    return bytes.fromhex(vector["key_hex"]) if vector["key_hex"] else None
+
+
+def frame(vector: dict[str, Any]) -> bytes:
+    """The bytes of a vector."""
+    return bytes.fromhex(vector["frame_hex"])
+
+
+def everything() -> Iterator[bytes]:
+    """The frames of all vectors."""
+    for vector in VECTORS:
+        yield frame(vector)

@@ -1,0 +1,388 @@
+"""Sequences, trust, time, devices, datagrams and the vendor's own types of IDTP."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from protocols.idtp.likeness import likeness
+from protocols.idtp.listing import IdtpListing
+from protocols.idtp.plain import frame_of, plain
+from protocols.idtp.vendor import SchemaError, parse
+from protocols.layouts import EncodeError
+from tests.oracles import idtp as oracle
+from tests.protocols.idtp_vectors import KEY, everything
+
+S = 1_000_000_000
+
+
+def acc(sequence: int, mode: int = LITE, device: int = 7, timestamp: int = 0, key: bytes = KEY) -> bytes:
+    """A frame with an acceleration that tells its sequence number."""
+    payload = struct.pack("<3f", float(sequence & 0xFFFF), 0.0, 9.8)
+    return build(0, payload, sequence=sequence, mode=mode, device=device, timestamp=timestamp, key=key)
+
+
+def shown(events: Sequence[Event]) -> list[int]:
+    """The sequence numbers (their low half) of the frames that were accepted, in the order of the stream."""
+    rows: list[tuple[int, int]] = []
+    for event in events:
+        if isinstance(event, Batch):
+            rows += zip(event.offset.tolist(), event.columns["Acceleration"][:, 0].astype(int).tolist(), strict=True)
+    return [value for _, value in sorted(rows)]
+
+
+def reasons(events: Sequence[Event]) -> list[str]:
+    return [event.reason for event in events if isinstance(event, Reject)]
+
+
+def play(frames: Sequence[bytes | tuple[float, bytes]], **options: Any) -> list[Event]:
+    """Each frame as a chunk of its own; (arrival s, frame), or one after the other at 1 ms."""
+    decoder = IdtpDecoder(**options)
+    events: list[Event] = []
+    for i, one in enumerate(frames):
+        at, data = one if isinstance(one, tuple) else (i / 1000, one)
+        decoder.feed(data, int(at * S))
+        events += decoder.drain()
+    return events + decoder.drain(stalled=True)
+
+
+# -- sequences ---------------------------------------------------------------------------------------------------------
+
+
+def test_stale_frames_are_dropped_whole() -> None:
+    """Nothing inside a stale frame is looked at."""
+    inner = acc(50, device=9)
+    stale = build(0x91, inner, sequence=3, device=7)
+    events = play([acc(5), stale, acc(6)])
+    assert shown(events) == [5, 6]
+    (reject,) = [event for event in events if isinstance(event, Reject)]
+    assert (reject.reason, reject.size) == ("stale", len(stale))
+
+
+def test_refused_frames_are_searched() -> None:
+    """What fails before the sequence check hides nothing: the search goes on right after its preamble."""
+    inner = acc(50, device=9)
+    outer = bytearray(build(0x91, inner, sequence=6, mode=SAFETY))
+    outer[-1] ^= 1
+    events = play([acc(5), bytes(outer)])
+    assert shown(events) == [5, 50]
+    assert reasons(events) == ["bad_crc32"]
+
+
+def test_devices_count_apart() -> None:
+    events = play([acc(5, device=1), acc(1, device=2), acc(6, device=1), acc(1, device=2)])
+    assert shown(events) == [5, 1, 6]
+    assert {event.device for event in events if isinstance(event, Batch)} == {"1", "2"}
+
+
+def test_a_silent_device_may_start_again() -> None:
+    frames = [(0.0, acc(1000)), (0.001, acc(1001)), (3.002, acc(0)), (3.003, acc(1))]
+    assert shown(play(frames)) == [1000, 1001, 0, 1]
+    assert reasons(play([(0.0, acc(1000)), (2.9, acc(0))])) == ["stale"]
+
+
+def test_no_silence_in_a_file() -> None:
+    listing = IdtpListing()
+    listing.feed(acc(1000) + acc(0))
+    assert [line.get("reject") for line in listing.drain(stalled=True)] == [None, "stale"]
+
+
+def test_secure_is_rearmed_by_a_person_only() -> None:
+    decoder = IdtpDecoder(key=KEY)
+    decoder.feed(acc(1000, SECURE), 0)
+    decoder.feed(acc(3, SECURE), 60 * S)
+    assert reasons(decoder.drain()) == ["stale"]
+    decoder.rearm("8")  # another device
+    decoder.feed(acc(3, SECURE), 61 * S)
+    assert reasons(decoder.drain()) == ["stale"]
+    decoder.rearm("7")
+    decoder.feed(acc(3, SECURE) + acc(4, SECURE), 62 * S)
+    assert shown(decoder.drain()) == [3, 4]
+    decoder.rearm()
+    decoder.feed(acc(0, SECURE), 63 * S)
+    assert shown(decoder.drain()) == [0]
+    with pytest.raises(ValueError, match="0 to 65535"):
+        decoder.rearm("70000")
+
+
+def test_silence_does_not_weaken_a_secure_device() -> None:
+    """A forger who waits cannot set the sequence of a device that speaks Secure with a Lite frame."""
+    events = play([(0.0, acc(1000, SECURE)), (9.0, acc(3, LITE))], key=KEY, min_mode=LITE)
+    assert reasons(events) == ["stale"]
+
+
+def test_one_frame_far_ahead_does_not_lock_a_device_out() -> None:
+    far = 1_000_000
+    assert shown(play([acc(5), acc(far), acc(6), acc(7)])) == [5, 6, 7]
+    assert reasons(play([acc(5), acc(far), acc(6)])) == ["far_ahead"]
+    assert shown(play([acc(5), acc(far), acc(far + 1), acc(far + 2)])) == [5, (far + 1) & 0xFFFF, (far + 2) & 0xFFFF]
+    assert reasons(play([acc(5), acc(far), acc(9 * far), acc(far + 1)])) == ["far_ahead"] * 3
+    assert reasons(play([acc(5), acc(far), acc(6), acc(far + 1)])) == ["far_ahead"] * 2
+    assert shown(play([acc(5), acc(5 + 65536)])) == [5, 5]  # 2^16 is not far
+
+
+def test_secure_may_jump() -> None:
+    events = play([acc(5, SECURE), acc(1_000_005, SECURE)], key=KEY)
+    assert [event.missing for event in events if isinstance(event, Gap)] == [999_999]
+
+
+def test_without_replay_check() -> None:
+    events = play([acc(5), acc(4), acc(5), acc(7)], replay_check=False)
+    assert shown(events) == [5, 4, 5, 7]
+    assert [event.missing for event in events if isinstance(event, Gap)] == [1]
+
+
+# -- trust -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_key_makes_secure_the_least() -> None:
+    stream = acc(1, LITE) + acc(2, SAFETY) + acc(3, SECURE)
+    assert shown(play([stream], key=KEY)) == [3]
+    assert reasons(play([stream], key=KEY)) == ["below_min_mode"] * 2
+    assert shown(play([stream], key=KEY, min_mode=SAFETY)) == [2, 3]
+    assert shown(play([stream], min_mode=SAFETY)) == [2]
+
+
+def test_a_weak_header_does_not_swallow_a_secure_frame() -> None:
+    """A Lite header that claims 972 bytes is refused at once, and the frame behind it is not kept waiting."""
+    header = build(0x80, bytes(972))[:20]
+    decoder = IdtpDecoder(key=KEY)
+    decoder.feed(header + acc(3, SECURE), 0)
+    assert shown(decoder.drain()) == [3]
+
+
+def test_no_key() -> None:
+    events = play([acc(1, LITE), acc(2, SECURE), acc(3, LITE)])
+    assert shown(events) == [1, 3]
+    assert reasons(events) == ["no_key"]
+
+
+def test_unverified_frames_are_marked_and_touch_nothing() -> None:
+    forged = acc(60_000, SECURE, timestamp=4_000_000_000, key=b"another")
+    events = play([acc(5, timestamp=1000), forged, acc(6, timestamp=2000)], show_unverified=True)
+    assert shown(events) == [5, 60_000, 6]
+    assert [event.verified for event in events if isinstance(event, Batch)] == [True, False, True]
+    status = [int(e.columns["Imu3AccStatus"][0]) for e in events if isinstance(e, Batch)]
+    assert status == [0, 0b110, 0]
+    assert not [event for event in events if isinstance(event, (Gap, Step))]
+
+
+def test_with_a_key_a_forged_frame_is_never_shown() -> None:
+    events = play([acc(5, SECURE), acc(6, SECURE, key=b"another"), acc(7, SECURE)], key=KEY, show_unverified=True)
+    assert shown(events) == [5, 7]
+    assert reasons(events) == ["bad_hmac"]
+
+
+def test_forged_frames_among_good_ones() -> None:
+    """However forged and good frames alternate, and whatever lies in the forged ones: as the oracle has it."""
+    random = np.random.default_rng(5)
+    stream = b""
+    for i in range(400):
+        inner = acc(i, int(random.integers(3)))
+        kind = random.integers(4)
+        if kind == 0:
+            stream += build(0x90, inner[: int(random.integers(60))], sequence=i, mode=SECURE, key=b"another")
+        elif kind == 1:
+            stream += build(0x90, inner, sequence=i, mode=SECURE, key=KEY)
+        else:
+            stream += inner
+    for chunk in (len(stream), 333):
+        events = play([(0.0, stream[at : at + chunk]) for at in range(0, len(stream), chunk)], key=KEY, min_mode=LITE)
+        found = oracle.scan(stream, final=True, key=KEY)
+        good, bad = oracle.judge(found.frames, keyed=True)
+        offsets = sorted(int(o) for e in events if isinstance(e, Batch) for o in e.offset)
+        assert offsets == [frame.offset for frame, _ in good]
+        rejects = sorted((event.offset, event.reason) for event in events if isinstance(event, Reject))
+        assert rejects == sorted(found.rejects + bad)
+        assert sum(e.missing for e in events if isinstance(e, Gap)) == sum(lost for _, lost in good)
+
+
+# -- time --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("unit", "ns"), [("ns", 1), ("us", 1000), ("ms", 10**6), ("s", 10**9)])
+def test_timestamps_unwrap(unit: str, ns: int) -> None:
+    ticks = [2**32 - 2, 2**32 - 1, 0, 1]
+    events = play([b"".join(acc(i, timestamp=t) for i, t in enumerate(ticks))], time_unit=unit)
+    (batch,) = [event for event in events if isinstance(event, Batch)]
+    assert batch.time_ns is not None
+    assert np.diff(batch.time_ns).tolist() == [ns] * 3
+    with pytest.raises(ValueError, match="time_unit is one of ns, us, ms, s"):
+        IdtpDecoder(time_unit="min")
+
+
+def test_a_device_that_restarts_resets_its_clock() -> None:
+    events = play([(0.0, acc(100, timestamp=90_000_000)), (4.0, acc(0, timestamp=10))])
+    (step,) = [event for event in events if isinstance(event, Step)]
+    assert (step.kind, step.device) == ("reset", "7")
+
+
+# -- versions, payloads, quaternions -----------------------------------------------------------------------------------
+
+
+def warnings(events: Sequence[Event]) -> list[str]:
+    return [event.values["warning"] for event in events if isinstance(event, Reply)]
+
+
+def test_versions() -> None:
+    events = play([build(0, bytes(12), sequence=i, version=0x2A) for i in range(3)])
+    assert warnings(events) == ["speaks IDTP 2.10, newer than what is known here, and is read as 2.1"]
+    events = play([build(0, bytes(12), version=0x20)])
+    (batch,) = [event for event in events if isinstance(event, Batch)]
+    assert batch.message.name == "0x00"
+    assert bytes(batch.columns["data"][0]) == bytes(12)
+    assert reasons(play([build(0, bytes(12), version=0x30)])) == ["bad_version"]
+
+
+def test_successor_by_name() -> None:
+    events = play([b"INDT" + bytes(40) + acc(1) + b"INDT"])
+    assert reasons(events) == ["indt"] * 2
+    assert len(warnings(events)) == 1
+    assert "INDT, the successor of IDTP" in warnings(events)[0]
+    assert "INDT" in likeness(b"INDT\0\0\0\0" * 20)[1]
+
+
+def test_short_and_long_payloads() -> None:
+    events = play([build(4, bytes(32), sequence=1), build(4, bytes(40), sequence=2), build(4, bytes(44), sequence=3)])
+    names = [event.message.name for event in events if isinstance(event, Batch)]
+    assert names == ["Imu9Bytes", "Imu9", "Imu9"]
+    assert len(warnings(events)) == 2
+    status = [int(e.columns[f"{e.message.name}Status"][0]) for e in events if isinstance(e, Batch)]
+    assert status == [0, 0x20, 0x20]
+
+
+def test_rotation_setting() -> None:
+    frame = build(6, struct.pack("<4f", 0.5, 0.5, -0.5, 0.5))
+    for rotation, wanted in (("enu_from_body", [0.5, 0.5, -0.5, 0.5]), ("body_from_enu", [0.5, -0.5, 0.5, -0.5])):
+        (batch,) = play([frame], rotation=rotation)
+        assert isinstance(batch, Batch)
+        assert batch.columns["Quaternion"][0].tolist() == wanted
+        assert batch.message.fields[0].frame == "ENU from body"
+    with pytest.raises(ValueError, match="rotation is one of"):
+        IdtpDecoder(rotation="inverse")  # type: ignore[arg-type]
+
+
+def test_odd_quaternions_are_gaps() -> None:
+    """Not normalised, not finite, a signalling NaN: marked, NaN, and no warning of numpy."""
+    odd = ((1, 0, 0, 0), (2, 0, 0, 0), (3e38, 3e38, 0, 0), (0, float("inf"), 0, 0))
+    payloads = [struct.pack("<4f", *q) for q in odd] + [bytes.fromhex("0100807f") + bytes(12)]
+    (batch,) = play([b"".join(build(6, p, sequence=i) for i, p in enumerate(payloads))])
+    assert isinstance(batch, Batch)
+    assert batch.columns["ImuQuatStatus"].tolist() == [0, 16, 16, 24, 24]
+    assert np.isnan(batch.columns["Quaternion"]).all(axis=1).tolist() == [False, True, True, True, True]
+
+
+# -- datagrams ---------------------------------------------------------------------------------------------------------
+
+
+def test_datagrams_are_searched_apart() -> None:
+    """Several frames and padding may share one; what is incomplete at its end is not continued by the next."""
+    decoder = IdtpDecoder(datagrams=True)
+    decoder.feed(acc(1) + acc(2) + bytes(8), 0)
+    decoder.feed(acc(3)[:30], 1)
+    decoder.feed(acc(3)[30:] + acc(4), 2)
+    assert decoder.buffered > 0
+    events = decoder.drain()
+    assert shown(events) == [1, 2, 4]
+    assert reasons(events) == ["truncated"]
+    assert decoder.buffered == 0
+    assert [a for e in events if isinstance(e, Batch) for a in e.arrival_ns.tolist()] == [0, 0, 2]
+
+
+# -- the vendor's own types --------------------------------------------------------------------------------------------
+
+SCHEMA = """
+[[message]]
+type = 0x80
+name = "Wheels"
+doc = "Wheel odometry."
+[[message.field]]
+name = "Speed"
+type = "i16"
+count = 4
+axes = ["fl", "fr", "rl", "rr"]
+unit = "m/s"
+scale = 0.001
+[[message.field]]
+name = "Steering"
+type = "f32"
+unit = "rad"
+bias = 1.0
+"""
+
+
+def test_user_schema() -> None:
+    schema = parse(SCHEMA)
+    payload = struct.pack("<4hf", 1000, -1000, 0, 32767, 0.5)
+    (batch,) = play([build(0x80, payload)], schema=schema)
+    assert isinstance(batch, Batch)
+    assert batch.columns["Speed"].tolist() == [[1.0, -1.0, 0.0, 32.767]]
+    assert batch.columns["Steering"].tolist() == [1.5]
+    assert [field.unit for field in batch.message.fields[:2]] == ["m/s", "rad"]
+    record = plain(build(0x80, payload + b"\1"), schema)
+    assert record["message"] == "Wheels"
+    assert record["fields"]["Speed"] == [1000, -1000, 0, 32767]
+    assert record["wire"] == {"trailing": "01"}
+    assert frame_of(record, schema=schema) == build(0x80, payload + b"\1")
+    (short,) = [e for e in play([build(0x80, payload[:5])], schema=schema) if isinstance(e, Batch)]
+    assert short.message.name == "WheelsBytes"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("0x80", "300"), "message Wheels: type is a whole number from 0 to 255, given 300"),
+        (('"i16"', '"int"'), "message Wheels, field Speed: type is one of .*, given 'int'"),
+        (('["fl", "fr", "rl", "rr"]', '["a"]'), "field Speed: axes is a list of 4 names, given"),
+        (("0.001", "0"), "field Speed: scale is a number other than 0"),
+        (("count = 4", "count = 0"), "field Speed: count is a whole number from 1 to 972, given 0"),
+        (("count = 4", "colour = 4"), "field Speed: 'colour' is not known; there are name, type"),
+        (('"Steering"', '"Speed"'), "message Wheels: the field name 'Speed' is used twice"),
+        (('"Steering"', '"sequence"'), "name is none of timestamp, sequence"),
+        (('"Wheels"', '"0 wheels"'), "message 1: name is letters, digits and _"),
+        (("bias = 1.0", "bias = nan"), "field Steering: bias is a number, given nan"),
+        (("[[message]]", "[message"), "the schema is no TOML"),
+        (("[[message.field]]", "[[message.fields]]"), "message Wheels: 'fields' is not known"),
+    ],
+)
+def test_schema_errors_name_the_place(change: tuple[str, str], words: str) -> None:
+    with pytest.raises(SchemaError, match=words):
+        parse(SCHEMA.replace(*change))
+    with pytest.raises(SchemaError, match="described twice"):
+        parse(SCHEMA + SCHEMA.replace("Wheels", "Again"))
+
+
+# -- composing ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        ({"message": "Imu3Acc", "fields": {"acc_x": 1, "acc_y": 2}}, "acc_z is missing"),
+        ({"message": "Imu3Acc", "fields": {"acc_x": 1, "acc_y": 2, "acc_z": 3, "w": 4}}, "no field is called 'w'"),
+        ({"message": "Imu3Acc", "fields": {"acc_x": "a", "acc_y": 2, "acc_z": 3}}, "Acceleration is a number"),
+        ({"message": "ImuX"}, "no message is called 'ImuX'; there are: Imu3Acc"),
+        ({"message": "0x90", "fields": {"mode": 3}}, "mode is a whole number from 0 to 2, given 3"),
+        ({"message": "0x90", "fields": {"mode": 2}}, "a Secure frame needs a key"),
+        ({"message": "0x90", "fields": {"version": 16}}, "version is a whole number from 32 to 47"),
+        ({"message": "0x90", "fields": {"data": "zz"}}, "data is hex"),
+        ({"message": "0x90", "fields": {"data": "00" * 973}}, "payload size is 0 to 972, given 973"),
+    ],
+)
+def test_compose_errors(record: dict[str, Any], words: str) -> None:
+    with pytest.raises(EncodeError, match=words):
+        frame_of(record)
+
+
+def test_likeness() -> None:
+    score, why = likeness(b"".join(everything()))
+    assert score == 1.0
+    assert "41 IDTP frames" in why
+    assert likeness(bytes(100)) == (0.0, "no frame in them")
