@@ -299,7 +299,10 @@ class _Reader:
         if not rows.size or 0 in shape:
             return np.empty(shape, self._native)
         wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, (self._stride, *self._inner))
-        return wire.astype(self._native) if self._plain else shown(field, wire)
+        if self._plain:
+            return wire.astype(self._native)
+        with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, a signalling NaN too
+            return shown(field, wire)
 
 
 class Columns(Mapping[str, Array]):

@@ -227,3 +227,14 @@ def test_protocol_1_is_told_by_name() -> None:
     score, words = likeness((b"\xff" + body + b"\xfe") * 5)
     assert score < 0.5
     assert "protocol 1.x" in words
+
+
+@pytest.mark.parametrize(
+    "bits", ["0000a07f", "ffff7f7f", "0000807f", "0000c0ff"]
+)  # NaN that signals, largest, inf, NaN
+def test_any_float_is_a_value(bits: str) -> None:
+    """Scaled columns of floats that are not finite raise no warning (warnings are errors here)."""
+    events = decode(build(frames.DATA, 58, bytes(12) + bytes.fromhex(bits) * 6))
+    (batch,) = (event for event in events if isinstance(event, Batch))
+    assert batch.columns["I.pqr"].shape == (1, 3)
+    assert batch.columns["I.acc"].shape == (1, 3)
