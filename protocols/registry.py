@@ -14,6 +14,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from protocols.events import Decoder
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.frames import build as idtp_build
+from protocols.idtp.likeness import likeness as idtp_likeness
+from protocols.idtp.listing import IdtpListing
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import DATA, stop
 from protocols.isb.frames import build as isb_build
@@ -44,14 +48,17 @@ class ProtocolInfo:
         likeness: (score 0..1, words) of some bytes.
         listing: makes what turns a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes, with which `warm` runs everything once.
+        settings: what decoder and listing can be told beside, by keyword: "key" (bytes), "min_mode" (0 to 2),
+            "replay_check" (bool).
     """
 
     name: str
     title: str
     decoder: Callable[..., Decoder]
     likeness: Callable[[bytes], tuple[float, str]]
-    listing: Callable[[], Listing]
+    listing: Callable[..., Listing]
     sample: bytes
+    settings: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +88,15 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             isb_likeness,
             IsbListing,
             2 * isb_build(DATA, 58, bytes(36)) + stop(),
+        ),
+        ProtocolInfo(
+            "idtp",
+            "IDTP 2.1",
+            IdtpDecoder,
+            idtp_likeness,
+            IdtpListing,
+            idtp_build(4, bytes(36), sequence=1, mode=1) + idtp_build(6, bytes(16), sequence=3),
+            frozenset(("key", "min_mode", "replay_check")),
         ),
     )
 }
