@@ -19,6 +19,7 @@ from server.config import Config, ConfigError, default_data, load
 from server.version import VERSION
 
 COMMANDS = ("serve", "ports", "inspect")
+MODES = ("lite", "safety", "secure")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus, …"
 
 
@@ -48,10 +49,17 @@ def parser() -> argparse.ArgumentParser:
 
     inspect = commands.add_parser("inspect", help="one line per frame of a file")
     inspect.add_argument("file", metavar="FILE", help="a raw capture")
-    inspect.add_argument("--protocol", default="auto", help="xbus, or auto (the default)")
+    inspect.add_argument("--protocol", default="auto", help="xbus, isb, idtp, or auto (the default)")
     inspect.add_argument("--direction", choices=("rx", "tx"), default="rx", help="rx: sent by the device (the default)")
     inspect.add_argument("--format", choices=("table", "jsonl"), default="table")
     inspect.add_argument("--rejects", action="store_true", help="also show what failed its checks")
+    inspect.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
+    inspect.add_argument(
+        "--min-mode",
+        choices=MODES,
+        help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)",
+    )
+    inspect.add_argument("--no-replay-check", action="store_true", help="accept frames of any sequence number")
     _add_data(inspect)
     return root
 
@@ -175,12 +183,37 @@ def _inspect(options: argparse.Namespace) -> None:
     from server.inspect import inspect_file
 
     how = {name: getattr(options, name) for name in ("protocol", "direction", "format", "rejects")}
+    how["replay_check"] = not options.no_replay_check
+    if options.key is not None:
+        how["key"] = _key(options.key)
+    if options.min_mode is not None:
+        how["min_mode"] = MODES.index(options.min_mode)
     try:
         inspect_file(path, sys.stdout, **how)
     except (ValueError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             raise
         raise UsageError(str(error)) from None
+
+
+def _key(given: str) -> bytes:
+    """A key from the command line."""
+    text = given
+    if given.startswith("@"):
+        try:
+            text = Path(given[1:]).read_text(encoding="ascii")
+        except OSError as error:
+            raise UsageError(f"the key cannot be read from {given[1:]}: {error.strerror}.") from None
+        except UnicodeDecodeError:
+            raise UsageError(f"{given[1:]} holds no key: it must hold hex digits.") from None
+    try:
+        key = bytes.fromhex(text)
+    except ValueError:
+        key = b""
+    if not key:
+        place = given if given.startswith("@") else "--key"
+        raise UsageError(f"{place} holds no key: it must be an even number of hex digits.")
+    return key
 
 
 if __name__ == "__main__":

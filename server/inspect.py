@@ -37,6 +37,7 @@ def inspect_file(
     direction: Literal["rx", "tx"] = "rx",
     format: Literal["table", "jsonl"] = "table",
     rejects: bool = False,
+    **settings: Any,
 ) -> None:
     """Write one line a frame.
 
@@ -44,12 +45,14 @@ def inspect_file(
         protocol: a name of protocols.registry, or "auto" to guess it from the beginning of the file.
         direction: "rx": what a device sent; "tx": what was sent to it. (Xbus numbers tell by themselves.)
         rejects: also what failed its checks.
+        settings: "key", "min_mode", "replay_check"; what the protocol has no use for is not looked at.
     Raises:
         ValueError: no such protocol, or nothing known in the file.
         OSError: the file cannot be read.
     """
     row = _row(Path(path), protocol)
-    lines = (line for line in _lines(Path(path), row) if rejects or "reject" not in line)
+    told = {name: value for name, value in settings.items() if name in row.settings}
+    lines = (line for line in _lines(Path(path), row, told) if rejects or "reject" not in line)
     if format == "jsonl":
         for line in lines:
             out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
@@ -71,8 +74,8 @@ def _row(path: Path, protocol: str) -> ProtocolInfo:
     return PROTOCOLS[guesses[0].protocol]
 
 
-def _lines(path: Path, row: ProtocolInfo) -> Iterator[Line]:
-    listing = row.listing()
+def _lines(path: Path, row: ProtocolInfo, settings: Mapping[str, Any]) -> Iterator[Line]:
+    listing = row.listing(**settings)
     with path.open("rb") as file:
         while chunk := file.read(CHUNK):
             listing.feed(chunk)
@@ -88,6 +91,7 @@ def _table_row(line: Line) -> str:
     words = [f"{name} {_readable(value, flags, name)}" for name, value in line["fields"].items()]
     wire = line.get("wire", {})
     words += [f"({name} {_readable(wire[name], {}, '')})" for name in ("bid", "trailing") if name in wire]
+    words += [f"({note})" for note in line.get("notes", ())] + ["(unverified)"] * (line.get("verified") is False)
     name = line["message"] if line["id"] is not None else f"{line['protocol']} {line['message']}"
     return (head + f"{name:<26}  " + "  ".join(words)).rstrip()
 

@@ -19,20 +19,23 @@ def likeness(data: bytes) -> tuple[float, str]:
         return 0.0, "no bytes"
     stream = IdtpStream(replay_check=False, show_unverified=True)
     stream.feed(data, 0)
-    cuts = stream.drain()
-    waiting = stream.buffered
-    cuts += stream.drain(stalled=True)
-    framed = sum(int(cut.table[SIZE].sum()) for cut in cuts)
+    framed = successors = waiting = 0
+    kinds: Counter[int] = Counter()
+    modes: Counter[int] = Counter()
+    for stalled in (False, True):
+        for cut in stream.drain(stalled=stalled):
+            framed += int(cut.table[SIZE].sum())
+            kinds.update(cut.table[ID].tolist())
+            modes.update(cut.judged.rows[MODE].tolist())
+            successors += sum(reject.reason == REASONS[INDT] for reject in cut.rejects)
+        waiting = waiting or stream.buffered
     if framed:
         # what waits for its end at the end of the data speaks neither for nor against
         score = min(1.0, framed / max(len(data) - waiting, framed))
-        kinds = Counter(kind for cut in cuts for kind in cut.table[ID].tolist())
-        modes = Counter(mode for cut in cuts for mode in cut.judged.rows[MODE].tolist())
         names = ", ".join(BY_ID[kind].name if kind in BY_ID else f"0x{kind:02X}" for kind, _ in kinds.most_common(3))
         how = " and ".join(MODE_NAMES[mode] for mode, _ in modes.most_common())
         count = sum(kinds.values())
         return score, f"{count} IDTP frame{'s' * (count > 1)} ({names}; {how}) in {framed} of {len(data)} B"
-    successors = sum(reject.reason == REASONS[INDT] for cut in cuts for reject in cut.rejects)
     if successors > 1:
         return 0.1, f"{successors} times INDT, the preamble of IDTP's successor, which is not read here"
     return 0.0, "no frame in them"

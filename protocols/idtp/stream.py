@@ -9,6 +9,7 @@ from one into the next, so each is searched on its own: what is incomplete at it
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,16 +96,15 @@ class IdtpStream:
         """Bytes so far that belong to no frame."""
         return self._stream.skipped
 
-    def drain(self, *, stalled: bool = False) -> list[Cut]:
-        """Everything that is complete, one Cut for each datagram; see events.Decoder.drain."""
-        if not self._datagrams:
-            return [self._judged(self._stream.drain(stalled=stalled))]
+    def drain(self, *, stalled: bool = False) -> Iterable[Cut]:
+        """Everything that is complete, one Cut for each datagram; each is good until the next."""
+        return self._each() if self._datagrams else (self._judged(self._stream.drain(stalled=stalled)),)
+
+    def _each(self) -> Iterator[Cut]:
         waiting, self._waiting = self._waiting, []
-        cuts = []
         for data, arrival_ns in waiting:
             self._stream.feed(data, arrival_ns)
-            cuts.append(self._judged(self._stream.drain(stalled=True)))
-        return cuts
+            yield self._judged(self._stream.drain(stalled=True))
 
     def _judged(self, whole: Whole) -> Cut:
         """Without what its sequence number says is old."""

@@ -1,0 +1,57 @@
+"""`imuscope inspect` of IDTP: keys, modes, replays; from each line the frame again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.idtp.plain import frame_of
+from server.cli import main
+from tests.protocols.idtp_vectors import KEY, VECTORS, frame, key_of
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """All vectors of the usual key, one after the other."""
+    path = tmp_path / "capture.bin"
+    path.write_bytes(b"".join(frame(vector) for vector in VECTORS if key_of(vector) in (None, KEY)))
+    return path
+
+
+def lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    assert main(["inspect", *arguments, "--format", "jsonl"]) == 0
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_every_vector_comes_back(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    got = lines(capsys, str(file), "--key", KEY.hex(), "--min-mode", "lite", "--no-replay-check")
+    assert b"".join(frame_of(line, KEY) for line in got) == file.read_bytes()
+    assert {line["protocol"] for line in got} == {"idtp"}
+
+
+def test_modes_and_replays(file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def modes(*arguments: str) -> set[int]:
+        return {line["fields"]["mode"] for line in lines(capsys, str(file), *arguments)}
+
+    (tmp_path / "key").write_text(KEY.hex() + "\n")
+    assert modes() == {0, 1}
+    assert modes("--key", f"@{tmp_path / 'key'}") == {2}
+    assert modes("--min-mode", "safety") == {1}
+    assert modes("--key", KEY.hex(), "--min-mode", "safety") == {1, 2}
+    rejects = [line["reject"] for line in lines(capsys, str(file), "--rejects") if "reject" in line]
+    assert {"no_key", "stale"} <= set(rejects)
+    rejects = [
+        line["reject"] for line in lines(capsys, str(file), "--rejects", "--no-replay-check") if "reject" in line
+    ]
+    assert set(rejects) == {"no_key", "bad_crc8"}  # the preambles inside a refused frame begin nothing
+
+
+@pytest.mark.parametrize("given", ["zz", "abc", "", "@nowhere"])
+def test_no_key(file: Path, given: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["inspect", str(file), "--key", given]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "key" in error
