@@ -119,11 +119,7 @@ class Channels:
         if message.split:
             groups = [(field.name, [field]) for field in last.values()]
         else:
-            groups = [
-                (f"{message.name}.{name}", [replace(last[name], title=_title(message, last[name]))])
-                for name in message.apart
-                if name in last
-            ]
+            groups = [(f"{message.name}.{name}", [last[name]]) for name in message.apart if name in last]
             rest = [field for field in last.values() if field.name not in message.apart]
             if not groups or any(field.name != message.time for field in rest):  # a clock alone is the time axis
                 groups.append((message.name, rest))
@@ -247,25 +243,21 @@ def _describe(
     words = alone or Field(name, title=message.title or name, doc=message.doc, source=message.source)
     kind = _kind(alone, np.asarray(columns[alone.name]), message) if alone else "record"
     if kind in ("scalar", "counter", "status") and len(found) == 1 and not found[0].label:
-        found[0].label = words.title or name
+        found[0].label = words.title or words.name
     return ChannelInfo(
         id=0,
         device=device,
         message=message.name,
         name=name,
-        title=words.title or name,
+        title=words.title or words.name,
         kind=kind,
         unit="" if "," in words.unit else words.unit,  # each column has its own
         frame=words.frame,
         columns=_unique(found),
         doc=words.doc,
         source=words.source,
+        group="" if message.split else message.title or message.name,
     )
-
-
-def _title(message: Message, field: Field) -> str:
-    """What a field that stands apart from its message is called."""
-    return f"{message.title or message.name} {field.title or field.name}"
 
 
 def _kind(field: Field, array: Array, message: Message) -> Kind:
@@ -358,7 +350,7 @@ def _column(field: Field, name: str, dtype: Dtype, axis: Axis) -> ColumnInfo:
         name=name,
         dtype=dtype,
         unit=field.unit,
-        label=field.title if name == field.name else "",
+        label=field.title if name in (field.name, "value") else "",
         axis=axis,
         choices={str(value): meaning for value, meaning in field.choices.items()},
         bits=[_bits(bit) for bit in field.bits],

@@ -132,13 +132,14 @@ class ChannelInfo:
     device: str  # DeviceInfo.id
     message: str  # the document's message name: "MTData2"
     name: str  # the document's quantity name: "Acceleration"
-    title: str  # for a person: "Acceleration"
+    title: str  # for a person: "Acceleration"; where a device sends several of one title, `group` tells them apart
     kind: Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "rows", "counter"]
     unit: str
     frame: str  # "ENU", "NED", "NWU", "ECEF", "ENU from body" or ""
     columns: list[ColumnInfo]
     doc: str = ""
     source: str = ""
+    group: str = ""  # the message it came in, for a person: "INS 1"; "" where a quantity stands for itself
 
 
 @dataclass(slots=True)

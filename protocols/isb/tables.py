@@ -4,6 +4,7 @@ The file is the source: a data set, a field or a flag is added there, in the for
 Reading it takes a few milliseconds, once.
 
     words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
+    titles          ─> Field.title, where a struct gives none
     sets            ─> DataSet                  versions ─> which firmware has which structure
 
 Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The
@@ -84,12 +85,14 @@ class Tables:
     def __init__(self, text: str) -> None:
         self.words: dict[str, tuple[Bits, ...]] = {}
         self.choices: dict[str, dict[int, str]] = {}
+        self.titles: dict[str, str] = {}
         self.structs: dict[str, Struct] = {}
         self.sets: dict[int, DataSet] = {}
         self.versions: tuple[str, ...] = ()
         readers = {
             "words": self._read_words,
             "choices": self._read_choices,
+            "titles": self._read_titles,
             "struct": self._read_struct,
             "sets": self._read_sets,
             "versions": self._read_versions,
@@ -107,6 +110,9 @@ class Tables:
         rows = (line.split() for line in lines)
         self.choices[head[0]] = {int(value): name for value, name in rows}
 
+    def _read_titles(self, head: list[str], lines: list[str]) -> None:
+        self.titles = dict(line.split(maxsplit=1) for line in lines)
+
     def _read_struct(self, head: list[str], lines: list[str]) -> None:
         places: list[tuple[Field, int]] = []
         counts: dict[str, str] = {}
@@ -120,7 +126,8 @@ class Tables:
 
     def _field(self, kind: str, name: str, attributes: dict[str, str]) -> Field:
         base, *dims = kind.split("*")
-        row = Field(name, shape=tuple(int(n) for n in dims), source=SOURCE)
+        title = attributes.get("title", self.titles.get(name, ""))
+        row = Field(name, shape=tuple(int(n) for n in dims), title=title, source=SOURCE)
         if base in self.structs:
             return replace(row, fields=tuple(part for part, _ in self.structs[base].places))
         wire, _, shown = attributes.get("unit", "").partition(">")

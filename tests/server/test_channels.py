@@ -232,4 +232,4 @@ def test_fields_that_stand_apart() -> None:
     assert kinds["DID_INS_1"] == "record"
     lla = next(info for info in found if info.name == "DID_INS_1.lla")
     assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
-    assert (lla.frame, lla.title) == ("WGS84", "INS 1 lla")
+    assert (lla.frame, lla.title, lla.group) == ("WGS84", "Position", "INS 1")

@@ -48,8 +48,12 @@ export function withNorm(info: ChannelInfo): ChannelInfo {
   return { ...info, columns: [...info.columns, norm] };
 }
 
-/** Can Euler angles be worked out from this channel? */
+/**
+ * Can Euler angles be worked out from this channel? Roll and pitch are against the level of a place: of a rotation against the
+ * earth's axes (ECEF) they are not, without the place (attitude/source.ts).
+ */
 export function isRotation(info: ChannelInfo): boolean {
+  if (info.frame.startsWith("ECEF")) return false;
   return (info.kind === "quaternion" && info.columns.length === 4) || (info.kind === "matrix" && info.columns.length === 9);
 }
 
@@ -74,6 +78,7 @@ export function eulerInfo(source: ChannelInfo): ChannelInfo {
     ],
     doc: `Worked out on this page from ${source.title || source.name}; yaw, then pitch, then roll.`,
     source: source.source,
+    group: source.group,
   };
 }
 

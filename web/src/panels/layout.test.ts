@@ -27,6 +27,7 @@ const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[])
   columns,
   doc: "",
   source: "",
+  group: "",
 });
 
 describe("groupsOf", () => {

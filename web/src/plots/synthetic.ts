@@ -12,7 +12,7 @@ const bit = (name: string, low: number, more: Partial<BitsInfo> = {}): BitsInfo 
   name, low, width: 1, choices: {}, severity: "", normal_set: false, doc: `${name}: what this bit means in one sentence.`, ...more,
 });
 const channel = (id: number, name: string, title: string, kind: ChannelInfo["kind"], unit: string, frame: string, columns: ColumnInfo[]): ChannelInfo => ({
-  id, device: "1", message: "Synthetic", name, title, kind, unit, frame, columns, doc: "", source: "",
+  id, device: "1", message: "Synthetic", name, title, kind, unit, frame, columns, doc: "", source: "", group: "",
 });
 const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis) => column(axis, "f4", unit, axis));
 

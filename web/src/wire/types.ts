@@ -82,7 +82,7 @@ export interface ChannelInfo {
   readonly message: string;
   /** the document's quantity name: "Acceleration" */
   readonly name: string;
-  /** for a person: "Acceleration" */
+  /** for a person: "Acceleration"; where a device sends several of one title, `group` tells them apart */
   readonly title: string;
   readonly kind: "vector" | "quaternion" | "matrix" | "euler" | "status" | "scalar" | "record" | "rows" | "counter";
   readonly unit: string;
@@ -91,6 +91,8 @@ export interface ChannelInfo {
   readonly columns: readonly ColumnInfo[];
   readonly doc: string;
   readonly source: string;
+  /** the message it came in, for a person: "INS 1"; "" where a quantity stands for itself */
+  readonly group: string;
 }
 
 /** One attempt to reach a device, in words. */
