@@ -64,6 +64,8 @@ Stops when the data or the table is at its end.
 """
 
 _TABLE_COLUMNS = 1 << 14  # 900 kB: the table stays in a second-level cache
+_SMALL = 1 << 11
+_KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; what is not written to is not there
 
 
 class Buffer:
@@ -116,8 +118,9 @@ class Buffer:
             return np.full(len(last), self._arrivals[-1], np.int64)
         if len(last) == 1:
             return np.array([self.arrival(int(last[0]))], np.int64)
-        places = np.searchsorted(np.array(self._ends, np.int64), last, side="right")
-        return np.array(self._arrivals, np.int64)[np.minimum(places, len(self._arrivals) - 1)]
+        cuts = np.searchsorted(last, np.array(self._ends, np.int64))  # few chunks in many rows, not the other way round
+        cuts[0], cuts[-1] = 0, len(last)
+        return np.repeat(np.array(self._arrivals[1:], np.int64), np.diff(cuts))
 
 
 @dataclass(slots=True)
@@ -137,13 +140,37 @@ class Scanned:
     framed: int
 
 
-def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool) -> Scanned:
-    """Run `scan` from `at` to the end of `data`."""
+class Room:
+    """Memory that one stream uses again in every drain: fresh memory of this size can cost more than the work in it.
+
+    What is written there is good until the next drain.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[int, Ints] = {}
+
+    def table(self, rows: int, columns: int) -> Ints:
+        """An (rows, columns or more) array, its contents left from before; small ones are fresh."""
+        if columns < _SMALL:
+            return np.empty((rows, columns), np.int64)
+        kept = self._kept.get(rows)
+        if kept is None or kept.shape[1] < columns:
+            # the odd width keeps the beginnings of the rows out of each other's way in the cache
+            kept = self._kept[rows] = np.empty((rows, max(columns, _KEPT_COLUMNS) + 56), np.int64)
+        return kept
+
+
+def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: Room | None = None) -> Scanned:
+    """Run `scan` from `at` to the end of `data`; with a `room`, the table is good until its next use."""
     columns = min(_TABLE_COLUMNS, len(data) - at + 1)
     parts: list[Ints] = []
     all_failed = all_framed = 0
     while True:
-        table = np.empty((QUANTITIES, columns), np.int64)
+        if room is not None and not parts:
+            table = room.table(QUANTITIES, columns)
+            columns = table.shape[1]
+        else:
+            table = np.empty((QUANTITIES, columns), np.int64)
         found, at, failed, framed = scan(data, at, final, table)
         parts.append(table[:, :found])
         all_failed += failed

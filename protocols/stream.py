@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocols.events import Reject, Text
-from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Scan, scan_all
+from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, Scan, scan_all
 from protocols.nmea import Found
 
 Find = Callable[..., tuple[list[Found], int]]
@@ -25,7 +25,7 @@ Find = Callable[..., tuple[list[Found], int]]
 
 @dataclass(slots=True)
 class Cut:
-    """What one drain found.
+    """What one drain found; `table` is good until the next one.
 
     Args:
         data: the bytes that `table` indexes; `array` is the same as uint8.
@@ -56,6 +56,7 @@ class Stream:
         self._scan = scan
         self._find = find
         self._buffer = Buffer()
+        self._room = Room()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
         self._find_at = 0  # … and for other messages
         self._known = 0  # bytes of accepted frames and of texts
@@ -80,7 +81,7 @@ class Stream:
         data = buffer.data()
         start = buffer.start
         array = np.frombuffer(data, np.uint8)
-        scanned = scan_all(self._scan, array, self._scan_at - start, final=stalled)
+        scanned = scan_all(self._scan, array, self._scan_at - start, final=stalled, room=self._room)
         table = scanned.table
         rejects: list[Reject] = []
         if scanned.failed:

@@ -24,7 +24,7 @@ import numpy as np
 
 from protocols.events import Batch, Decoder, Event, Late, Reply, Step
 from protocols.foreign import find
-from protocols.framing import BODY, OFFSET, Ints
+from protocols.framing import BODY, OFFSET, Ints, Room
 from protocols.grouping import group
 from protocols.isb import messages
 from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
@@ -66,8 +66,9 @@ class IsbDecoder(Decoder):
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
         self._stream = Stream(scan, find)
+        self._room = Room()
         self._forms: dict[int, messages.Form] = {}
-        self._memory = remember()
+        self._memory = np.array(remember(), np.int64)
         self._wholes = no_wholes()
         self._firmware = np.full(FAMILIES, UNTOLD, np.int64)
         self._whole: dict[int, bytes] = {}  # the last whole value of each set
@@ -92,7 +93,7 @@ class IsbDecoder(Decoder):
         events: list[Event] = [*cut.rejects, *cut.texts]
         n = cut.table.shape[1]
         if n:
-            out = np.empty((SORTED, n), np.int64)
+            out = self._room.table(SORTED, n)[:, :n]
             sort(cut.array, cut.table, RULES, VERSION_NUMBERS, self._firmware, self._memory, self._wholes, out)
             if n == 1:
                 self._single(cut, out, events)
@@ -144,7 +145,7 @@ class IsbDecoder(Decoder):
         rows = np.empty((len(which), form.layout.size), np.uint8)
         about = np.empty((ABOUT, len(which)), np.int64)
         timed = gather(cut.array, cut.table, out, cut.arrival_ns, which, whole, rows, about)
-        if not key >> 27 & 0x7FF and int(self._wholes[WHOLE_KEY, did]) == key:
+        if not key >> 27 & 0x7FF and int(self._wholes[did, WHOLE_KEY]) == key:
             self._whole[did] = rows[-1].tobytes()
         offsets, arrivals, times = about
         offsets += cut.start

@@ -20,7 +20,7 @@ from protocols.stream import Cut, Stream
 
 Line = dict[str, Any]
 
-_FAMILIES = rules()[FAMILY]
+_FAMILIES = rules()[:, FAMILY]
 _NUMBERS = version_numbers()
 
 

@@ -278,38 +278,38 @@ def form_for_key(key: int) -> Form:
 
 
 def rules() -> Ints:
-    """(RULES, 256): the rows of sorting.py for each DID."""
-    table = np.zeros((sorting.RULES, 256), np.int64)
+    """(256, RULES): what sorting.py knows of each DID."""
+    table = np.zeros((256, sorting.RULES), np.int64)
     for did, dataset in SETS.items():
-        table[sorting.FAMILY, did] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
-        table[sorting.TELLS, did] = did in DEVICE_INFOS
+        table[did, sorting.FAMILY] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
+        table[did, sorting.TELLS] = did in DEVICE_INFOS
         if dataset.struct is None:
             continue
-        table[sorting.STREAMS, did] = dataset.kind == "data"
+        table[did, sorting.STREAMS] = dataset.kind == "data"
         _clock_rules(table, did, dataset)
         for name, counted_by in dataset.struct.counts.items():
             row, at = _the(dataset, name)
             counter, counter_at = _the(dataset, counted_by)
-            table[sorting.LIST_AT, did], table[sorting.LIST_STEP, did] = at, element_size(row)
-            table[sorting.COUNT_AT, did], table[sorting.COUNT_SIZE, did] = counter_at, size_of(counter)
+            table[did, sorting.LIST_AT], table[did, sorting.LIST_STEP] = at, element_size(row)
+            table[did, sorting.COUNT_AT], table[did, sorting.COUNT_SIZE] = counter_at, size_of(counter)
     for did in RAW_SETS:
-        table[sorting.VARIANT, did] = sorting.RAW_DATA
+        table[did, sorting.VARIANT] = sorting.RAW_DATA
     for did in VELOCITY_SETS:
-        table[sorting.VARIANT, did] = sorting.VELOCITY
-    table[sorting.VARIANT, POSITION_SET] = sorting.POSITION
+        table[did, sorting.VARIANT] = sorting.VELOCITY
+    table[POSITION_SET, sorting.VARIANT] = sorting.POSITION
     return table
 
 
 def _clock_rules(table: Ints, did: int, dataset: DataSet) -> None:
-    table[sorting.CLOCK, did] = clock_of(dataset)
+    table[did, sorting.CLOCK] = clock_of(dataset)
     if dataset.clock == "obs":
-        table[sorting.CLOCK_AT, did] = sorting.RAW_AT  # the time of the first observation
+        table[did, sorting.CLOCK_AT] = sorting.RAW_AT  # the time of the first observation
     elif dataset.clock:
         row, at = _the(dataset, clock_field(dataset))
-        table[sorting.CLOCK_AT, did] = at
-        table[sorting.CLOCK_MS, did] = row.dtype == "<u4"
+        table[did, sorting.CLOCK_AT] = at
+        table[did, sorting.CLOCK_MS] = row.dtype == "<u4"
     if dataset.clock.startswith("week+"):
-        table[sorting.WEEK_AT, did] = _the(dataset, "week")[1]
+        table[did, sorting.WEEK_AT] = _the(dataset, "week")[1]
 
 
 def _the(dataset: DataSet, name: str) -> Place:

@@ -45,14 +45,14 @@ SORTED = 6
 OFFSETS, ARRIVALS, TIMES = range(3)
 ABOUT = 3
 
-# What is known of each data set, one column per DID; see messages.rules().
+# What is known of each data set, one row per DID; see messages.rules().
 STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT_SIZE, VARIANT, FAMILY, TELLS = range(
     12
 )
 RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
 
-# The last whole value of each data set, one column per DID.
+# The last whole value of each data set, one row per DID.
 WHOLE_KEY, WHOLE_SIZE, WHOLE_TIME, WHOLE_TIMED = range(4)
 WHOLES = 4
 
@@ -68,7 +68,7 @@ UNTOLD = 15
 
 def no_wholes() -> Ints:
     """Before anything was seen."""
-    return np.full((WHOLES, 256), -1, np.int64)
+    return np.full((256, WHOLES), -1, np.int64)
 
 
 @inlined
@@ -83,9 +83,9 @@ def _number(data: Bytes, at: int, size: int) -> int:
 @inlined
 def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     """What kind of value a whole set carries."""
-    if rules[VARIANT, did] == RAW_DATA and length > RAW_AT:
+    if rules[did, VARIANT] == RAW_DATA and length > RAW_AT:
         return int(data[body + DATA_TYPE_AT])
-    if rules[VARIANT, did] == VELOCITY and length >= VELOCITY_STATUS_AT + 4:
+    if rules[did, VARIANT] == VELOCITY and length >= VELOCITY_STATUS_AT + 4:
         return 1 if int(data[body + VELOCITY_STATUS_AT + 1]) & VELOCITY_NED >> 8 else 0
     return 0
 
@@ -93,15 +93,15 @@ def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> in
 @inlined
 def count_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> int:
     """How many elements of a set's list are in use: what its count says, and at most what there is."""
-    if rules[VARIANT, did] == RAW_DATA:
+    if rules[did, VARIANT] == RAW_DATA:
         if length <= RAW_AT or int(data[body + DATA_TYPE_AT]) != RAW_OBSERVATION:
             return 0
         return min(int(data[body + OBSERVATIONS_AT]), (length - RAW_AT) // OBSERVATION_SIZE)
-    step = rules[LIST_STEP, did]
-    there = (length - rules[LIST_AT, did]) // step if step else 0
+    step = rules[did, LIST_STEP]
+    there = (length - rules[did, LIST_AT]) // step if step else 0
     if there <= 0:
         return 0
-    said = _number(data, body + rules[COUNT_AT, did], rules[COUNT_SIZE, did])
+    said = _number(data, body + rules[did, COUNT_AT], rules[did, COUNT_SIZE])
     return min(min(said, there), MOST_COUNT)
 
 
@@ -126,18 +126,19 @@ def version_of(data: Bytes, body: int, versions: Ints) -> int:
     return n
 
 
-@compiled(NOTHING, BYTES, VIEW, TABLE, INTS, INTS, INTS, TABLE, TABLE)
+@compiled(NOTHING, BYTES, VIEW, TABLE, INTS, INTS, INTS, TABLE, VIEW)
 def sort(
     data: Bytes, table: Ints, rules: Ints, versions: Ints, firmware: Ints, memory: Ints, wholes: Ints, out: Ints
 ) -> None:
     """Fill `out`, (SORTED, n), for the n candidates of `table`; see the module.
 
     Args:
-        rules: (RULES, 256).
+        rules: (256, RULES).
         versions: the firmware versions with layouts of their own, as major << 16 | minor << 8 | patch, ascending.
         firmware: index into `versions`, one per family of devices; UNTOLD before a device information told it.
         memory, wholes: what is remembered from packet to packet; updated.
     """
+    state = (memory[0], memory[1], memory[2], memory[3], memory[4], memory[5])
     for f in range(unsigned(table.shape[1])):
         out[KEY, f] = -1 - UNTOLD
         out[PART, f] = -1
@@ -151,58 +152,59 @@ def sort(
             continue
         body = table[BODY, f]
         length = table[LENGTH, f]
-        if rules[TELLS, did] and length >= FIRMWARE_AT + 4 and flags & WITH_OFFSET == 0:
-            firmware[rules[FAMILY, did]] = version_of(data, body, versions)
-        if rules[STREAMS, did] == 0:
-            out[KEY, f] = -1 - firmware[rules[FAMILY, did]]
+        if rules[did, TELLS] and length >= FIRMWARE_AT + 4 and flags & WITH_OFFSET == 0:
+            firmware[rules[did, FAMILY]] = version_of(data, body, versions)
+        if rules[did, STREAMS] == 0:
+            out[KEY, f] = -1 - firmware[rules[did, FAMILY]]
             continue
         offset = _number(data, body - 2, 2) if flags & WITH_OFFSET else 0
-        layout = firmware[rules[FAMILY, did]] << 46 | int(did) << 38
+        layout = firmware[rules[did, FAMILY]] << 46 | int(did) << 38
         if offset > 0:
-            if wholes[WHOLE_KEY, did] >= 0 and offset + length <= wholes[WHOLE_SIZE, did]:
-                out[KEY, f] = wholes[WHOLE_KEY, did]
+            if wholes[did, WHOLE_KEY] >= 0 and offset + length <= wholes[did, WHOLE_SIZE]:
+                out[KEY, f] = wholes[did, WHOLE_KEY]
                 out[PART, f] = offset
-                out[TIME, f] = wholes[WHOLE_TIME, did]
-                out[TIMED, f] = wholes[WHOLE_TIMED, did]
+                out[TIME, f] = wholes[did, WHOLE_TIME]
+                out[TIMED, f] = wholes[did, WHOLE_TIMED]
             else:
                 out[KEY, f] = layout | offset << 27 | length << 16
             continue
-        clock = rules[CLOCK, did]
+        clock = rules[did, CLOCK]
         if clock != NONE:
-            at = rules[CLOCK_AT, did]
+            at = rules[did, CLOCK_AT]
             week = -1
             ns = -1
             if clock == GTIME:
-                if rules[VARIANT, did] != RAW_DATA or count_of(data, body, length, did, rules) > 0:
+                if rules[did, VARIANT] != RAW_DATA or count_of(data, body, length, did, rules) > 0:
                     ns = _since_1970(data, body + at, body + length)
-            elif rules[CLOCK_MS, did]:
+            elif rules[did, CLOCK_MS]:
                 if length >= at + 4:
                     ns = four(data, body + at) * 1_000_000
             elif length >= at + 8:
                 ns = double_ns(data, body + at)
-            if clock in (WEEK_TOW, FIX) and length >= rules[WEEK_AT, did] + 4:
-                week = four(data, body + rules[WEEK_AT, did])
-            time, timed, step, by = tell(memory, clock, ns, week)
+            if clock in (WEEK_TOW, FIX) and length >= rules[did, WEEK_AT] + 4:
+                week = four(data, body + rules[did, WEEK_AT])
+            state, time, timed, step, by = tell(state, clock, ns, week)
             out[TIME, f] = time
             out[TIMED, f] = timed
             out[STEP, f] = step
             out[BY, f] = by
-            if rules[VARIANT, did] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
-                _, _, step, by = exact(memory, week, double_ns(data, body + TOW_OFFSET_AT))
+            if rules[did, VARIANT] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
+                state, _, _, step, by = exact(state, week, double_ns(data, body + TOW_OFFSET_AT))
                 if step != NO_STEP and out[STEP, f] == NO_STEP:
                     out[STEP, f] = step
                     out[BY, f] = by
         variant = 0
         count = 0
-        if rules[VARIANT, did] != NO_VARIANT:
+        if rules[did, VARIANT] != NO_VARIANT:
             variant = variant_of(data, body, length, did, rules)
-        if rules[LIST_STEP, did] != 0 or rules[VARIANT, did] == RAW_DATA:
+        if rules[did, LIST_STEP] != 0 or rules[did, VARIANT] == RAW_DATA:
             count = count_of(data, body, length, did, rules)
         out[KEY, f] = layout | length << 16 | variant << 8 | count
-        wholes[WHOLE_KEY, did] = out[KEY, f]
-        wholes[WHOLE_SIZE, did] = length
-        wholes[WHOLE_TIME, did] = out[TIME, f]
-        wholes[WHOLE_TIMED, did] = out[TIMED, f]
+        wholes[did, WHOLE_KEY] = out[KEY, f]
+        wholes[did, WHOLE_SIZE] = length
+        wholes[did, WHOLE_TIME] = out[TIME, f]
+        wholes[did, WHOLE_TIMED] = out[TIMED, f]
+    memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = state
 
 
 @compiled(INT, BYTES, VIEW, VIEW, INTS, INTS, BYTES, ROWS, TABLE)

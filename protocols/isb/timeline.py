@@ -27,18 +27,21 @@ show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import types
 
-from protocols.framing import Bytes, Ints
-from protocols.jit import FLAG, FOUR, INT, INTS, compiled, inlined, unsigned
+from protocols.framing import Bytes
+from protocols.jit import FLAG, INT, compiled, inlined, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
 NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 
-# What a decoder remembers of its device's clocks, as one array so that compiled code can keep it.
-SHIFT, SHIFTED, LAST_UP, LAST_UTC, WEEK, EPOCH = range(6)
-REMEMBERED = 6
+# What is known of a device's clocks: shift, how well it is known, newest up-time, newest UTC, newest week, epoch. A
+# tuple, because compiled code keeps its numbers in registers; an array would be counted in and out of every function.
+State = tuple[int, int, int, int, int, int]
+Told = tuple[State, int, int, int, int]
+STATE = types.UniTuple(types.int64, 6)  # type: ignore[no-untyped-call]
+TOLD = types.Tuple([STATE, INT, INT, INT, INT])  # type: ignore[no-untyped-call]
 NOT_SHIFTED, ROUGHLY, EXACTLY = range(3)
 UNKNOWN, FROM_START, FROM_1970 = range(3)
 
@@ -80,14 +83,15 @@ def leap_seconds(unix_s: int) -> int:
 def utc_ns(week: int, tow_ns: int) -> int:
     """GPS week and time of week as ns since the Unix epoch, UTC."""
     start = GPS_EPOCH + week * WEEK_S
-    return (start - leap_seconds(start + tow_ns // S)) * S + tow_ns
+    leap = leap_seconds(start)
+    if leap < len(_LEAPS) and start + WEEK_S >= _LEAPS[leap]:  # one falls into this week; a division is slow
+        leap = leap_seconds(start + tow_ns // S)
+    return (start - leap) * S + tow_ns
 
 
-def remember() -> NDArray[np.int64]:
-    """The memory of a device that has just been connected."""
-    memory = np.zeros(REMEMBERED, np.int64)
-    memory[LAST_UP] = memory[LAST_UTC] = memory[WEEK] = -1
-    return memory
+def remember() -> State:
+    """What is known of a device that has just been connected."""
+    return 0, NOT_SHIFTED, -1, -1, -1, UNKNOWN
 
 
 @inlined
@@ -107,106 +111,104 @@ def double_ns(data: Bytes, at: int) -> int:
     return int(seconds * 1e9 + 0.5) if seconds < LONGEST_UP_S else -1
 
 
-@compiled(FOUR, INTS, INT)
-def _up(memory: Ints, up: int) -> tuple[int, int, int, int]:
+@compiled(TOLD, STATE, INT)
+def _up(state: State, up: int) -> Told:
+    shift, shifted, last_up, last_utc, week, epoch = state
     step = NO_STEP
     by = 0
-    if memory[LAST_UP] >= 0 and up < memory[LAST_UP] - LATE_NS:  # it has been switched off and on
+    if last_up >= 0 and up < last_up - LATE_NS:  # it has been switched off and on
         step = RESET
-        by = up - (memory[LAST_UTC] if memory[EPOCH] == FROM_1970 else memory[LAST_UP])
-        memory[SHIFTED] = NOT_SHIFTED
-        memory[LAST_UTC] = -1
-        memory[LAST_UP] = up
-        memory[EPOCH] = FROM_START
-        memory[WEEK] = -1
-    memory[LAST_UP] = max(memory[LAST_UP], up)
-    if memory[EPOCH] != FROM_1970:
-        memory[EPOCH] = FROM_START
-        return up, 1, step, by
-    if memory[SHIFTED] == NOT_SHIFTED:
-        memory[SHIFTED] = ROUGHLY
-        memory[SHIFT] = memory[LAST_UTC] - up
-    return up + memory[SHIFT], 1, step, by
+        by = up - (last_utc if epoch == FROM_1970 else last_up)
+        shifted, last_up, last_utc, week, epoch = NOT_SHIFTED, up, -1, -1, FROM_START
+    last_up = max(last_up, up)
+    time = up
+    if epoch == FROM_1970:
+        if shifted == NOT_SHIFTED:
+            shifted = ROUGHLY
+            shift = last_utc - up
+        time = up + shift
+    else:
+        epoch = FROM_START
+    return (shift, shifted, last_up, last_utc, week, epoch), time, 1, step, by
 
 
-@compiled(FOUR, INTS, INT, INT)
-def _gps(memory: Ints, utc: int, week: int) -> tuple[int, int, int, int]:
+@compiled(TOLD, STATE, INT, INT)
+def _gps(state: State, utc: int, week: int) -> Told:
+    shift, shifted, last_up, last_utc, _, epoch = state
     step = NO_STEP
     by = 0
-    memory[WEEK] = week
-    if memory[EPOCH] != FROM_1970:
-        if memory[LAST_UP] >= 0:
-            memory[SHIFTED] = ROUGHLY
-            memory[SHIFT] = utc - memory[LAST_UP]
+    if epoch != FROM_1970:
+        if last_up >= 0:
+            shifted = ROUGHLY
+            shift = utc - last_up
             step = SYNC
-            by = memory[SHIFT]
-        memory[EPOCH] = FROM_1970
-    elif memory[LAST_UTC] >= 0 and utc < memory[LAST_UTC] - LATE_NS:
+            by = shift
+    elif last_utc >= 0 and utc < last_utc - LATE_NS:
         step = JUMP
-        by = utc - memory[LAST_UTC]
-        memory[LAST_UTC] = utc
-        if memory[SHIFTED]:
-            memory[SHIFTED] = ROUGHLY
-            memory[SHIFT] = utc - memory[LAST_UP]
-    memory[LAST_UTC] = max(memory[LAST_UTC], utc)
-    return utc, 1, step, by
+        by = utc - last_utc
+        last_utc = utc
+        if shifted != NOT_SHIFTED:
+            shifted = ROUGHLY
+            shift = utc - last_up
+    return (shift, shifted, last_up, max(last_utc, utc), week, FROM_1970), utc, 1, step, by
 
 
-@compiled(FOUR, INTS, INT, FLAG)
-def _time_of_week(memory: Ints, tow: int, fixed: bool) -> tuple[int, int, int, int]:
+@compiled(TOLD, STATE, INT, FLAG)
+def _time_of_week(state: State, tow: int, fixed: bool) -> Told:
     """Without a week: the newest one's, or the one before or after it; up-time where there was no fix yet."""
-    if fixed and memory[EPOCH] == FROM_1970 and memory[WEEK] >= 0 and tow <= (WEEK_S + 1) * S:
-        utc = utc_ns(memory[WEEK], tow)
-        if utc - memory[LAST_UTC] > WEEK_S * S // 2:
+    _, _, last_up, last_utc, week, epoch = state
+    if fixed and epoch == FROM_1970 and week >= 0 and tow <= (WEEK_S + 1) * S:
+        utc = utc_ns(week, tow)
+        if utc - last_utc > WEEK_S * S // 2:
             utc -= WEEK_S * S
-        elif memory[LAST_UTC] - utc > WEEK_S * S // 2:
+        elif last_utc - utc > WEEK_S * S // 2:
             utc += WEEK_S * S
-        return utc, 1, NO_STEP, 0
-    if memory[EPOCH] == FROM_START and abs(tow - memory[LAST_UP]) < LATE_NS:
-        return tow, 1, NO_STEP, 0
-    return 0, 0, NO_STEP, 0
+        return state, utc, 1, NO_STEP, 0
+    if epoch == FROM_START and abs(tow - last_up) < LATE_NS:
+        return state, tow, 1, NO_STEP, 0
+    return state, 0, 0, NO_STEP, 0
 
 
-@compiled(FOUR, INTS, INT, INT, INT)
-def tell(memory: Ints, kind: int, ns: int, week: int) -> tuple[int, int, int, int]:
+@compiled(TOLD, STATE, INT, INT, INT)
+def tell(state: State, kind: int, ns: int, week: int) -> Told:
     """The time of one message.
 
     Args:
-        memory: see `remember`; updated.
+        state: what is known of the device's clocks; see `remember`.
         kind: UP, WEEK_TOW, FIX, TOW or GTIME.
         ns: the clock as ns: up-time, time of week, or since 1970; negative where it is no time.
         week: GPS week; ignored unless `kind` is WEEK_TOW or FIX.
     Returns:
-        time in ns, 1 if there is one, kind of step before it (NO_STEP mostly), by how much.
+        what is known now; time in ns, 1 if there is one; kind of step before it (NO_STEP mostly), by how much.
     """
     if ns < 0:
-        return 0, 0, NO_STEP, 0
+        return state, 0, 0, NO_STEP, 0
     if kind == UP or (kind == WEEK_TOW and week == 0):
-        return _up(memory, ns)
+        return _up(state, ns)
     if kind in (WEEK_TOW, FIX) and week != 0:
         if week < FIRST_WEEK or week > LAST_WEEK or ns > (WEEK_S + 1) * S:
-            return 0, 0, NO_STEP, 0
-        return _gps(memory, utc_ns(week, ns), week)
+            return state, 0, 0, NO_STEP, 0
+        return _gps(state, utc_ns(week, ns), week)
     if kind == GTIME:
-        if memory[EPOCH] != FROM_1970 or ns < (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S:
-            return 0, 0, NO_STEP, 0
-        return ns - leap_seconds(ns // S) * S, 1, NO_STEP, 0
-    return _time_of_week(memory, ns, kind == TOW)
+        if state[5] != FROM_1970 or ns < (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S:
+            return state, 0, 0, NO_STEP, 0
+        return state, ns - leap_seconds(ns // S) * S, 1, NO_STEP, 0
+    return _time_of_week(state, ns, kind == TOW)
 
 
-@compiled(FOUR, INTS, INT, INT)
-def exact(memory: Ints, week: int, offset_ns: int) -> tuple[int, int, int, int]:
+@compiled(TOLD, STATE, INT, INT)
+def exact(state: State, week: int, offset_ns: int) -> Told:
     """GPS position has told what up-time and time of week differ by (towOffset).
 
     Returns:
-        like `tell`; a step only where up-time moves by more than TOLD_NS.
+        like `tell`, without a time; a step only where up-time moves by more than TOLD_NS.
     """
-    if memory[EPOCH] != FROM_1970 or memory[SHIFTED] == NOT_SHIFTED or offset_ns <= 0:
-        return 0, 0, NO_STEP, 0
+    old, shifted, last_up, last_utc, newest, epoch = state
+    if epoch != FROM_1970 or shifted == NOT_SHIFTED or offset_ns <= 0:
+        return state, 0, 0, NO_STEP, 0
     shift = utc_ns(week, 0) + offset_ns
-    by = shift - memory[SHIFT]
+    by = shift - old
     if abs(by) > NEAR_NS:
-        return 0, 0, NO_STEP, 0
-    memory[SHIFT] = shift
-    memory[SHIFTED] = EXACTLY
-    return 0, 0, SYNC if abs(by) > TOLD_NS else NO_STEP, by
+        return state, 0, 0, NO_STEP, 0
+    state = (shift, EXACTLY, last_up, last_utc, newest, epoch)
+    return state, 0, 0, SYNC if abs(by) > TOLD_NS else NO_STEP, by

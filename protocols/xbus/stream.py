@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocols.events import Reject, Text
-from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, scan_all
+from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, scan_all
 from protocols.nmea import Found
 from protocols.nmea import find as find_sentences
 from protocols.xbus.frames import scan
@@ -50,6 +50,7 @@ class Stream:
 
     def __init__(self) -> None:
         self._buffer = Buffer()
+        self._room = Room()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
         self._nmea_at = 0  # … for sentences …
         self._strings_at = 0  # … and for binary strings
@@ -76,7 +77,7 @@ class Stream:
         data = buffer.data()
         start = buffer.start
         array = np.frombuffer(data, np.uint8)
-        scanned = scan_all(scan, array, self._scan_at - start, final=stalled)
+        scanned = scan_all(scan, array, self._scan_at - start, final=stalled, room=self._room)
         table = scanned.table
         rejects: list[Reject] = []
         if scanned.failed:
