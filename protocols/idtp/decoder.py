@@ -33,8 +33,9 @@ from protocols.clocks import Unwrap
 from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
+from protocols.idtp.frames import VERSION_AT
 from protocols.idtp.payloads import Payload, Rotation, Shown
-from protocols.idtp.sequence import KEY, MINOR, MISSING, MODE, SOURCE, TIMESTAMP, key_of, source_of
+from protocols.idtp.sequence import KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream import Cut, IdtpStream
 from protocols.idtp.vendor import Schema
 from protocols.jit import BYTES, INTS, NOTHING, ROWS, compiled, unsigned
@@ -45,7 +46,7 @@ UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_00
 KNOWN_MINOR = 1
 WARNING = Message(-1, "Warning", kind="indication", doc="What a person should know about a device.")
 
-LAYOUT = (1 << 21) - 1  # the part of a KEY that decides the layout
+LAYOUT = (1 << SOURCE_SHIFT) - 1  # the part of a KEY that decides the layout
 _LAYOUTS = 4096  # remembered; a device has a handful
 
 
@@ -105,7 +106,7 @@ class IdtpDecoder(Decoder):
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}
         self._payloads: dict[int, Payload] = {}
-        self._clocks: dict[int, Unwrap] = {}  # by SOURCE
+        self._clocks: dict[int, Unwrap] = {}  # by source, see sequence.py
         self._said: set[tuple[int, str]] = set()
 
     @property
@@ -165,7 +166,9 @@ class IdtpDecoder(Decoder):
         source, old, kind, length = key_of(key)
         payload = self._payload(key & LAYOUT, kind, old, length)
         starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
-        if which is not None:
+        if which is None:
+            modes = modes.copy()  # asked for later than the memory of the stream is good for
+        else:
             starts, modes, arrivals = starts[which], modes[which], arrivals[which]
             offsets, times = offsets[which], times[which]
         device, unverified = source_of(source)
@@ -191,9 +194,9 @@ class IdtpDecoder(Decoder):
         """Device time of each frame, ns; each device (verified or not) has its own clock."""
         rows, arrivals = cut.judged.rows, cut.arrival_ns
         if not cut.judged.mixed:
-            return self._unwrap(int(rows[SOURCE, 0]), rows[TIMESTAMP], arrivals, offsets, events)
+            return self._unwrap(int(rows[KEY, 0]) >> SOURCE_SHIFT, rows[TIMESTAMP], arrivals, offsets, events)
         times = np.empty(len(offsets), np.int64)
-        for source, which in _groups(rows[SOURCE]):
+        for source, which in _groups(rows[KEY] >> SOURCE_SHIFT):
             pick: Any = slice(None) if which is None else which
             raw = rows[TIMESTAMP][pick]
             times[pick] = self._unwrap(source, raw, arrivals[pick], offsets[pick], events)
@@ -211,7 +214,7 @@ class IdtpDecoder(Decoder):
 
     @staticmethod
     def _gaps(cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
-        missing = cut.judged.rows[MISSING]
+        missing = cut.judged.rows[LOST]
         for i in np.flatnonzero(missing).tolist():
             device = str(int(cut.table[SENDER, i]))
             lost = int(missing[i])
@@ -230,7 +233,7 @@ class IdtpDecoder(Decoder):
 
     def _newer(self, cut: Cut, offsets: Ints, events: list[Event]) -> None:
         """Versions other than the known one."""
-        minors = cut.judged.rows[MINOR]
+        minors = cut.array[cut.table[OFFSET] + VERSION_AT].astype(np.int64) & 0xF
         for device, at in zip(*np.unique(cut.table[SENDER] << 4 | minors, return_index=True), strict=True):
             minor = int(minors[at])
             if minor > KNOWN_MINOR:

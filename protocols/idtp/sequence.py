@@ -26,10 +26,11 @@ Source: IDTP v2.1.0, section 6.1, with its erratum 6.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints
+from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, Room
 from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
 from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, inlined, unsigned
 
@@ -43,15 +44,16 @@ SILENCE_NS = 3_000_000_000
 KNOWN, LAST, ACCEPTED_NS, LAST_MODE, CANDIDATE = range(5)
 STATES = 8  # a power of two: a row is one line of a cache
 
-VERDICT, MISSING, TIMESTAMP, SEQUENCE, MODE, MINOR, SOURCE, KEY = range(8)
-JUDGED = 8
+LOST, TIMESTAMP, MODE, KEY = range(4)
+JUDGED = 4
+SOURCE_SHIFT = 21  # of a KEY: above it the source, below it the layout
 
 
-@compiled(INT, BYTES, INT)
-def _u4(data: Bytes, at: int) -> int:
-    i = unsigned(at)
-    low = int(data[i]) | int(data[i + unsigned(1)]) << 8
-    return low | int(data[i + unsigned(2)]) << 16 | int(data[i + unsigned(3)]) << 24
+@inlined
+def _u4(data: Bytes, at: Any) -> Any:
+    """The 32-bit number at `at`, which is unsigned."""
+    low = np.int64(data[at]) | np.int64(data[at + unsigned(1)]) << 8
+    return low | np.int64(data[at + unsigned(2)]) << 16 | np.int64(data[at + unsigned(3)]) << 24
 
 
 @inlined
@@ -75,7 +77,7 @@ def _verdict(state: Ints, sequence: int, mode: int, arrival: int) -> int:
     return FRAME if silent and mode < SECURE and state[LAST_MODE] < SECURE else STALE
 
 
-@compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, TABLE)
+@compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, STRIDED)
 def judge(
     data: Bytes, table: Ints, arrival: Ints, states: Ints, check: bool, keyed: bool, out: Ints
 ) -> tuple[int, int, int, int]:
@@ -87,46 +89,42 @@ def judge(
         states: (2^16, STATES), updated.
         check: False accepts every number, and counts losses only.
         keyed: Secure frames were verified.
-        out: (JUDGED, n), written. VERDICT: FRAME, STALE or FAR_AHEAD. MISSING: numbers skipped just before. SOURCE:
-            device and whether it could be verified, see `source_of`. KEY: equal where one layout fits, see `key_of`.
+        out: (JUDGED, n or more), written. LOST: numbers skipped just before; of a frame that is dropped, minus why
+            (STALE, FAR_AHEAD). KEY: equal where frames have one device and one layout, see `key_of`.
     Returns:
         How many frames were dropped, how many have something missing before them, how many are of another VERSION, and
-        how many have another SOURCE than the first.
+        how many are of another device than the first (or of the same, but not verified).
     """
     dropped = 0
     gaps = 0
     other = 0
     mixed = 0
     for f in range(unsigned(table.shape[1])):
-        at = table[OFFSET, f]
-        sequence = _u4(data, at + SEQUENCE_AT)
-        mode = int(data[unsigned(at + MODE_AT)])
-        out[TIMESTAMP, f] = _u4(data, at + TIMESTAMP_AT)
-        out[SEQUENCE, f] = sequence
-        out[MODE, f] = mode
-        minor = int(data[unsigned(at + VERSION_AT)]) & 0xF
+        at = unsigned(table[OFFSET, f])
+        sequence = _u4(data, at + unsigned(SEQUENCE_AT))
+        mode = int(data[at + unsigned(MODE_AT)])
+        minor = int(data[at + unsigned(VERSION_AT)]) & 0xF
         unverified = mode == SECURE and not keyed
-        source = int(table[SENDER, f]) << 1 | int(unverified)
-        out[MINOR, f] = minor
-        out[SOURCE, f] = source
-        out[KEY, f] = (source << 1 | int(minor == 0)) << 20 | table[ID, f] << 12 | table[LENGTH, f]
-        out[VERDICT, f] = FRAME
-        out[MISSING, f] = 0
-        other += minor != VERSION & 0xF
-        mixed += source != out[SOURCE, 0]
+        source = table[SENDER, f] << 1 | int(unverified)
+        key = (source << 1 | int(minor == 0)) << 20 | table[ID, f] << 12 | table[LENGTH, f]
+        out[LOST, f] = 0
+        out[TIMESTAMP, f] = _u4(data, at + unsigned(TIMESTAMP_AT))
+        out[MODE, f] = mode
+        out[KEY, f] = key
+        other += int(minor != VERSION & 0xF)
+        mixed += int(source != out[KEY, 0] >> SOURCE_SHIFT)
         if unverified:
             continue
         state = states[unsigned(table[SENDER, f])]
         if state[KNOWN]:
             ahead = (sequence - state[LAST]) & MASK
-            verdict = _verdict(state, sequence, mode, arrival[f]) if check else FRAME
+            verdict = _verdict(state, sequence, mode, arrival[f]) if check and ahead != 1 else FRAME
             if verdict != FRAME:
-                out[VERDICT, f] = verdict
+                out[LOST, f] = -verdict
                 dropped += 1
                 continue
-            newer = ahead < HALF or _agrees(state, sequence)
-            if ahead > 1 and newer and (check or ahead <= FAR):
-                out[MISSING, f] = ahead - 1
+            if ahead > 1 and (check or ahead <= FAR) and (ahead < HALF or _agrees(state, sequence)):
+                out[LOST, f] = ahead - 1
                 gaps += 1
         state[KNOWN] = 1
         state[LAST] = sequence
@@ -137,13 +135,13 @@ def judge(
 
 
 def source_of(source: int) -> tuple[int, bool]:
-    """The device of a SOURCE, and whether its frames could not be verified."""
+    """The device of a source, and whether its frames could not be verified."""
     return source >> 1, bool(source & 1)
 
 
 def key_of(key: int) -> tuple[int, bool, int, int]:
-    """SOURCE, whether the version is 2.0, payload type and payload length of a KEY."""
-    return key >> 21, bool(key >> 20 & 1), key >> 12 & 0xFF, key & 0xFFF
+    """Source, whether the version is 2.0, payload type and payload length of a KEY."""
+    return key >> SOURCE_SHIFT, bool(key >> 20 & 1), key >> 12 & 0xFF, key & 0xFFF
 
 
 @dataclass(slots=True)
@@ -169,10 +167,11 @@ class Sequences:
         self._check = check
         self._keyed = keyed
         self._states = np.zeros((1 << 16, STATES), np.int64)
+        self._room = Room()
 
     def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> Judged:
-        """Judge the frames of `table`; see the function."""
-        rows = np.empty((JUDGED, table.shape[1]), np.int64)
+        """Judge the frames of `table`; see the function. What it gives is good until the next call."""
+        rows = self._room.table(JUDGED, table.shape[1])[:, : table.shape[1]]
         return Judged(rows, *judge(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
 
     def rearm(self, device: int | None = None) -> None:

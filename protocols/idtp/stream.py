@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from protocols.events import Reject
-from protocols.framing import FRAME, OFFSET, REASONS, SIZE, Bytes, Ints
+from protocols.framing import OFFSET, REASONS, SIZE, Bytes, Ints
 from protocols.idtp.frames import LITE, SECURE, scanner
-from protocols.idtp.sequence import VERDICT, Judged, Sequences
+from protocols.idtp.sequence import LOST, Judged, Sequences
 from protocols.nmea import Found
 from protocols.stream import Cut as Whole
 from protocols.stream import Stream
@@ -111,12 +111,12 @@ class IdtpStream:
         table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
         judged = self.sequences.judge(whole.array, table, arrivals)
         if judged.dropped:
-            verdicts = judged.rows[VERDICT]
-            for i in np.flatnonzero(verdicts != FRAME).tolist():
+            lost = judged.rows[LOST]
+            for i in np.flatnonzero(lost < 0).tolist():
                 offset, size = whole.start + int(table[OFFSET, i]), int(table[SIZE, i])
-                rejects.append(Reject(offset, size, REASONS[verdicts[i]], int(arrivals[i])))
+                rejects.append(Reject(offset, size, REASONS[-lost[i]], int(arrivals[i])))
             rejects.sort(key=_offset)
-            good = verdicts == FRAME
+            good = lost >= 0
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
             judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
