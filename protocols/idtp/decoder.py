@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -58,6 +58,14 @@ def gather(data: Bytes, starts: Ints, rows: Bytes) -> None:
         start = unsigned(starts[f])
         for i in range(width):
             rows[f, i] = data[start + i]
+
+
+class _Kind(NamedTuple):
+    """What the frames of one KEY have in common."""
+
+    payload: Payload
+    device: str
+    unverified: bool
 
 
 class IdtpDecoder(Decoder):
@@ -105,8 +113,9 @@ class IdtpDecoder(Decoder):
         self._tick_ns = UNITS[time_unit]
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}
-        self._payloads: dict[int, Payload] = {}
-        self._clocks: dict[int, Unwrap] = {}  # by source, see sequence.py
+        self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see sequence.py
+        self._kinds: dict[int, _Kind] = {}  # by KEY
+        self._clocks: dict[int, Unwrap] = {}  # by source
         self._said: set[tuple[int, str]] = set()
 
     @property
@@ -163,30 +172,35 @@ class IdtpDecoder(Decoder):
 
     def _batch(self, cut: Cut, key: int, which: Ints | None, offsets: Ints, times: Ints, events: list[Event]) -> Batch:
         """The frames of one key; `which` None: all of them."""
-        source, old, kind, length = key_of(key)
-        payload = self._payload(key & LAYOUT, kind, old, length)
+        kind = self._kinds.get(key) or self._learn(key)
+        payload = kind.payload
         starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
         if which is None:
             modes = modes.copy()  # asked for later than the memory of the stream is good for
         else:
             starts, modes, arrivals = starts[which], modes[which], arrivals[which]
             offsets, times = offsets[which], times[which]
-        device, unverified = source_of(source)
         if payload.trouble:
             first = 0 if which is None else int(which[0])
-            self._warn(device, payload.message.name, payload.trouble, cut, first, events)
+            self._warn(int(kind.device), payload.message.name, payload.trouble, cut, first, events)
         gathered = np.empty((len(starts), payload.width), np.uint8)
         gather(cut.array, starts, gathered)
-        shown = Shown(payload, gathered, modes, unverified, self._rotation)
-        return Batch(payload.message, str(device), arrivals, offsets, times, shown, not unverified)
+        shown = Shown(payload, gathered, modes, kind.unverified, self._rotation)
+        return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified)
 
-    def _payload(self, layout: int, kind: int, old: bool, length: int) -> Payload:
-        payload = self._payloads.get(layout)
-        if payload is None:
+    def _learn(self, key: int) -> _Kind:
+        """What a key stands for."""
+        source, old, number, length = key_of(key)
+        device, unverified = source_of(source)
+        layout = key & LAYOUT
+        if layout not in self._payloads:
             if len(self._payloads) >= _LAYOUTS:
                 self._payloads.clear()
-            payload = self._payloads[layout] = Payload(kind, old, length, self._schema, self._tick_ns)
-        return payload
+            self._payloads[layout] = Payload(number, old, length, self._schema, self._tick_ns)
+        if len(self._kinds) >= _LAYOUTS:
+            self._kinds.clear()
+        self._kinds[key] = _Kind(self._payloads[layout], str(device), unverified)
+        return self._kinds[key]
 
     # -- time and loss -------------------------------------------------------------------------------------------------
 
