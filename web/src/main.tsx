@@ -16,6 +16,7 @@ import "./ui/base.css";
 import "./ui/layout.css";
 import "./ui/overlays.css";
 import "./ui/panels.css";
+import "./ui/instruments.css";
 import "./ui/phone.css";
 
 declare global {

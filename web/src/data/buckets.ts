@@ -49,6 +49,13 @@ export interface Extent {
   hi: number;
 }
 
+/** The level with the longest block that begins at sample `i` and ends by `to`; one that is BLOCK long always does. */
+function widest<A>(all: readonly Level<A>[], i: number, to: number): Level<A> {
+  let l = 0;
+  while (l + 1 < all.length && (i & ((1 << all[l + 1]!.shift) - 1)) === 0 && i + (1 << all[l + 1]!.shift) <= to) l++;
+  return all[l]!;
+}
+
 /** Minimum and maximum of any range of a ring of numbers. */
 export class MinMax {
   readonly #values: Values;
@@ -104,9 +111,7 @@ export class MinMax {
     let i = from;
     while (i < to) {
       if ((i & (BLOCK - 1)) === 0 && i + BLOCK <= to) {
-        let l = 0;
-        while (l + 1 < all.length && (i & ((1 << all[l + 1]!.shift) - 1)) === 0 && i + (1 << all[l + 1]!.shift) <= to) l++;
-        const level = all[l]!;
+        const level = widest(all, i, to);
         const slot = (i >> level.shift) & level.mask;
         if (level.a[slot]! < lo) lo = level.a[slot]!;
         if (level.b[slot]! > hi) hi = level.b[slot]!;
@@ -181,9 +186,7 @@ export class OrAnd {
     let i = from;
     while (i < to) {
       if ((i & (BLOCK - 1)) === 0 && i + BLOCK <= to) {
-        let l = 0;
-        while (l + 1 < all.length && (i & ((1 << all[l + 1]!.shift) - 1)) === 0 && i + (1 << all[l + 1]!.shift) <= to) l++;
-        const level = all[l]!;
+        const level = widest(all, i, to);
         const slot = (i >> level.shift) & level.mask;
         or |= level.a[slot]!;
         and &= level.b[slot]!;
