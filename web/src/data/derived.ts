@@ -8,8 +8,8 @@ import { eulerColumns, normColumn, type Numbers } from "./derive";
 
 /** A position has no length worth showing: its distance from the middle of the earth. */
 const NO_NORM = /position|ecef|latlon|latitude|coordinate/i;
-const NORM_LETTERS: readonly (readonly [RegExp, string])[] = [
-  [/^(free)?acc/i, "|a|"],
+const NORM_LETTERS: readonly (readonly [words: RegExp, letter: string])[] = [
+  [/^(free )?acc/i, "|a|"],
   [/rate|gyr|angular/i, "|ω|"],
   [/mag/i, "|m|"],
   [/vel/i, "|v|"],
@@ -33,7 +33,7 @@ export function withNorm(info: ChannelInfo): ChannelInfo {
   const [first] = normOf(info) ?? [];
   const like = first === undefined ? undefined : info.columns[first];
   if (like === undefined) return info;
-  const label = NORM_LETTERS.find(([name]) => name.test(info.name))?.[1] ?? "| |";
+  const label = NORM_LETTERS.find(([words]) => words.test(info.title || info.name))?.[1] ?? "| |";
   const norm: ColumnInfo = {
     ...PLAIN,
     name: "norm",

@@ -4,6 +4,7 @@
  * Quantities with axes come first, in the order an engineer reads them; what changes slowly is one group of single lines at the
  * end; a record (GNSS) is a group of its own. Tables with several rows at one time (satellites) are only counted here.
  */
+import { titlesOf } from "../ui/words";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 
 const ORDER: readonly string[] = [
@@ -39,9 +40,24 @@ export interface ValueGroup {
   readonly rows: readonly ValueRow[];
 }
 
+/** The same quantities by the titles that families with other names share. */
+const TITLES: readonly string[] = [
+  "Acceleration",
+  "Rate of turn",
+  "Magnetic field",
+  "Euler angles",
+  "Quaternion",
+  "Velocity",
+  "Position",
+];
+
 function rank(channel: ChannelInfo): number {
   const at = ORDER.indexOf(channel.name);
-  return at < 0 ? ORDER.length : at;
+  if (at >= 0) return at;
+  const title = TITLES.indexOf(channel.title);
+  const same = title < 0 ? -1 : ORDER.findIndex((name) => name.toLowerCase() === channel.title.replaceAll(" ", "").toLowerCase());
+  if (same >= 0) return same;
+  return ORDER.length + (title < 0 ? TITLES.length : title);
 }
 
 /** Columns that documents keep for later: they carry nothing to read. */
@@ -60,8 +76,10 @@ export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[
   const groups: ValueGroup[] = [];
   const slow: ValueRow[] = [];
   const records: ValueGroup[] = [];
+  const titleOf = titlesOf(channels);
   for (const channel of [...channels].sort((a, b) => rank(a) - rank(b))) {
-    const { title, frame } = channel;
+    const title = titleOf(channel);
+    const { frame } = channel;
     if (channel.kind === "rows") {
       slow.push({ channel, column: -1, info: undefined, label: title, colour: "" });
     } else if (["vector", "euler", "quaternion", "matrix"].includes(channel.kind)) {

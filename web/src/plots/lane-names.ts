@@ -4,7 +4,7 @@ import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { count } from "../ui/format";
 import { el } from "../ui/dom";
-import { type Lane, LANE_PX, lanesOf, lossWords, stateAt, stateWords } from "./lanes";
+import { firstLanes, type Lane, LANE_PX, lanesOf, lossWords, stateAt, stateWords } from "./lanes";
 
 export class LaneNames {
   lanes: readonly Lane[] = [];
@@ -12,12 +12,18 @@ export class LaneNames {
   readonly say = el("p", { class: "lanesay", "aria-live": "polite" });
   readonly #box: HTMLElement;
   readonly #list = el("div", { class: "lanenames" });
+  /** Lanes of interest that do not stand there, and whether all were asked for. */
+  #others = 0;
+  #all = false;
+  #redo: () => void;
   /** Lane spoken of: 0 is the loss lane, undefined none. */
   #spoken: number | undefined;
   #text = "";
 
-  constructor(box: HTMLElement) {
+  /** `redo` is called when a person asks for more lanes, or for fewer. */
+  constructor(box: HTMLElement, redo: () => void) {
     this.#box = box;
+    this.#redo = redo;
     box.append(this.#list);
     box.addEventListener("pointermove", (event) => this.#speak(this.#laneAt(event)));
     box.addEventListener("pointerdown", (event) => this.#speak(this.#laneAt(event)));
@@ -27,15 +33,21 @@ export class LaneNames {
 
   /** Take on the lanes that are of interest now; true when their number changed. */
   choose(channels: readonly Channel[]): boolean {
-    const next = lanesOf(channels);
-    if (next.length === this.lanes.length && next.every(({ key }, k) => key === this.lanes[k]?.key)) return false;
+    const found = lanesOf(channels);
+    const first = firstLanes(found);
+    const next = this.#all ? found : first;
+    const others = found.length - first.length;
+    const same = others === this.#others && next.length === this.lanes.length;
+    this.#others = others;
+    if (same && next.every(({ key }, k) => key === this.lanes[k]?.key)) return false;
     this.lanes = next;
     this.#write();
     return true;
   }
 
   #write(): void {
-    this.#box.style.height = `${(this.lanes.length + 1) * LANE_PX}px`;
+    const rows = this.lanes.length + 1 + (this.#others > 0 ? 1 : 0);
+    this.#box.style.height = `${rows * LANE_PX}px`;
     const names = ["Loss", ...this.lanes.map(({ name }) => name)];
     this.#list.replaceChildren(
       ...names.map((name, k) => {
@@ -44,8 +56,21 @@ export class LaneNames {
         button.addEventListener("blur", () => this.#speak(undefined));
         return button;
       }),
+      ...(this.#others > 0 ? [this.#moreButton()] : []),
     );
     this.#spoken = undefined;
+  }
+
+  /** The row under the lanes: those that say less, one click away. */
+  #moreButton(): HTMLElement {
+    const words = this.#all ? "Fewer lanes" : `${count(this.#others, "more lane")}`;
+    const button = el("button", { type: "button", class: "all", "aria-expanded": String(this.#all) }, words);
+    button.addEventListener("click", () => {
+      this.#all = !this.#all;
+      this.#redo();
+      this.#list.querySelector<HTMLElement>("button.all")?.focus();
+    });
+    return button;
   }
 
   #laneAt(event: PointerEvent): number {

@@ -1,6 +1,6 @@
 /**
  * What do the status words say over time? One lane per flag or bit group that has ever been of interest (set once, or an
- * enumeration), under a lane for losses. Normal is neutral; yellow and crimson are kept for a caution and a fault.
+ * enumeration), under a lane for losses; of a family with dozens, the ten that say most, and the others one click away. Normal is neutral; yellow and crimson are kept for a caution and a fault.
  *
  * Lanes are drawn from the OR and AND of the word in every pixel (buckets.ts), so that a flag that was up for 5 ms is a mark at any
  * zoom, and the cost is that of the pixels.
@@ -12,6 +12,7 @@ import type { Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { age, number } from "../ui/format";
+import { choiceWords, titlesOf, words } from "../ui/words";
 import type { BitsInfo } from "../wire/types";
 import { PixelColumns } from "./columns";
 import { hatch, type Palette, setFont, type Sheet } from "./paint";
@@ -33,31 +34,66 @@ export interface Lane {
   readonly channel: Channel;
   readonly column: number;
   readonly bits: BitsInfo;
+  /** Small stands high: 0 a fault that was up … 5 a plain flag that never changed. */
+  readonly rank: number;
 }
 
 const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << width) - 1) << low;
 
-/** A name of a document as words: "ClipAccX" → "Clip acc X". */
-export function words(name: string): string {
-  if (/\s/.test(name)) return name;
-  const parts = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2").replace(/([A-Z]+)([A-Z][a-z])/g, "$1 $2").split(/[ _]+/);
-  return parts.map((part, k) => (k === 0 || part.length === 1 || part === part.toUpperCase() ? part : part.toLowerCase())).join(" ");
+/** What is always wanted of a family with dozens of flags: the solution, the fix, and how it got there. */
+const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
+/** Lanes that stand by themselves, when there are more of interest. */
+const MOST = 10;
+
+/** How much a group of bits is of interest; undefined: not at all so far. */
+function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefined {
+  const mask = maskOf(bits);
+  const wasSet = (everSet & mask) !== 0;
+  const changed = ((everSet ^ alwaysSet) & mask) !== 0;
+  const named = bits.width > 1 && Object.keys(bits.choices).length > 0;
+  if (bits.severity !== "" && (bits.normal_set ? (alwaysSet & mask) === 0 : wasSet)) return bits.severity === "fault" ? 0 : 1;
+  if (bits.severity !== "" && bits.normal_set) return bits.severity === "fault" ? 0 : 1;
+  if (named && bits.severity === "") return WANTED.test(bits.name) ? 2 : 3;
+  if (!wasSet) return undefined;
+  return changed ? 4 : 5;
 }
 
-/** The lanes of a device's channels: those that have been of interest, faults first. */
+/** The lanes of a device's channels that are of interest, faults first; what two messages say alike stands once. */
 export function lanesOf(channels: readonly Channel[]): Lane[] {
-  const rank = { fault: 0, caution: 1, "": 2 } as const;
-  return channels
-    .filter(({ info }) => info.kind === "status")
-    .flatMap((channel) => channel.info.columns.flatMap((info, column) => info.bits.map((bits) => ({ channel, column, bits }))))
-    .filter(({ channel, column, bits }) => {
-      const pyramid = channel.ring.pyramids[column];
-      if (!(pyramid instanceof OrAnd) || channel.ring.length === 0 || bits.low > 31) return false;
-      const enumerated = bits.width > 1 && Object.keys(bits.choices).length > 0;
-      return enumerated || (pyramid.everSet & maskOf(bits)) !== 0 || (bits.normal_set && bits.severity !== "");
-    })
-    .map(({ channel, column, bits }) => ({ key: `${channel.info.id}.${column}.${bits.name}`, name: words(bits.name), channel, column, bits }))
-    .sort((a, b) => rank[a.bits.severity] - rank[b.bits.severity]);
+  const status = channels.filter(({ info }) => info.kind === "status");
+  const title = titlesOf(status.map(({ info }) => info));
+  const found = new Map<string, Lane>();
+  for (const channel of status) {
+    const { info, ring } = channel;
+    info.columns.forEach(({ bits: groups }, column) => {
+      const pyramid = ring.pyramids[column];
+      if (!(pyramid instanceof OrAnd) || ring.length === 0) return;
+      for (const bits of groups) {
+        const rank = bits.low > 31 ? undefined : rankOf(pyramid, bits);
+        // The same word of a device comes in several messages; a "Status" is each message's own.
+        const said = info.group === "" || info.title === "Status" ? title(info) : info.title;
+        const same = `${said}.${bits.name}`;
+        if (rank === undefined || found.has(same)) continue;
+        found.set(same, { key: `${info.id}.${column}.${bits.name}`, name: words(bits.name), channel, column, bits, rank });
+      }
+    });
+  }
+  return named([...found.values()].sort((a, b) => a.rank - b.rank));
+}
+
+/** Two lanes of one name get the message they came in. */
+function named(lanes: readonly Lane[]): Lane[] {
+  return lanes.map((lane) => {
+    const alone = lanes.filter(({ name }) => name === lane.name).length === 1;
+    return alone || lane.channel.info.group === "" ? lane : { ...lane, name: `${lane.name} · ${lane.channel.info.group}` };
+  });
+}
+
+/** Of these, the ones that stand without being asked for: all when they are few, else what is wrong, said or changing. */
+export function firstLanes(lanes: readonly Lane[]): readonly Lane[] {
+  if (lanes.length <= MOST) return lanes;
+  const wrong = lanes.filter(({ rank }) => rank <= 1).length;
+  return lanes.slice(0, Math.max(MOST, wrong)).filter(({ rank }) => rank < 5);
 }
 
 /** Is that state one to be seen? */
@@ -69,7 +105,9 @@ function raised(bits: BitsInfo, state: number): boolean {
 export function stateWords(bits: BitsInfo, state: number): string {
   if (state === NOTHING) return "";
   if (state === MIXED) return "changing";
-  return bits.choices[String(state)] ?? (bits.width > 1 ? String(state) : state === 0 ? "not set" : "set");
+  const choice = bits.choices[String(state)];
+  if (choice !== undefined) return choiceWords(choice);
+  return (bits.width > 1 ? String(state) : state === 0 ? "not set" : "set");
 }
 
 /** The state of a lane at `t` (Infinity: the newest sample). */

@@ -4,7 +4,8 @@ import type { Channel } from "../data/store";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./columns";
-import { lanesOf, runsOf, stateWords, words } from "./lanes";
+import { words } from "../ui/words";
+import { lanesOf, runsOf, stateWords } from "./lanes";
 import { stripLength } from "./memory";
 import { niceStep, Scale, ticks } from "./scale";
 import { plotsOf } from "./select";
@@ -173,8 +174,8 @@ describe("lanes", () => {
 
   it("are there for what was set once, for enumerations, and for what must be seen when it is cleared", () => {
     const names = (rows: number[]): string[] => lanesOf([filled(rows)]).map(({ name }) => name);
-    expect(names([2, 2])).toEqual(["Filter valid", "No rotation update", "Rtk status"]);
-    expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "No rotation update", "Rtk status"]);
+    expect(names([2, 2])).toEqual(["Filter valid", "Rtk status", "No rotation update"]);
+    expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "Rtk status", "No rotation update"]);
   });
 
   it("keep a flag of one sample at any zoom, and draw nothing after the newest sample", () => {

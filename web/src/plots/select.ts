@@ -1,7 +1,8 @@
 /**
  * Which plots does a device get, which stand there without being asked for, and in which order?
  *
- * Acceleration, rate of turn, magnetic field, roll with pitch, and yaw stand by themselves, one of each family. Everything else
+ * Acceleration, rate of turn, magnetic field, roll with pitch, and yaw stand by themselves, one of each family, and velocity and
+ * local position where a device knows them; what a family is, title and unit say, not a protocol's own names. Everything else
  * that is a number with a unit is offered under the plots and added with one click. A device that sends none of the five
  * shows the first few of what it does send. Angles of different size never share a y scale; neither do units.
  */
@@ -37,20 +38,33 @@ export interface PlotSpec {
   readonly weight: number;
   /** Stands without being asked for. */
   readonly primary: boolean;
+  /** The message it came in, for a person; "" where the quantity stands for itself. */
+  readonly group: string;
 }
 
 interface Family {
-  readonly name: RegExp;
+  /** Of the channel's title, or its name. */
+  readonly words: RegExp;
+  /** Which units it may have; "" where devices give none. */
+  readonly units: readonly string[];
   readonly weight: number;
 }
 
+const ACCELERATION: readonly string[] = ["m/s²", "g"];
+const TURN: readonly string[] = ["°/s", "rad/s"];
+
 /** In the design's order. The first channel of a family is the one that stands by itself. */
 const FAMILIES: readonly Family[] = [
-  { name: /^acceleration$/i, weight: 1.2 },
-  { name: /acc/i, weight: 1.2 },
-  { name: /^rate.?of.?turn$|gyr|angular.?(rate|vel)/i, weight: 1.14 },
-  { name: /rate.?of.?turn/i, weight: 1.14 },
-  { name: /mag/i, weight: 1.02 },
+  { words: /^acceleration$/i, units: ACCELERATION, weight: 1.2 },
+  { words: /acc/i, units: ACCELERATION, weight: 1.2 },
+  { words: /^rate.?of.?turn$|gyr|angular.?(rate|vel)/i, units: TURN, weight: 1.14 },
+  { words: /rate.?of.?turn/i, units: TURN, weight: 1.14 },
+  { words: /^(?!.*bias).*mag/i, units: ["a.u.", "µT", "G", "gauss", ""], weight: 1.02 },
+];
+/** After the angles: what devices send that also know where they are. */
+const MOTION: readonly Family[] = [
+  { words: /^velocity/i, units: ["m/s"], weight: 0.9 },
+  { words: /^(position|offset)/i, units: ["m"], weight: 0.9 },
 ];
 /** Families that are one: the second member is offered, not shown. */
 const SAME: readonly number[] = [0, 0, 1, 1, 2];
@@ -62,7 +76,7 @@ const FALLBACK = 4;
 const MOST_OF_RECORD = 8;
 const SERIES_IN_PLOT = 3;
 /** Says when, how many or nothing: never plotted. */
-const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|res(erved)?\d*|t_?acc)$/i;
+const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|week|timeOfWeek(Ms)?|leapS|res(erved)?\d*|t_?acc)$/i;
 const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
 
 const COLOURS = { x: "axis-x", y: "axis-y", z: "axis-z", w: "axis-n", "": "axis-n" } as const;
@@ -88,7 +102,7 @@ function spec(channel: Channel, key: string, title: string, columns: readonly nu
   const series = seriesOf(channel, columns);
   const unit = channel.info.columns[columns[0]!]!.unit || channel.info.unit;
   const decimals = Math.max(0, ...series.map((one) => one.decimals));
-  return { key: `${channel.info.name}${key}`, title, unit, frame: frameOf(channel), series, decimals, weight, primary };
+  return { key: `${channel.info.name}${key}`, title, unit, frame: frameOf(channel), series, decimals, weight, primary, group: channel.info.group };
 }
 
 function title(channel: Channel): string {
@@ -122,9 +136,13 @@ function loosePlots(channel: Channel): PlotSpec[] {
   return [...groups.values()].slice(0, MOST_OF_RECORD).map((columns) => {
     const first = channel.info.columns[columns[0]!]!;
     const name = columns.length > 1 ? first.name.replace(/_?[a-z0-9]$/i, "") : first.label || first.name;
-    const words = alone ? title(channel) : `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
+    const words = alone ? title(channel) : sentence(name);
     return spec(channel, alone ? "" : `/${first.name}`, words, columns.slice(0, SERIES_IN_PLOT), OTHER_WEIGHT, false);
   });
+}
+
+function sentence(name: string): string {
+  return `${name.charAt(0).toUpperCase()}${name.slice(1)}`;
 }
 
 function otherPlots(channel: Channel): PlotSpec[] {
@@ -135,24 +153,48 @@ function otherPlots(channel: Channel): PlotSpec[] {
   return kind === "vector" || kind === "scalar" || kind === "record" ? loosePlots(channel) : [];
 }
 
+function belongs({ info }: Channel, { words, units }: Family): boolean {
+  const unit = info.unit || (info.columns[0]?.unit ?? "");
+  return info.kind === "vector" && units.includes(unit) && (words.test(info.title) || words.test(info.name)) && info.columns.some(({ axis }) => axis === "x");
+}
+
+/** A vector of an INS or a GNSS receiver, in a frame of the world: the first of its family. */
+function motionPlots(channels: readonly Channel[]): PlotSpec[] {
+  return MOTION.flatMap((family) => {
+    const found = channels.find((channel) => belongs(channel, family) && /^(ENU|NED|NWU)/.test(channel.info.frame));
+    return found === undefined ? [] : [spec(found, "", title(found), found.info.columns.map((_, c) => c), family.weight, true)];
+  });
+}
+
+/** Where two plots have one title, the message tells them apart. */
+function toldApart(plots: readonly PlotSpec[]): PlotSpec[] {
+  const seen = new Map<string, number>();
+  for (const plot of plots) seen.set(plot.title, (seen.get(plot.title) ?? 0) + 1);
+  const same = ({ title, group }: PlotSpec): boolean => group !== "" && (seen.get(title) ?? 0) > 1;
+  return plots.map((plot) => (same(plot) ? { ...plot, title: `${plot.title} · ${plot.group}` } : plot));
+}
+
 /** The plots of one device's channels, those that stand by themselves first. */
 export function plotsOf(channels: readonly Channel[]): PlotSpec[] {
   const taken = new Set<Channel>();
   const shown: PlotSpec[] = [];
   const families = new Set<number>();
-  FAMILIES.forEach(({ name, weight }, f) => {
-    const found = channels.find((channel) => channel.info.kind === "vector" && name.test(channel.info.name) && !taken.has(channel));
+  FAMILIES.forEach((family, f) => {
+    const found = channels.find((channel) => !taken.has(channel) && belongs(channel, family));
     if (found === undefined || families.has(SAME[f]!)) return;
     families.add(SAME[f]!);
     taken.add(found);
-    shown.push(spec(found, "", title(found), found.info.columns.map((_, c) => c), weight, true));
+    shown.push(spec(found, "", title(found), found.info.columns.map((_, c) => c), family.weight, true));
   });
   const euler = channels.find(({ info }) => info.kind === "euler");
   if (euler !== undefined) {
     taken.add(euler);
     shown.push(...eulerPlots(euler));
   }
+  const motion = motionPlots(channels);
+  for (const { series } of motion) taken.add(series[0]!.channel);
+  shown.push(...motion);
   const others = channels.filter((channel) => !taken.has(channel)).flatMap(otherPlots);
-  if (shown.length > 0) return [...shown, ...others];
-  return others.map((plot, k) => ({ ...plot, primary: k < FALLBACK }));
+  if (shown.length > 0) return toldApart([...shown, ...others]);
+  return toldApart(others.map((plot, k) => ({ ...plot, primary: k < FALLBACK })));
 }

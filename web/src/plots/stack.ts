@@ -79,7 +79,7 @@ class Stack {
 
   constructor(host: HTMLElement, { store }: StackDeps) {
     this.#store = store;
-    this.#names = new LaneNames(this.#lanesBox);
+    this.#names = new LaneNames(this.#lanesBox, () => this.#slowly());
     this.#lanesBox.append(this.#lanesSheet.canvas);
     this.#lanesHost.append(this.#lanesBox, this.#names.say);
     const axis = el("div", { class: "axis" }, this.#axis.canvas);
