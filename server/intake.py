@@ -221,7 +221,7 @@ class Intake:
             elif isinstance(event, Gap):
                 self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
             elif isinstance(event, Step):
-                self._incidents.step(event, event.arrival_ns / 1e9)
+                self._incidents.step(event, _time_after(event, batches, times))
             else:
                 self._reply(event)
         if rejects:
@@ -275,6 +275,16 @@ def _stream_order(
     offsets = np.concatenate([batch.offset for batch in batches])
     order = np.argsort(offsets, kind="stable")
     return offsets[order], np.maximum.accumulate(np.concatenate(hosts)[order])
+
+
+def _time_after(step: Step, batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> float:
+    """Host time of the first sample that follows a step of the clock: there a page breaks its lines."""
+    offset, time = np.inf, math.nan
+    for batch, hosts in zip(batches, times, strict=True):
+        at = int(np.searchsorted(batch.offset, step.offset))
+        if at < len(batch) and batch.offset[at] < offset and not math.isnan(hosts[at]):
+            offset, time = float(batch.offset[at]), float(hosts[at])
+    return step.arrival_ns / 1e9 if math.isnan(time) else time
 
 
 def _field_bytes(field: Field) -> int:

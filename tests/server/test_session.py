@@ -272,6 +272,8 @@ def test_a_clock_step_is_an_event() -> None:
         await stage.send(sample(100), sample(101), sample(0), sample(1))
         (step,) = stage.events("clock")
         assert step.text == "The device's clock started again from zero."
+        _, time, _ = stage.channel("Force").ring.read()
+        assert step.time == time[2], "a page breaks its lines at the first sample after the step, not somewhere near"
 
     play(test)
 

@@ -1,6 +1,7 @@
 /**
- * Where must a line through the samples of a ring not be joined? Before a row of `breaks`: samples were dropped on the way, or the
- * spacing is more than 2.5 × the usual. And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
+ * Where must a line through the samples of a ring not be joined? Before a row of `breaks`: samples were dropped on the way, the
+ * spacing is more than 2.5 × the usual, or the device's clock was reset or jumped in between (`cuts`: what is drawn side by side
+ * then need not have happened side by side). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
  *
  * The usual spacing is the median of the last rows, so it follows a device whose rate was changed. Without a device clock only
  * arrival times are known; they come in bursts, whose median spacing is zero, so there the mean is taken, and some more allowed.
@@ -15,6 +16,9 @@ const BURST_S = 0.05;
 const STEPS_SEEN = 63;
 /** Rows judged by one usual spacing: the rate may change within a long block of history. */
 const STRETCH = 256;
+
+/** Steps of a clock remembered; the oldest go first. */
+const CUTS_KEPT = 1000;
 
 /** Index of the first element ≥ x of an ascending list. */
 export function lowerBound(list: readonly number[], x: number): number {
@@ -44,6 +48,7 @@ export class Gaps {
   /** Usual spacing, s; NaN while unknown. */
   step = NaN;
   readonly #periods: readonly number[];
+  readonly #cuts: number[] = [];
   #stepAt = 0;
 
   /** @param periods where each column wraps; 0: never */
@@ -64,6 +69,15 @@ export class Gaps {
     if (this.breaks[at] !== row) this.breaks.splice(at, 0, row);
   }
 
+  /** No line may be drawn over the moment `time`, by whatever rows come to lie around it. `row`: the first at or after it. */
+  cut(time: number, row: number, { first, end }: Rows): void {
+    const at = lowerBound(this.#cuts, time);
+    if (this.#cuts[at] === time) return;
+    this.#cuts.splice(at, 0, time);
+    if (this.#cuts.length > CUTS_KEPT) this.#cuts.shift();
+    if (row > first && row < end) this.insert(row);
+  }
+
   /** Rows are counted `by` lower from now on. */
   shift(by: number): void {
     this.#stepAt -= by;
@@ -72,6 +86,7 @@ export class Gaps {
 
   clear(): void {
     for (const list of [this.breaks, ...this.wraps]) if (list !== undefined) list.length = 0;
+    this.#cuts.length = 0;
     this.step = NaN;
     this.#stepAt = 0;
   }
@@ -79,13 +94,23 @@ export class Gaps {
   #stretch(rows: Rows, from: number, to: number): void {
     const { times, mask } = rows;
     const longest = BREAK_FACTOR * this.#usual(rows, to) + (rows.clocked ? 0 : BURST_S);
-    mark(this.breaks, rows, from, to, (row) => times[row & mask]! - times[(row - 1) & mask]! > longest);
+    mark(this.breaks, rows, from, to, (row) => {
+      const [before, time] = [times[(row - 1) & mask]!, times[row & mask]!];
+      return time - before > longest || this.#isCut(before, time);
+    });
     this.wraps.forEach((wraps, c) => {
       if (wraps === undefined) return;
       const values = rows.columns[c]!;
       const half = this.#periods[c]! / 2;
       mark(wraps, rows, from, to, (row) => Math.abs(values[row & mask]! - values[(row - 1) & mask]!) > half);
     });
+  }
+
+  /** Is there a cut after `before`, up to `time`? */
+  #isCut(before: number, time: number): boolean {
+    const { length } = this.#cuts;
+    if (length === 0 || this.#cuts[length - 1]! <= before) return false; // nearly always
+    return this.#cuts.some((cut) => cut > before && cut <= time);
   }
 
   /** Usual spacing of the rows before `to`. */

@@ -185,6 +185,22 @@ describe("gaps", () => {
     expect(ring.breaks).toEqual([]);
   });
 
+  it("are made where the device's clock started again, whether that is told before or after the samples", () => {
+    for (const early of [true, false]) {
+      const ring = new Ring([FLOAT]);
+      const turn = steady(0, 200, (i) => i % 100)[100]!.time;
+      if (early) ring.cut(turn);
+      ring.take(frame(steady(0, 120, (i) => i % 100), 0));
+      ring.take(frame(steady(120, 80, (i) => i % 100), 120));
+      if (!early) ring.cut(turn);
+      ring.cut(turn); // told again after a reconnect
+      expect(breaksAt(ring)).toEqual([100]);
+      const earlier: SampleFrame = { ...frame(steady(-50, 50, () => 0), 0), history: true };
+      ring.take(earlier);
+      expect(breaksAt(ring).length).toBe(1);
+    }
+  });
+
   it("are not invented where a heading goes over its edge, but marked there", () => {
     const ring = new Ring([ANGLE]);
     ring.take(frame(steady(0, 100, (i) => ((i * 7 + 180) % 360) - 180), 0));

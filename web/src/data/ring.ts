@@ -218,6 +218,13 @@ export class Ring {
     this.revision += 1;
   }
 
+  /** The device's clock did not go on at `time`: no line is drawn over it. */
+  cut(time: number): void {
+    this.#gaps.cut(time, this.row(time, "device"), this);
+    this.revision += 1;
+    this.generation += 1;
+  }
+
   /** Forget all samples. */
   clear(): void {
     this.first = this.end = START;

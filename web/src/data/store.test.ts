@@ -107,3 +107,15 @@ describe("what is missing", () => {
     expect(store.channel("1", "Acceleration")!.ring.breaks.length).toBe(1);
   });
 });
+
+it("does not join lines over a clock that started again, in channels known before and after, of that device alone", () => {
+  send(store, frame(1, 0, 20, [0, 0, 1]));
+  const step = event(4, { kind: "clock", time: 1000.1 });
+  store.receive({ kind: "text", text: { op: "events", events: [step, event(5, { kind: "clock", time: 1000.05, device: "2" })] } });
+  store.receive({ kind: "text", text: { op: "channels", channels: [{ ...acceleration, id: 7, name: "FreeAcceleration" }] } });
+  send(store, frame(7, 0, 20, [0, 0, 1]), frame(2, 0, 20, [1, 0, 0, 0]));
+  for (const name of ["Acceleration", "FreeAcceleration", "Quaternion", "EulerAngles"]) {
+    const { ring } = store.channel("1", name)!;
+    expect(ring.breaks.map((row) => ring.time(row - ring.first))).toEqual([1000.1]);
+  }
+});

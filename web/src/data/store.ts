@@ -43,6 +43,11 @@ interface Refill {
   readonly timer: ReturnType<typeof setTimeout>;
 }
 
+/** Did the clock of a device start again or jump, so that a line must not go on? */
+function isStep({ kind, device }: EventInfo): boolean {
+  return kind === "clock" && device !== "";
+}
+
 export class Store {
   readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
   readonly channels: Signal<readonly Channel[]> = signal([]);
@@ -196,6 +201,11 @@ export class Store {
     const fresh = events.filter(({ seq }) => seq > last); // a new subscription repeats what is known
     if (fresh.length === 0) return;
     this.#losses.addEvents(fresh);
+    for (const step of fresh.filter(isStep)) {
+      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) {
+        if (info.device === step.device) ring.cut(step.time);
+      }
+    }
     this.events.value = [...this.events.peek(), ...fresh].slice(-EVENTS_KEPT);
   }
 
@@ -210,7 +220,9 @@ export class Store {
 
   #ring(info: ChannelInfo): Ring {
     const status = info.kind === "status";
-    return new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
+    const ring = new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
+    for (const { device, time } of this.events.peek().filter(isStep)) if (device === info.device) ring.cut(time);
+    return ring;
   }
 
   /** Of channels with one name the newest lives; Euler angles are derived where a device sends none itself. */
