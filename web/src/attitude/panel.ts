@@ -89,7 +89,7 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const roll = numeral(list, "Roll", "x", "about x");
   const pitch = numeral(list, "Pitch", "y", pitchNote.node);
   const choice = frameSwitch(source.frame);
-  const top = el("div", { class: "frame" }, choice.node, el("span", { class: "from" }, source.words));
+  const top = el("div", { class: "frame" }, choice.node, el("span", { class: "from", title: source.detail }, source.words));
   const numsCell = el("div", { class: "nums" }, top, list);
   host.append(horizonCell, bodyCell, numsCell);
 

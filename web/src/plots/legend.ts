@@ -32,6 +32,9 @@ export function valueAt(series: Series, t: number, base: TimeBase): number {
   return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
 }
 
+/** Frames of the world: a velocity or a position means nothing without one. */
+const NAMED = new Set(["ENU", "NED", "NWU", "ECEF"]);
+
 interface Row {
   readonly series: Series;
   readonly button: HTMLButtonElement;
@@ -47,7 +50,8 @@ export class Legend {
 
   constructor(spec: PlotSpec) {
     const head = el("b", {}, spec.title);
-    const frame = spec.frame === "" || spec.unit !== "°" ? "" : ` ${spec.frame}`;
+    const named = spec.unit === "°" || NAMED.has(spec.frame); // a vector along the sensor's own axes needs no word
+    const frame = spec.frame === "" || !named ? "" : ` ${spec.frame}`;
     if (spec.unit + frame !== "") head.append(unit(spec.unit + frame));
     const about = spec.series[0]?.channel.info;
     head.title = [about?.doc, spec.frame && `Frame: ${about?.frame ?? spec.frame}.`].filter(Boolean).join(" ");

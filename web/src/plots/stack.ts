@@ -18,7 +18,7 @@ import { attach, cursorTime } from "../data/actions";
 import type { Channel, Store } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
 import { clock } from "../ui/format";
-import { el, every } from "../ui/dom";
+import { el, every, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, type Pane } from "./glass";
@@ -41,6 +41,8 @@ const asked = signal<ReadonlySet<string>>(new Set());
 const normsSeen = new Set<string>();
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
+/** More further quantities than this stand behind the names of their messages. */
+const MOST_OFFERED = 12;
 /** A title that ends after this reaches the tick labels, px from the left. */
 const TITLE_PX = 126;
 
@@ -156,24 +158,46 @@ class Stack {
     for (const plot of this.#plots) plot.legend.show(hidden.peek());
   }
 
-  /** The row of further quantities. */
+  /** The row of further quantities; by message, each behind its name, where they are many. */
   #offer(extra: ReadonlySet<string>): void {
     const others = this.#specs.filter(({ primary }) => !primary);
     this.#more.hidden = others.length === 0;
-    this.#more.replaceChildren("Also sent");
-    for (const { key, title, unit } of others) {
-      const button = el("button", { type: "button", "aria-pressed": String(extra.has(key)) }, title);
-      if (unit !== "") button.append(el("span", { class: "u" }, unit));
-      button.addEventListener("click", () => {
-        const next = new Set(asked.peek());
-        if (!next.delete(key)) next.add(key);
-        asked.value = next;
-        // The row was drawn anew: focus stays with the button that was pressed.
-        [...this.#more.querySelectorAll("button")].find((other) => other.textContent === button.textContent)?.focus();
-        this.#plots.find((plot) => plot.spec.key === key)?.root.scrollIntoView({ block: "nearest" });
-      });
-      this.#more.append(button);
+    const open = new Set([...this.#more.querySelectorAll("details[open]")].map((details) => details.getAttribute("data-group")));
+    const groups = new Map<string, PlotSpec[]>();
+    for (const spec of others) {
+      const group = others.length > MOST_OFFERED ? spec.group : "";
+      groups.set(group, [...(groups.get(group) ?? []), spec]);
     }
+    this.#more.classList.toggle("grouped", groups.size > 1);
+    this.#more.replaceChildren("Also sent");
+    for (const [group, specs] of groups) {
+      const buttons = specs.map((spec) => this.#offerOne(spec, extra.has(spec.key), group));
+      if (group === "") {
+        this.#more.append(...buttons);
+        continue;
+      }
+      const details = el("details", { "data-group": group }, el("summary", {}, group, unit(String(specs.length))), ...buttons);
+      details.open = open.has(group);
+      details.addEventListener("toggle", () => (this.#layoutDue = true));
+      this.#more.append(details);
+    }
+  }
+
+  #offerOne({ key, title, unit: unitText, frame }: PlotSpec, on: boolean, group: string): HTMLElement {
+    const suffix = ` · ${group}`;
+    const words = group !== "" && title.endsWith(suffix) ? title.slice(0, -suffix.length) : title;
+    const button = el("button", { type: "button", "aria-pressed": String(on), "data-plot": key }, words);
+    const tail = [unitText, frame].filter(Boolean).join(" ");
+    if (tail !== "") button.append(unit(tail));
+    button.addEventListener("click", () => {
+      const next = new Set(asked.peek());
+      if (!next.delete(key)) next.add(key);
+      asked.value = next;
+      // The row was drawn anew: focus stays with the button that was pressed.
+      this.#more.querySelector<HTMLElement>(`[data-plot="${CSS.escape(key)}"]`)?.focus();
+      this.#plots.find((plot) => plot.spec.key === key)?.root.scrollIntoView({ block: "nearest" });
+    });
+    return button;
   }
 
   update(now: number): void {
