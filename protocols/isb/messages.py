@@ -171,17 +171,19 @@ def set_row(did: int) -> Message:
 # -- forms -------------------------------------------------------------------------------------------------------------
 
 
-def version_for(did: int, size: int, told: str | None) -> str:
-    """The firmware whose structure a whole payload of `size` bytes has.
+def version_for(did: int, offset: int, size: int, told: str | None) -> str:
+    """The firmware whose structure a payload has.
 
     Args:
+        offset, size: the part of the set that it holds.
         told: the firmware version, of VERSIONS, that the device's information gave; None when none was seen.
     Returns:
-        `told` (else the current one) where its size agrees or no version's does; otherwise the newest that agrees.
+        `told` (else the current one) where the size of a whole payload agrees or no version's does, and for a part;
+        otherwise the newest that agrees.
     """
     version = told or CURRENT
     sizes = SETS[did].sizes if did in SETS else {}
-    if not sizes or sizes.get(version) == size:
+    if offset or not sizes or sizes.get(version) == size:
         return version
     return next((other for other in reversed(VERSIONS) if sizes.get(other) == size), version)
 
@@ -207,7 +209,7 @@ def _cut(field: Field, at: int, offset: int, end: int, count: int | None) -> Pla
     first = max(0, -((at - offset) // step))
     stop = (end - at) // step
     stop = min(stop, total) if count is None else min(stop, count) if count >= 0 else stop
-    if stop <= first and not (count is not None and stop == 0):
+    if stop <= first and not (count is not None and stop == first == 0):  # a list may be empty
         return None
     if first or stop != total:
         axes = field.axes[first:stop] if field.axes else ()
@@ -230,7 +232,7 @@ def places(
     if dataset is None or dataset.struct is None:
         return ((replace(OPAQUE, shape=(size,)), 0),)
     found: list[Place] = []
-    for field, at in _known(dataset, version_for(did, size, version) if not offset else version or CURRENT):
+    for field, at in _known(dataset, version_for(did, offset, size, version)):
         counted: int | None = count if field.name in dataset.struct.counts else None
         if did in RAW_SETS and field.name == "data":
             field, counted = _raw(field, at, offset, size, variant, count)
@@ -269,6 +271,8 @@ def form_for_key(key: int) -> Form:
     """The form that a key of sorting.py stands for."""
     count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
     did, told = key >> 38 & 0xFF, key >> 46
+    if offset:
+        count = -1  # a part does not say how many are in use
     version = None if told == sorting.UNTOLD else VERSIONS[told]
     found = places(did, offset, size, version=version, variant=variant, count=count)
     return form_of(did, found, size)

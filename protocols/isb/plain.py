@@ -113,7 +113,7 @@ def _wire(
     """What the names do not carry."""
     wire: Plain = {}
     if kind not in COMMANDS:
-        if not offset and version and version_for(did, len(payload), version) != version_for(did, len(payload), None):
+        if version and version_for(did, offset, len(payload), version) != version_for(did, offset, len(payload), None):
             wire["firmware"] = version
         if (offset, len(payload), shifted) != _extent(did, fields, wire.get("firmware")):
             wire["size"] = len(payload)

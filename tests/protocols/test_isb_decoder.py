@@ -239,3 +239,10 @@ def test_any_float_is_a_value(bits: str) -> None:
     (batch,) = (event for event in events if isinstance(event, Batch))
     assert batch.columns["I.pqr"].shape == (1, 3)
     assert batch.columns["I.acc"].shape == (1, 3)
+
+
+def test_a_part_of_a_list_alone() -> None:
+    """Found by random streams: the count of a list is in another part."""
+    (batch,) = decode(build(frames.DATA, 45, bytes(range(250)) * 2, offset=100))
+    assert isinstance(batch, Batch)
+    assert batch.columns["sig"].shape == (1, 70)
