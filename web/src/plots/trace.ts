@@ -15,8 +15,8 @@ import { xOf, type TimeWindow } from "./window";
 const DENSE = 1.5;
 /** Samples at least this far apart, px, are marked with dots: here one sees that they are samples. */
 const DOTS_FROM = 9;
-/** Wraps in one pixel drawn apart; with more the quantity spins faster than the screen can show, and fills its range. */
-const WRAPS_APART = 3;
+/** Wraps and breaks in one pixel drawn apart; with more the quantity spins faster than the screen can show, and fills its range. */
+const JOINTS_APART = 3;
 
 /** Vertical scale: y = top + (hi − v) · k, CSS px. */
 export interface Vertical {
@@ -60,14 +60,15 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
       if (to > rows[slot]!) pen = false; // samples, but none with a value
       continue;
     }
-    if (b < breaks.length && breaks[b]! < to) {
+    while (breaks[b]! <= rows[slot]!) {
       pen = false;
-      while (b < breaks.length && breaks[b]! < to) b++;
+      b++;
     }
-    if (wrap < wraps.length && wraps[wrap]! < to) {
-      const from = wrap;
-      while (wrap < wraps.length && wraps[wrap]! < to) wrap++;
-      y = wrapped(x, columns, k, rows[slot]!, to, wraps.slice(from, wrap), px, v, pen ? y : NaN);
+    if (breaks[b]! < to || wraps[wrap]! < to) {
+      const joints: number[] = [];
+      while (breaks[b]! < to) joints.push(breaks[b++]!);
+      while (wraps[wrap]! < to) joints.push(wraps[wrap++]!);
+      y = apart(x, columns, k, rows[slot]!, to, joints.sort((p, q) => p - q), px, v, pen ? y : NaN);
       pen = true;
       continue;
     }
@@ -93,19 +94,19 @@ function dense(x: CanvasRenderingContext2D, columns: PixelColumns, k: number, w:
 
 const part: Extent = { lo: 0, hi: 0 };
 
-/** A pixel in which the quantity wrapped: each stretch between wraps by itself, the pen lifted in between. Returns where it ended. */
-function wrapped(
-  x: CanvasRenderingContext2D, columns: PixelColumns, k: number, from: number, to: number, wraps: readonly number[], px: number, v: Vertical, y: number,
+/** A pixel in which the quantity wrapped or the line breaks: each stretch by itself, the pen lifted in between. Returns where it ended. */
+function apart(
+  x: CanvasRenderingContext2D, columns: PixelColumns, k: number, from: number, to: number, joints: readonly number[], px: number, v: Vertical, y: number,
 ): number {
   const pyramid = columns.ring.pyramids[columns.columns[k]!]!;
-  const cuts = wraps.length > WRAPS_APART ? [from, to] : [from, ...wraps, to];
+  const cuts = joints.length > JOINTS_APART ? [from, to] : [from, ...joints, to];
   let end = y;
   for (let c = 0; c + 1 < cuts.length; c++) {
     if (cuts[c] === cuts[c + 1]) continue;
     pyramid.query(cuts[c]!, cuts[c + 1]!, part);
     if (!(part.lo <= part.hi)) continue;
     const [top, bottom] = [v.top + (v.hi - part.hi) * v.k, v.top + (v.hi - part.lo) * v.k];
-    if (c === 0 && y === y && wraps.length <= WRAPS_APART) x.lineTo(px, Math.abs(y - top) < Math.abs(y - bottom) ? top : bottom);
+    if (c === 0 && y === y && joints.length <= JOINTS_APART) x.lineTo(px, Math.abs(y - top) < Math.abs(y - bottom) ? top : bottom);
     x.moveTo(px, top);
     x.lineTo(px, bottom);
     end = (top + bottom) / 2;

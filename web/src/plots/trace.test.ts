@@ -1,0 +1,43 @@
+import { expect, it } from "vitest";
+import { Ring } from "../data/ring";
+import { PixelColumns } from "./columns";
+import { isDense, traceSeries } from "./trace";
+import { timeWindow } from "./window";
+
+/** Lengths, in units of the quantity, of all lines drawn. */
+class Pen {
+  readonly lengths: number[] = [];
+  #y = NaN;
+  beginPath(): void {}
+  stroke(): void {}
+  moveTo(_x: number, y: number): void {
+    this.#y = y;
+  }
+  lineTo(_x: number, y: number): void {
+    this.lengths.push(Math.abs(y - this.#y));
+    this.#y = y;
+  }
+}
+
+/** A saw that climbs 0 … 99 and starts again, as a capture does that is played in a loop; 100 samples/s. */
+function saw(ring: Ring, n: number): void {
+  const at = Float64Array.from({ length: n }, (_, i) => 1000 + i * 0.01);
+  const values = Float64Array.from({ length: n }, (_, i) => i % 100);
+  ring.take({ channel: 1, sequence: 0, n, dropped: 0, history: false, now: 0, arrival: at, time: at, columns: [values] });
+  for (let i = 100; i < n; i += 100) ring.cut(at[i]!);
+}
+
+for (const width of [37, 200, 2000]) {
+  it(`draws no stroke where a clock started again, also within a pixel (${width} px)`, () => {
+    const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
+    saw(ring, 1000);
+    const columns = new PixelColumns(ring, [0]);
+    const w = timeWindow({ device: "1", live: false, end: 1010, span: 10, timeBase: "device" }, 1010, 0, width, 1);
+    columns.prepare(w.g0, w.g1, w.dt, "device");
+    expect(isDense(columns, w)).toBe(width < 1000);
+    const pen = new Pen();
+    traceSeries(pen as unknown as CanvasRenderingContext2D, columns, 0, w, { top: 0, hi: 100, k: 1 });
+    expect(pen.lengths.length).toBeGreaterThan(30);
+    expect(Math.max(...pen.lengths)).toBeLessThan(2 * Math.ceil(1000 / width) + 1);
+  });
+}
