@@ -27,7 +27,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -82,12 +82,14 @@ class LinkSettings:
             milliseconds, and the session retries anyway.
         sys_root: where sysfs is mounted, for the latency timer of USB adapters.
         protocol: the protocol that the user named for this source, "" for automatic; a file is played by its clock.
+        key: of a twin that sends Secure frames; None for one that nobody knows.
     """
 
     now_ns: Callable[[], int]
     connect_timeout_s: float = 5.0
     sys_root: Path = Path("/sys")
     protocol: str = ""
+    key: bytes | None = field(default=None, repr=False)
 
 
 class Link(ABC):

@@ -3,8 +3,8 @@
     device ─> [drop] ─> [corrupt] ─> [line at baud] ─> [adapter's bursts] ─> [wrong rate] ─> host
                a frame   one bit      takes its time     16 ms timer           other bytes
 
-Pure: time is passed in, chance comes from a seed, so that a fault found once is found again. Frames are cut at Xbus
-headers (FA FF MID LEN; LEN 255 is followed by two bytes of length) only in order to lose or harm whole ones.
+Pure: time is passed in, chance comes from a seed, so that a fault found once is found again. What a device sends is cut
+into frames, by the lengths in their headers (`SIZES`), only in order to lose or harm whole ones.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from server.links.uart import as_heard
@@ -39,13 +40,16 @@ class Faults:
 class Cable:
     """One direction of a cable.
 
+    Args:
+        protocol: whose frames are lost or harmed, a key of SIZES.
     Attributes:
         baud: rate at which the sender speaks now.
         overflowed: bytes that the line had no time for.
     """
 
-    def __init__(self, faults: Faults, seed: int = 0) -> None:
+    def __init__(self, faults: Faults, seed: int = 0, protocol: str = "xbus") -> None:
         self.faults = faults
+        self._protocol = protocol
         self.baud = faults.baud
         self.overflowed = 0
         self._chance = random.Random(seed)
@@ -55,7 +59,7 @@ class Cable:
 
     def send(self, data: bytes, now_ns: int) -> None:
         """The sender puts bytes on the line."""
-        frames, self._kept = frames_of(self._kept + data)
+        frames, self._kept = frames_of(self._kept + data, self._protocol)
         for frame in frames:
             if self._chance.random() < self.faults.drop:
                 continue
@@ -94,31 +98,63 @@ class Cable:
         return data
 
 
-def frames_of(data: bytes) -> tuple[list[bytes], bytes]:
-    """Cut at Xbus frames.
+# -- frames ------------------------------------------------------------------------------------------------------------
+
+
+def _xbus(head: bytes) -> int:
+    """FA FF MID LEN, payload, checksum; LEN 255 is followed by two bytes of length."""
+    if len(head) < 4 or (head[3] == 255 and len(head) < 6):
+        return 0
+    return 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
+
+
+def _isb(head: bytes) -> int:
+    """EF 49 FLAGS ID SIZE (2), payload, two sums."""
+    return 8 + (head[4] | head[5] << 8) if len(head) >= 6 else 0
+
+
+def _idtp(head: bytes) -> int:
+    """A header of 20 bytes with SIZE at 14 and MODE at 17, payload, a trailer that depends on the mode."""
+    if len(head) < 20:
+        return 0
+    return 20 + (head[14] | head[15] << 8) + {1: 4, 2: 32}.get(head[17], 0)
+
+
+SIZES: Mapping[str, tuple[bytes, Callable[[bytes], int]]] = {
+    "xbus": (b"\xfa\xff", _xbus),
+    "isb": (b"\xef\x49", _isb),
+    "idtp": (b"IDTP", _idtp),
+}
+"""Protocol → preamble, and the size of a frame by its first bytes (0: they are too few to tell)."""
+_HEAD = 20
+
+
+def frames_of(data: bytes, protocol: str = "xbus") -> tuple[list[bytes], bytes]:
+    """Cut at frames.
 
     Returns:
         The pieces (whole frames, and whatever stands between them), and the rest that is not a whole frame yet.
     """
+    preamble, size_of = SIZES[protocol]
     pieces: list[bytes] = []
     at = 0
     while at < len(data):
-        start = data.find(b"\xfa\xff", at)
+        start = data.find(preamble, at)
         if start < 0:
-            if data.endswith(b"\xfa"):
-                pieces.append(data[at:-1])
-                return [piece for piece in pieces if piece], data[-1:]
-            pieces.append(data[at:])
-            at = len(data)
-            break
-        if start > at:
+            start = len(data) - _begun(data[at:], preamble)
             pieces.append(data[at:start])
-        head = data[start : start + 6]
-        if len(head) < 4 or (head[3] == 255 and len(head) < 6):
-            return pieces, data[start:]
-        size = 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
-        if start + size > len(data):
-            return pieces, data[start:]
+            at = start
+            break
+        pieces.append(data[at:start])
+        at = start
+        size = size_of(data[start : start + _HEAD])
+        if not size or start + size > len(data):
+            break
         pieces.append(data[start : start + size])
         at = start + size
-    return [piece for piece in pieces if piece], b""
+    return [piece for piece in pieces if piece], data[at:]
+
+
+def _begun(data: bytes, preamble: bytes) -> int:
+    """How many bytes at the end of `data` may be the beginning of a preamble."""
+    return next((n for n in range(len(preamble) - 1, 0, -1) if data.endswith(preamble[:n])), 0)

@@ -1,13 +1,15 @@
 """A device that is not there: simulated bytes behind a real pseudo-terminal, opened by the serial link like any other.
 
-    XbusDevice ──> Cable ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
-       ^                      │
-       └────────── Cable <────┘            all of the left side is one thread, the bench
+    device ──> Cable ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
+       ^                   │
+       └────── Cable <─────┘            all of the left side is one thread, the bench
 
 So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
 
-    twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd
-    ?product=MTi-680G               another product
+    twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd; ?product=MTi-680G another product
+    twin:isb                        an IMX-5, inertial data and navigation at 100 Hz, on 921 600 Bd
+    twin:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
+                                    (Secure frames are made with the source's key; without one, with one nobody knows)
     ?rate=400                       samples/s
     ?baud=921600                    rate of the line (else the slowest that carries the samples); bytes take their time
                                     on it, and a port at another rate hears noise
@@ -26,12 +28,13 @@ import asyncio
 import errno
 import logging
 import os
+import secrets
 import select
 import termios
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -46,12 +49,44 @@ log = logging.getLogger(__name__)
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
-SAMPLE_BYTES = 88  # of one MTData2 frame in the twins' default output configuration
-PROTOCOLS = ("xbus",)
 OPTIONS = (
-    *("product", "rate", "baud", "drop", "corrupt", "burst_ms"),
+    *("product", "mode", "rate", "baud", "drop", "corrupt", "burst_ms"),
     *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
 )
+MODES = ("lite", "safety", "secure")
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """What twins of a protocol are like.
+
+    Args:
+        products: the first is the usual one; () where there is no choice.
+        sample_bytes: sent for each sample in the default configuration.
+        more_bytes: sent each second beside that.
+        least_baud: rate of its line when it leaves the factory.
+        options: which only this family has.
+    """
+
+    products: Callable[[], tuple[str, ...]]
+    sample_bytes: int
+    more_bytes: int = 0
+    least_baud: int = 115_200
+    options: tuple[str, ...] = ()
+
+
+def _mti() -> tuple[str, ...]:
+    from protocols.xbus.settings import PRODUCTS  # when first used: its tables load what is compiled
+
+    return "MTi-630", *(name for name in PRODUCTS if name != "MTi-630")
+
+
+FAMILIES: Mapping[str, Family] = {
+    "xbus": Family(_mti, 88, options=("product",)),
+    "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product",)),
+    "idtp": Family(lambda: (), 104, options=("mode",)),  # of Safety; Secure has 56 more
+}
+SECURE_BYTES = 56
 
 
 class Device(Protocol):
@@ -72,6 +107,7 @@ class TwinOptions:
 
     protocol: str = "xbus"
     product: str = "MTi-630"
+    mode: str = "safety"
     rate: float = 100.0
     faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
     drift_ppm: float = 0.0
@@ -88,22 +124,25 @@ class TwinOptions:
         Raises:
             LinkError: kind "bad-source".
         """
-        source.allow(OPTIONS)
-        if source.place not in PROTOCOLS:
-            allowed = ", ".join(PROTOCOLS)
+        family = FAMILIES.get(source.place)
+        if family is None:
+            allowed = ", ".join(FAMILIES)
             raise LinkError("bad-source", f"There is no twin of {source.place!r}.", f"Twins exist of: {allowed}.")
-        from protocols.xbus.settings import PRODUCTS  # when first used: its tables load what is compiled
-
+        others = {name for other in FAMILIES.values() for name in other.options} - set(family.options)
+        source.allow([name for name in OPTIONS if name not in others])
+        products = family.products()
         rate = source.number("rate", 100, 1, 2000, "Hz")
+        mode = source.choice("mode", "safety", MODES)
         return cls(
             protocol=source.place,
-            product=source.choice("product", "MTi-630", tuple(PRODUCTS)),
+            product=source.choice("product", products[0], products) if products else "",
+            mode=mode,
             rate=rate,
             faults=Faults(
                 drop=source.number("drop", 0, 0, 1),
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
-                baud=source.whole("baud", _fitting(rate), 4800, 4_000_000, "Bd"),
+                baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
             ),
             drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
             jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
@@ -114,22 +153,45 @@ class TwinOptions:
         )
 
 
-def _fitting(rate: float) -> int:
-    """The slowest usual rate that carries so many samples/s with a fifth to spare."""
-    return next(baud for baud in LINE_RATES if 0.8 * baud / 10 >= SAMPLE_BYTES * rate)
+def _fitting(family: Family, rate: float, mode: str) -> int:
+    """The slowest usual rate that carries so many samples/s with a fifth to spare; the fastest where none does."""
+    sample = family.sample_bytes + SECURE_BYTES * (mode == "secure")
+    needed = sample * rate + family.more_bytes
+    fitting = (baud for baud in LINE_RATES if baud >= family.least_baud and 0.8 * baud / 10 >= needed)
+    return next(fitting, LINE_RATES[-1])
 
 
-def make_device(options: TwinOptions, start_ns: int) -> Device:
-    """A freshly powered device."""
+def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -> Device:
+    """A freshly powered device.
+
+    Args:
+        key: for Secure frames; None for one that nobody knows.
+    """
+    from protocols.idtp.device import IdtpDevice
+    from protocols.isb.device import IsbDevice
     from protocols.xbus.device import XbusDevice
 
-    return XbusDevice(
+    jump = (options.jump_s, JUMP_S) if options.jump_s else None
+    seed, drift = options.seed, options.drift_ppm
+    if options.protocol == "idtp":
+        return IdtpDevice(
+            device_id=102 + seed % 1000,
+            seed=seed,
+            start_ns=start_ns,
+            rate=options.rate,
+            mode=MODES.index(options.mode),
+            key=(key or secrets.token_bytes(32)) if options.mode == "secure" else None,
+            clock_drift_ppm=drift,
+            clock_jump=jump,
+        )
+    make = IsbDevice if options.protocol == "isb" else XbusDevice
+    return make(
         product=options.product,
         rate=options.rate,
-        seed=options.seed,
+        seed=seed,
         start_ns=start_ns,
-        clock_drift_ppm=options.drift_ppm,
-        clock_jump=(options.jump_s, JUMP_S) if options.jump_s else None,
+        clock_drift_ppm=drift,
+        clock_jump=jump,
         road=1.0,
     )
 
@@ -151,8 +213,8 @@ class Bench(threading.Thread):
         self._make = make
         self._options = options
         self._now_ns = now_ns
-        self._to_host = Cable(options.faults, options.seed)
-        self._to_device = Cable(Faults(baud=options.faults.baud), options.seed)
+        self._to_host = Cable(options.faults, options.seed, options.protocol)
+        self._to_device = Cable(Faults(baud=options.faults.baud), options.seed, options.protocol)
         self._stop_read, self._stop_write = os.pipe()
         self._master, self._slave_fd = os.openpty()
         # Without this the terminal would echo what the device says back to the device until the port is opened.
@@ -267,7 +329,7 @@ class TwinLink(Link):
     ) -> None:
         super().__init__(source, settings)
         self.options = options
-        self._make = make or (lambda start_ns: make_device(options, start_ns))
+        self._make = make or (lambda start_ns: make_device(options, start_ns, settings.key))
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._bench: Bench | None = None
         self._serial: SerialLink | None = None

@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocols.idtp.frames import build as idtp_build
+from protocols.isb.frames import build as isb_build
 from server.links.cable import Cable, Faults, frames_of
 from server.links.uart import as_heard
 from tests.links.bench import frame, xbus
@@ -121,3 +123,21 @@ def test_a_wrong_rate_hears_noise_in_the_amount_that_a_receiver_would(sent: int,
 @given(st.binary(max_size=60), st.integers(1, 4_000_000), st.integers(1, 4_000_000))
 def test_any_pair_of_rates_ends(data: bytes, sent: int, heard: int) -> None:
     assert len(as_heard(data, sent, heard)) <= 10 * len(data) + 1
+
+
+@pytest.mark.parametrize(
+    ("protocol", "frames"),
+    [
+        ("isb", [isb_build(4, 58, bytes(36)), isb_build(8), isb_build(5, 12, bytes(4), offset=16)]),
+        ("idtp", [idtp_build(4, bytes(36), mode=mode, key=b"k") for mode in range(3)]),
+    ],
+)
+def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, frames: list[bytes]) -> None:
+    data = b"noise" + b"".join(frames)
+    assert frames_of(data, protocol) == ([b"noise", *frames], b"")
+    for cut in range(len(data)):
+        pieces, rest = frames_of(data[:cut], protocol)
+        more, end = frames_of(rest + data[cut:], protocol)
+        assert b"".join(pieces + more) == data
+        assert end == b""
+        assert (pieces + more)[-len(frames) :] == frames

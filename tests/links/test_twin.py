@@ -11,7 +11,7 @@ import pytest
 
 from protocols.events import Gap, Reject, batches
 from protocols.registry import PROTOCOLS
-from server.links import open_link
+from server.links import LinkError, open_link
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink
 from server.links.twin import TwinLink
@@ -148,6 +148,71 @@ def test_the_real_twin_streams(query: str) -> None:
             assert "SampleTimeFine" in batch.columns
 
     run(check())
+
+
+@pytest.mark.parametrize(
+    ("source", "baud", "names"),
+    [
+        ("twin:isb", 921_600, {"DID_IMU", "DID_INS_1", "DID_INS_2"}),
+        ("twin:isb?rate=400&drift_ppm=50&jump_s=1&burst_ms=16", 921_600, {"DID_IMU", "DID_INS_1"}),
+        ("twin:idtp", 230_400, {"Imu10", "ImuQuat"}),
+        ("twin:idtp?mode=lite&rate=50", 115_200, {"Imu10", "ImuQuat"}),
+        ("twin:idtp?mode=secure", 230_400, {"Imu10", "ImuQuat"}),
+    ],
+)
+def test_twins_of_the_other_families_stream(source: str, baud: int, names: set[str]) -> None:
+    async def check() -> None:
+        before = left_behind()
+        key = b"0123456789abcdef"
+        link = open_link(source, settings(key=key))
+        await link.open()
+        assert (link.baud, link.kind) == (baud, "twin")
+        chunks = await gather(link, 12_000)
+        await link.close()
+        assert left_behind() == before
+        row = PROTOCOLS[source[5:].partition("?")[0]]
+        decoder = row.decoder(**({"key": key} if "secure" in source else {}))
+        for chunk in chunks:
+            decoder.feed(chunk.data, chunk.arrival_ns)
+        events = decoder.drain()
+        assert not [event for event in events if isinstance(event, Reject | Gap)]
+        assert {batch.message.name for batch in batches(events)} >= names
+
+    run(check())
+
+
+def test_a_twin_whose_key_nobody_knows() -> None:
+    async def check() -> None:
+        link = open_link("twin:idtp?mode=secure", settings())
+        await link.open()
+        data = joined(await gather(link, 3000))
+        await link.close()
+        decoder = PROTOCOLS["idtp"].decoder(key=b"a guess")
+        decoder.feed(data, 0)
+        assert {event.reason for event in decoder.drain() if isinstance(event, Reject)} == {"bad_hmac"}
+
+    run(check())
+
+
+def test_faults_cut_whole_frames_of_any_family() -> None:
+    async def check(protocol: str) -> None:
+        link = open_link(f"twin:{protocol}?drop=0.3", settings())
+        await link.open()
+        data = joined(await gather(link, 8000))
+        await link.close()
+        decoder = PROTOCOLS[protocol].decoder()
+        decoder.feed(data, 0)
+        assert not [event for event in decoder.drain() if isinstance(event, Reject)]
+
+    for protocol in ("isb", "idtp"):
+        run(check(protocol))
+
+
+@pytest.mark.parametrize("source", ["twin:isb?mode=lite", "twin:idtp?product=MTi-630", "twin:isb?product=MTi-630"])
+def test_options_belong_to_their_family(source: str) -> None:
+    with pytest.raises(LinkError) as caught:
+        open_link(source, settings())
+    assert caught.value.kind == "bad-source"
 
 
 def test_a_twin_that_resets() -> None:
