@@ -176,7 +176,7 @@ class IdtpDecoder(Decoder):
         payload = kind.payload
         starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
         if which is None:
-            modes = modes.copy()  # asked for later than the memory of the stream is good for
+            modes = modes if len(modes) == 1 else modes.copy()  # that memory is good until the next drain only
         else:
             starts, modes, arrivals = starts[which], modes[which], arrivals[which]
             offsets, times = offsets[which], times[which]

@@ -171,7 +171,8 @@ class Sequences:
 
     def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> Judged:
         """Judge the frames of `table`; see the function. What it gives is good until the next call."""
-        rows = self._room.table(JUDGED, table.shape[1])[:, : table.shape[1]]
+        n = table.shape[1]
+        rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
         return Judged(rows, *judge(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
 
     def rearm(self, device: int | None = None) -> None:
