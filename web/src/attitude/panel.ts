@@ -12,13 +12,14 @@ import { surface } from "../ui/canvas";
 import { el, every, Live, type Panel, unit } from "../ui/dom";
 import { number } from "../ui/format";
 import { drawBody } from "./body";
-import { mountGnss, positionOf } from "./gnss";
+import { mountGnss } from "./gnss";
 import { drawHorizon } from "./horizon";
 import { FRAMES, headingOf, horizonOf, pitchSign } from "./maths";
+import { positionOf } from "./position";
 import { type Source, sourceOf } from "./source";
 
-/** Mounts into `host`, which becomes the attitude row; rebuilt when the device's channels change. */
-export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
+/** Mounts into `host`, which becomes the attitude row; rebuilt when the device's channels change. `openTrack` shows the track large. */
+export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => void): Panel {
   let shown: readonly Channel[] | undefined;
   let parts: readonly Panel[] = [];
   const clear = (): void => {
@@ -35,7 +36,7 @@ export function mountAttitude(host: HTMLElement, deps: Deps): Panel {
         const position = positionOf(channels);
         host.classList.toggle("with-gnss", position !== undefined);
         parts = [source ? mountInstruments(host, deps, source) : mountNone(host)];
-        if (position) parts = [...parts, mountGnss(host, deps, position)];
+        if (position) parts = [...parts, mountGnss(host, deps, position, openTrack)];
       }
       for (const part of parts) part.update(now);
     },

@@ -1,8 +1,28 @@
-/** Where did it go? The window's track in metres, north up, with a scale bar. */
+/** Where did it go? A track in metres on a plain grid, north up, with a scale bar; the style of the line tells the kind of fix. */
 import { css, font, type Surface } from "../ui/canvas";
 import { number } from "../ui/format";
+import type { Quality } from "./position";
 
 export type Point = readonly [east: number, north: number];
+
+export interface TrackPoint {
+  readonly at: Point;
+  readonly quality: Quality;
+}
+
+/** What is on the picture: the point in its middle, and how many px a metre has. */
+export interface TrackView {
+  readonly middle: Point;
+  readonly scale: number;
+}
+
+/** How a fix is drawn, and what the key calls it. */
+export const STYLES: Readonly<Record<Exclude<Quality, "none">, { readonly width: number; readonly dash: readonly number[]; readonly word: string }>> = {
+  fixed: { width: 2.75, dash: [], word: "RTK fixed" },
+  float: { width: 2, dash: [8, 4], word: "RTK floating" },
+  plain: { width: 1.5, dash: [], word: "3D" },
+  poor: { width: 1.75, dash: [1.5, 4], word: "2D or dead reckoning" },
+};
 
 /** The longest round length (1, 2 or 5 times a power of ten) not above `metres`. */
 export function roundLength(metres: number): number {
@@ -11,69 +31,113 @@ export function roundLength(metres: number): number {
   return (digit >= 5 ? 5 : digit >= 2 ? 2 : 1) * power;
 }
 
-/** Draws `points`, oldest first; `here` is the one that is read now. A break in the track is an undefined. */
-export function drawTrack(to: Surface, points: readonly (Point | undefined)[], here: Point | undefined): void {
-  if (!to.begin()) return;
-  const known = points.filter((point) => point !== undefined);
+/** The view that shows all points; undefined without any. */
+export function fitView(points: readonly (TrackPoint | undefined)[], w: number, h: number): TrackView | undefined {
+  let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (const point of points) {
+    if (!point) continue;
+    [west, east] = [Math.min(west, point.at[0]), Math.max(east, point.at[0])];
+    [south, north] = [Math.min(south, point.at[1]), Math.max(north, point.at[1])];
+  }
+  if (west > east) return undefined;
+  // A receiver at rest wanders by a metre: the picture never shows less than two across.
+  const scale = Math.min(Math.max(10, w - 40) / Math.max(2, east - west), Math.max(10, h - 24) / Math.max(2, north - south));
+  return { middle: [(west + east) / 2, (south + north) / 2], scale };
+}
+
+/** The view after `factor` more px a metre about a place on the picture. */
+export function zoomed(view: TrackView, factor: number, u: number, v: number, w: number, h: number): TrackView {
+  const scale = Math.min(1e4, Math.max(1e-4, view.scale * factor));
+  const shift = 1 / view.scale - 1 / scale;
+  return { middle: [view.middle[0] + (u - w / 2) * shift, view.middle[1] - (v - h / 2) * shift], scale };
+}
+
+/** Stretches of one quality; a break (undefined) or no fix ends one, and a change of quality joins on. */
+export function stretches(points: readonly (TrackPoint | undefined)[]): readonly { readonly quality: Exclude<Quality, "none">; readonly points: readonly Point[] }[] {
+  const found: { quality: Exclude<Quality, "none">; points: Point[] }[] = [];
+  let last: TrackPoint | undefined;
+  for (const point of points) {
+    const quality = point?.quality ?? "none";
+    if (point && quality !== "none") {
+      const joins = last !== undefined && last.quality !== "none";
+      if (joins && last!.quality === quality) found.at(-1)!.points.push(point.at);
+      else found.push({ quality, points: joins ? [last!.at, point.at] : [point.at] });
+    }
+    last = quality === "none" ? undefined : point;
+  }
+  return found;
+}
+
+/** Draws `points`, oldest first; `here` is the one that is read now. Gives the view, fitted where none is given. */
+export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)[], here: Point | undefined, wanted?: TrackView): TrackView | undefined {
+  if (!to.begin()) return wanted;
   const x = to.context;
   const [w, h] = [to.width(), to.height()];
-  if (known.length === 0) {
+  const view = wanted ?? fitView(points, w, h);
+  if (!view) {
     font(x, 11.5);
     x.fillStyle = css("--ink-3");
     x.textAlign = "center";
     x.textBaseline = "middle";
     x.fillText("No position in this window", w / 2, h / 2);
-    return;
+    return undefined;
   }
-  const east = known.map((point) => point[0]);
-  const north = known.map((point) => point[1]);
-  const middle: Point = [(Math.min(...east) + Math.max(...east)) / 2, (Math.min(...north) + Math.max(...north)) / 2];
-  // A receiver at rest wanders by a metre: the picture never shows less than two across.
-  const wide = Math.max(2, Math.max(...east) - Math.min(...east));
-  const tall = Math.max(2, Math.max(...north) - Math.min(...north));
-  const scale = Math.min((w - 40) / wide, (h - 24) / tall);
-  const place = (p: Point): Point => [w / 2 + (p[0] - middle[0]) * scale, h / 2 - (p[1] - middle[1]) * scale];
-  const length = roundLength((w * 0.4) / scale);
-  drawGrid(x, w, h, length * scale);
-  drawLine(x, points, place);
+  const place = ([east, north]: Point): Point => [w / 2 + (east - view.middle[0]) * view.scale, h / 2 - (north - view.middle[1]) * view.scale];
+  const length = roundLength(Math.min(w * 0.4, 220) / view.scale);
+  drawGrid(x, w, h, place([0, 0]), length * view.scale);
+  for (const stretch of stretches(points)) drawLine(x, stretch.quality, stretch.points.map(place));
   if (here) drawHere(x, place(here));
-  font(x, 10.5);
-  x.fillStyle = css("--ink-3");
-  x.textAlign = "right";
-  x.textBaseline = "alphabetic";
-  x.fillText(`${number(length, length < 1 ? 1 : 0)} m`, w - 4, h - 8);
-  x.fillRect(w - 4 - length * scale, h - 5, length * scale, 1.5);
+  drawMarks(x, w, h, length, view.scale);
+  return view;
 }
 
-function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, step: number): void {
+/** Lines every `step` px, through the origin of the track, so that they move with it. */
+function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: Point, step: number): void {
   x.fillStyle = css("--grid");
-  for (let u = (w / 2) % step; u < w; u += step) x.fillRect(Math.round(u), 0, 1, h);
-  for (let v = (h / 2) % step; v < h; v += step) x.fillRect(0, Math.round(v), w, 1);
+  for (let u = ((u0 % step) + step) % step; u < w; u += step) x.fillRect(Math.round(u), 0, 1, h);
+  for (let v = ((v0 % step) + step) % step; v < h; v += step) x.fillRect(0, Math.round(v), w, 1);
 }
 
-function drawLine(x: CanvasRenderingContext2D, points: readonly (Point | undefined)[], place: (p: Point) => Point): void {
+function drawLine(x: CanvasRenderingContext2D, quality: Exclude<Quality, "none">, points: readonly Point[]): void {
+  const { width, dash } = STYLES[quality];
   x.strokeStyle = css("--ink-2");
-  x.lineWidth = 1.75;
-  x.lineJoin = x.lineCap = "round";
+  x.lineWidth = width;
+  x.lineJoin = "round";
+  x.lineCap = dash.length > 0 ? "butt" : "round";
+  x.setLineDash([...dash]);
   x.beginPath();
-  let pen = false;
-  for (const point of points) {
-    if (point) {
-      const [u, v] = place(point);
-      if (pen) x.lineTo(u, v);
-      else x.moveTo(u, v);
-    }
-    pen = point !== undefined;
-  }
+  points.forEach(([u, v], k) => (k === 0 ? x.moveTo(u, v) : x.lineTo(u, v)));
+  const [first] = points;
+  if (points.length === 1 && first) x.lineTo(first[0] + 0.01, first[1]);
   x.stroke();
+  x.setLineDash([]);
 }
 
 function drawHere(x: CanvasRenderingContext2D, [u, v]: Point): void {
   x.beginPath();
-  x.arc(u, v, 4, 0, 7);
+  x.arc(u, v, 4.5, 0, 7);
   x.fillStyle = css("--ink");
   x.fill();
   x.lineWidth = 1.5;
   x.strokeStyle = css("--bg");
   x.stroke();
+}
+
+/** Scale bar at the lower right, north at the upper left. */
+function drawMarks(x: CanvasRenderingContext2D, w: number, h: number, length: number, scale: number): void {
+  font(x, 10.5);
+  x.fillStyle = css("--ink-3");
+  x.textBaseline = "alphabetic";
+  x.textAlign = "right";
+  const [value, unit] = length >= 1000 ? [length / 1000, "km"] : [length, "m"];
+  x.fillText(`${number(value, value < 0.1 ? 2 : value < 1 ? 1 : 0)} ${unit}`, w - 4, h - 8);
+  x.fillRect(w - 4 - length * scale, h - 5, length * scale, 1.5);
+  x.beginPath();
+  x.moveTo(8, 3);
+  x.lineTo(12, 12);
+  x.lineTo(8, 10);
+  x.lineTo(4, 12);
+  x.fill();
+  x.textAlign = "center";
+  x.fillText("N", 8, 23);
 }

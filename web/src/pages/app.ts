@@ -6,7 +6,7 @@ import { api, type Outcome, type Port, type Problem } from "../ui/api";
 import { isHeld, type PageState, pageState } from "../ui/state";
 import type { DeviceInfo } from "../wire/types";
 
-export type Overlay = "help" | "add" | undefined;
+export type Overlay = "help" | "add" | "track" | undefined;
 /** A panel that lies over the plots while the window is narrow. */
 export type Sheet = "rail" | "side" | undefined;
 

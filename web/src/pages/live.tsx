@@ -1,10 +1,15 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
+import { view } from "../data/view";
+import { mountLargeTrack } from "../attitude/large-track";
 import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
 import { mountHealth, mountStrip } from "../panels/health";
 import { mountNews } from "../panels/news";
+import { mountSatellites } from "../panels/satellites";
+import { skyTables } from "../panels/sky";
 import { mountValues } from "../panels/values";
 import { mountStack } from "../plots/stack";
+import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
@@ -36,7 +41,7 @@ export function LivePage({ app }: { readonly app: App }) {
       </main>
       <Side app={app} />
       {showsPlots(state) && <Dock />}
-      <Overlays />
+      <Overlays app={app} />
     </div>
   );
 }
@@ -52,7 +57,7 @@ function Centre({ app }: { readonly app: App }) {
   if (state === "silent") return <Silent device={device} />;
   return (
     <>
-      <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, app)} />
+      <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, app, () => (overlay.value = "track"))} />
       {state !== "live" && <HeldBand app={app} device={device} />}
       <div class="plots" id="plots" tabIndex={-1}>
         <Mounted class="plothost" label="Plots" mount={(host) => mountStack(host, { store: app.store })} />
@@ -86,6 +91,7 @@ function Side({ app }: { readonly app: App }) {
         </div>
         <Mounted mount={(host) => mountHealth(host, app)} />
       </section>
+      <Satellites app={app} />
       <section class="health" aria-label="Events">
         <div class="head">
           <h2>Events</h2>
@@ -98,11 +104,36 @@ function Side({ app }: { readonly app: App }) {
   );
 }
 
-function Overlays() {
+/** Only where the device tells of satellites. */
+function Satellites({ app }: { readonly app: App }) {
+  const device = view.value.device;
+  const known = skyTables(app.store.channels.value.filter(({ info }) => info.device === device)).length > 0;
+  if (!known) return null;
+  return (
+    <section class="health" aria-label="Satellites">
+      <div class="head">
+        <h2>Satellites</h2>
+        <span>
+          C/N<sub>0</sub> in dB-Hz
+        </span>
+      </div>
+      <Mounted class="skybox" mount={(host) => mountSatellites(host, app)} />
+    </section>
+  );
+}
+
+function Overlays({ app }: { readonly app: App }) {
   const close = (): void => {
     overlay.value = undefined;
   };
   if (overlay.value === "help") return <Help onClose={close} />;
+  if (overlay.value === "track") {
+    return (
+      <Dialog title={`Track of ${app.device.value?.name ?? "the device"}`} wide onClose={close}>
+        <Mounted class="largetrack" mount={(host) => mountLargeTrack(host, app)} />
+      </Dialog>
+    );
+  }
   if (overlay.value === "add") {
     const added = (id: string | undefined): void => {
       close();

@@ -6,10 +6,12 @@ import { Icon } from "./icons";
 interface Props {
   readonly title: string;
   readonly onClose: () => void;
+  /** As large as the window allows: for pictures. */
+  readonly wide?: boolean;
   readonly children: ComponentChildren;
 }
 
-export function Dialog({ title, onClose, children }: Props) {
+export function Dialog({ title, onClose, wide = false, children }: Props) {
   const ref = useRef<HTMLDialogElement>(null);
   useEffect(() => {
     const dialog = ref.current;
@@ -25,7 +27,7 @@ export function Dialog({ title, onClose, children }: Props) {
     if (!inside) onClose();
   };
   return (
-    <dialog ref={ref} aria-labelledby="dialog-title" onClose={onClose} onMouseDown={onPress}>
+    <dialog ref={ref} class={wide ? "wide" : ""} aria-labelledby="dialog-title" onClose={onClose} onMouseDown={onPress}>
       <div class="top">
         <h2 id="dialog-title">{title}</h2>
         <span class="grow" />

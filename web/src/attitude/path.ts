@@ -1,0 +1,44 @@
+/** The track of a window as points on a local metric grid, thinned to what a picture shows; gaps in the samples are breaks. */
+import { lowerBound } from "../data/gaps";
+import type { Channel } from "../data/store";
+import { view } from "../data/view";
+import type { Reading } from "../panels/reading";
+import { metresFrom } from "./maths";
+import { isPlace, type Position, qualityOf, wordsOf } from "./position";
+import type { Point, TrackPoint } from "./track";
+
+export interface Path {
+  readonly points: readonly (TrackPoint | undefined)[];
+  /** The point that is read now. */
+  readonly here: Point | undefined;
+}
+
+/** Where each track's grid has its origin: the first place that was drawn, so that nothing moves when the window does. */
+const origins = new WeakMap<Channel, readonly [lat: number, lon: number]>();
+
+/** The path within the window of `at`, of `most` points at most; `i` is the sample that is read. */
+export function pathOf(position: Position, at: Reading, i: number, most: number): Path {
+  const { ring } = position.channel;
+  const base = view.value.timeBase;
+  const [first, last] = [Math.max(0, ring.indexAt(at.from, base)), ring.indexAt(at.to, base)];
+  const pointAt = (k: number): Point | undefined => {
+    const [lat, lon] = [ring.value(position.lat, k), ring.value(position.lon, k)];
+    if (!isPlace(lat, lon)) return undefined;
+    const origin = origins.get(position.channel);
+    if (origin === undefined) origins.set(position.channel, [lat, lon]);
+    return metresFrom(origin ?? [lat, lon], lat, lon);
+  };
+  const points: (TrackPoint | undefined)[] = [];
+  const step = Math.max(1, Math.ceil((last - first + 1) / most));
+  let before = -1;
+  // Counted from the stream's beginning, so that the same samples are drawn while the window moves.
+  for (let k = first + ((step - ((ring.first + first) % step)) % step); k <= last; k += step) {
+    const broken = before >= 0 && (ring.breaks[lowerBound(ring.breaks, ring.first + before + 1)] ?? Infinity) <= ring.first + k;
+    if (broken) points.push(undefined);
+    before = k;
+    const where = pointAt(k);
+    const quality = qualityOf(wordsOf(position, position.fix, k), wordsOf(position, position.carrier, k));
+    points.push(where && { at: where, quality });
+  }
+  return { points, here: i < 0 ? undefined : pointAt(i) };
+}
