@@ -80,7 +80,8 @@ class Channels:
     def __init__(self, device: str, advertise: Advertise) -> None:
         self._device = device
         self._advertise = advertise
-        self._plans: dict[int, tuple[Message, list[_Cut]]] = {}
+        self._plans: dict[tuple[int, str], tuple[Message, list[_Cut]]] = {}
+        self._first: str | None = None  # the first sender heard in the stream: its channels carry no name of it
         self._ids: dict[str, int] = {}
 
     def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[Piece]:
@@ -102,13 +103,16 @@ class Channels:
         return [Piece(channel, _merged(parts)) for channel, parts in found.items()]
 
     def _plan(self, batch: Batch) -> list[_Cut]:
-        known = self._plans.get(id(batch.message))
+        if self._first is None:
+            self._first = batch.device
+        key = (id(batch.message), batch.device)
+        known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
             return known[1]
         if len(self._plans) >= _MOST_PLANS:
             self._plans.clear()
         cuts = self._cuts(batch)
-        self._plans[id(batch.message)] = (batch.message, cuts)
+        self._plans[key] = (batch.message, cuts)
         return cuts
 
     def _cuts(self, batch: Batch) -> list[_Cut]:
@@ -129,6 +133,8 @@ class Channels:
             if info is not None:
                 used = tuple(field.name for field in fields)
                 factors = _in_shown_units(info)
+                if batch.device != self._first:  # several senders share the stream: never two in one trace
+                    info.name, info.title = f"{info.name}@{batch.device}", f"{info.title} · {batch.device}"
                 cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts
 
@@ -158,8 +164,9 @@ def _values(batch: Batch, cut: _Cut) -> list[Array]:
         out.extend(_rows(array) if cut.per_sample != 1 or _is_table(array) else _flat(array))
     if not cut.factors:
         return out
-    # A Python number keeps float32 what it is; integers become float64.
-    return [column * factor if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+    # A Python number keeps float32 what it is; integers become float64. The largest float32 in °/s is infinite.
+    with np.errstate(over="ignore"):
+        return [column * factor if factor else column for column, factor in zip(out, cut.factors, strict=True)]
 
 
 def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from protocols.clocks import HostClock
 from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
+from protocols.sentences import Sentences
 from server.channels import Channels
 from server.health import Figures
 from server.hub import Hub
@@ -102,11 +103,13 @@ class Intake:
         self._capacity = capacity
         self._has_size = byte_time_ns > 0
         self._sizes: dict[int, tuple[Message, int]] = {}
-        self._text_rows: dict[tuple[str, ...], Message] = {}
+        self._sentences = Sentences()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._fed = False
         self._rejects_before = 0  # since the last frame that was good
-        self.clock = HostClock(byte_time_ns)
+        self._byte_time_ns = byte_time_ns
+        self._clocks: dict[str, HostClock] = {}  # by sender: each has a clock of its own
+        self.clock = HostClock(byte_time_ns)  # of the first sender: what the health figures tell
         self.identity = Identity()
         self.samples = 0
 
@@ -129,20 +132,36 @@ class Intake:
             return
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
         times = self._host_times(batches)
-        self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *self._text_batches(events)]))
+        texts = [event for event in events if isinstance(event, Text)]
+        said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
+        self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
         for batch in batches:
             self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
+        self.samples += len(texts)  # a device that speaks in sentences alone is alive as well
         self._tell(events, batches, times)
 
     # ── time ──
 
     def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
         """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock."""
-        timed = [(batch, batch.time_ns) for batch in batches if batch.time_ns is not None]
+        for sender in dict.fromkeys(batch.device for batch in batches):
+            if sender not in self._clocks:
+                self._clocks[sender] = HostClock(self._byte_time_ns) if self._clocks else self.clock
+            timed = [
+                (batch, batch.time_ns) for batch in batches if batch.time_ns is not None and batch.device == sender
+            ]
+            self._learn(self._clocks[sender], timed)
+        return [
+            np.full(len(batch), np.nan) if batch.time_ns is None else self._clocks[batch.device].host(batch.time_ns)
+            for batch in batches
+        ]
+
+    def _learn(self, clock: HostClock, timed: list[tuple[Batch, NDArray[np.int64]]]) -> None:
+        """Show a sender's clock its rows of this drain, in the order of the stream."""
         if len(timed) == 1:
             batch, device = timed[0]
-            self.clock.add(device, batch.arrival_ns, self._frame_size(batch.message))
+            clock.add(device, batch.arrival_ns, self._frame_size(batch.message))
         elif timed:
             size: Any = 0
             if self._has_size:
@@ -150,11 +169,7 @@ class Intake:
             order = np.argsort(np.concatenate([batch.offset for batch, _ in timed]), kind="stable")
             device = np.concatenate([device for _, device in timed])
             arrival = np.concatenate([batch.arrival_ns for batch, _ in timed])
-            self.clock.add(device[order], arrival[order], size[order] if self._has_size else 0)
-        return [
-            np.full(len(batch), np.nan) if batch.time_ns is None else self.clock.host(batch.time_ns)
-            for batch in batches
-        ]
+            clock.add(device[order], arrival[order], size[order] if self._has_size else 0)
 
     def _frame_size(self, message: Message) -> int:
         """Bytes of a frame of this layout on the wire, 0 when the link's speed is unknown anyway."""
@@ -167,41 +182,6 @@ class Intake:
             size = sum(_field_bytes(field) + _ITEM_OVERHEAD for field in message.fields) + _FRAME_OVERHEAD
             known = self._sizes[id(message)] = (message, size)
         return known[1]
-
-    # ── text as numbers ──
-
-    def _text_batches(self, events: Sequence[Event]) -> list[tuple[Batch, NDArray[np.float64]]]:
-        """The numbers in sentences, one batch per kind of sentence: columns that plots can show."""
-        rows: dict[tuple[str, ...], list[tuple[Text, list[float]]]] = {}
-        for event in events:
-            if isinstance(event, Text) and event.fields and event.name:
-                numbers = {key: float(value) for key, value in event.fields.items() if _is_number(value)}
-                if numbers:
-                    key = (event.protocol, event.name, *numbers)
-                    rows.setdefault(key, []).append((event, list(numbers.values())))
-        out = []
-        for key, found in rows.items():
-            table = np.array([values for _, values in found])
-            batch = Batch(
-                message=self._text_message(key),
-                device="",
-                arrival_ns=np.array([text.arrival_ns for text, _ in found], np.int64),
-                offset=np.array([text.offset for text, _ in found], np.int64),
-                time_ns=None,
-                columns={name: table[:, i] for i, name in enumerate(key[2:])},
-            )
-            out.append((batch, np.full(len(found), np.nan)))
-        return out
-
-    def _text_message(self, key: tuple[str, ...]) -> Message:
-        if key not in self._text_rows:
-            if len(self._text_rows) > 256:
-                self._text_rows.clear()
-            protocol, name, *columns = key
-            title = f"{protocol.upper()} {name}"
-            fields = tuple(Field(column, "f8") for column in columns)
-            self._text_rows[key] = Message(0, name, fields, title=title)
-        return self._text_rows[key]
 
     # ── events ──
 
@@ -292,7 +272,3 @@ def _field_bytes(field: Field) -> int:
         return sum(_field_bytes(sub) for sub in field.fields)
     size = _WIRE_BYTES.get(field.dtype) or (np.dtype(field.dtype).itemsize if field.dtype else 0)
     return size * math.prod(max(extent, 1) for extent in field.shape)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)

@@ -233,3 +233,19 @@ def test_fields_that_stand_apart() -> None:
     lla = next(info for info in found if info.name == "DID_INS_1.lla")
     assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
     assert (lla.frame, lla.title, lla.group) == ("WGS84", "Position", "INS 1")
+
+
+def test_two_senders_of_one_stream_never_share_a_trace() -> None:
+    row = Message(4, "Accelerometer", (Field("value", "<f4", unit="m/s²", title="Acceleration"),))
+    page = Page()
+    channels = Channels("1", page)
+    batches = []
+    for k, sender in enumerate(("0x0017", "0x0018", "0x0017")):
+        at = np.array([k], np.int64)
+        batches.append(Batch(row, sender, at, at, None, {"value": np.array([k], "f4")}))
+    pieces = channels.split([(batch, batch.offset * 1.0) for batch in batches])
+    assert [(info.name, info.title) for info in page.infos] == [
+        ("Accelerometer", "Acceleration"),
+        ("Accelerometer@0x0018", "Acceleration · 0x0018"),
+    ]
+    assert [piece.columns[2].tolist() for piece in pieces] == [[0.0, 2.0], [1.0]]
