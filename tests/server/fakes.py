@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
 from server.session import Speech
@@ -128,6 +128,9 @@ class FakeDecoder:
                 if head == b"W":
                     values = {"product_code": "MTi-630", "device_id": 0x0380_0001}
                     events.append(Reply(WAKE, values, self._at, 1, self._arrival))
+                elif head == b"$":
+                    line = "$HCHDM,354.0,M*25"
+                    events.append(Text("nmea", "HCHDM", line, self._at, 1, self._arrival, {"headingM": 354.0}))
                 elif head == b"!":
                     raise RuntimeError("a decoder that breaks")
                 else:

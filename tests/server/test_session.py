@@ -278,6 +278,18 @@ def test_a_clock_step_is_an_event() -> None:
     play(test)
 
 
+def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
+    """It stood as "connecting, no byte yet", beside a plot of its heading."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(b"$", b"$")
+        assert stage.status == "live"
+        (heading,) = [column for column in stage.channel("HCHDM").info.columns if column.name == "value"]
+        assert (heading.unit, heading.period) == ("°", 360)
+
+    play(test)
+
+
 def test_a_decoder_that_breaks_is_told_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
     async def test(stage: Stage) -> None:
         await stage.send(sample(0), b"!", sample(1))
