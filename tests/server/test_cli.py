@@ -44,6 +44,10 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
         (("serve", "--config", "none.toml"), "none.toml cannot be read"),
         (("serve", "--host", "203.0.113.1"), "cannot listen on 203.0.113.1:8080"),
         (("inspect", "none.bin"), "there is no file none.bin"),
+        (("inspect", "tests"), "tests is a folder"),
+        (("inspect",), "the following arguments are required: FILE"),
+        (("inpsect", "none.bin"), "there is no file inpsect. See `imuscope --help`"),
+        (("serve", "--port", "abc"), "invalid int value: 'abc'"),
     ],
 )
 def test_what_is_wrong_is_one_line(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
@@ -101,10 +105,27 @@ def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: p
     monkeypatch.delenv(compiled.VARIABLE, raising=False)
     first, words = compiled.prepare_cache(tmp_path / "data")
     assert (first, words) == (True, [])
-    assert os.environ[compiled.VARIABLE] == str(tmp_path / "data" / "compiled")
-    (tmp_path / "data" / "compiled" / "x.nbi").touch()
+    place = Path(os.environ[compiled.VARIABLE])
+    assert place.parent == tmp_path / "data" / "compiled"
+    (place / "x.nbi").touch()
     monkeypatch.delenv(compiled.VARIABLE)
     assert compiled.prepare_cache(tmp_path / "data") == (False, [])
+
+
+def test_other_sources_have_other_compiled_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """numba does not see that a function called from another file changed; what was compiled before is swept away."""
+    monkeypatch.delenv(compiled.VARIABLE, raising=False)
+    compiled.prepare_cache(tmp_path)
+    before = Path(os.environ[compiled.VARIABLE])
+    (before / "x.nbi").touch()
+    monkeypatch.delenv(compiled.VARIABLE)
+    package = tmp_path / "protocols"
+    package.mkdir()
+    (package / "__init__.py").write_text("changed = True")
+    monkeypatch.setattr(compiled.protocols, "__file__", str(package / "__init__.py"))
+    assert compiled.prepare_cache(tmp_path) == (True, [])
+    assert os.environ[compiled.VARIABLE] != str(before)
+    assert not before.exists()
 
 
 def test_a_place_that_is_given_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
