@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from server.compiled import prepare_cache
 from server.config import Config, ConfigError, default_data, load
@@ -27,9 +28,17 @@ class UsageError(Exception):
     """Something that the user can put right: printed as one line."""
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as everything else here does."""
+
+    def error(self, message: str) -> NoReturn:
+        print(f"imuscope: {message}. See `{self.prog} --help`.", file=sys.stderr)
+        raise SystemExit(1)
+
+
 def parser() -> argparse.ArgumentParser:
     """All commands and options."""
-    root = argparse.ArgumentParser(
+    root = _Parser(
         prog="imuscope",
         description="A page that shows inertial sensors live. Without a source, a twin of an Xsens MTi streams.",
     )
@@ -109,15 +118,19 @@ def _serve(options: argparse.Namespace) -> None:
     from server.app import create_app
     from server.auth import Access
     from server.links import LinkError, open_link
+    from server.links.file import FileLink
 
     known = speech.protocols()
     if config.protocol and config.protocol not in known:
         raise UsageError(f"there is no protocol {config.protocol!r}; there are: {', '.join(known)}.")
     for source in config.sources:
         try:
-            open_link(source)
+            link = open_link(source)
         except LinkError as error:
             raise UsageError(str(error)) from None
+        if isinstance(link, FileLink) and not link.path.is_file():
+            # A port may be plugged in later; a file that is not there now is a slip of the fingers.
+            raise UsageError(_no_file(str(link.path)) + " See `imuscope --help` for commands and sources.")
     try:
         listener = serving.listen(config.host, config.port)
     except OSError as error:
@@ -178,7 +191,7 @@ def _ports(options: argparse.Namespace) -> None:
 def _inspect(options: argparse.Namespace) -> None:
     path = Path(options.file)
     if not path.is_file():
-        raise UsageError(f"there is no file {options.file}.")
+        raise UsageError(_no_file(options.file))
     _compile(load(data=options.data).data)
     from server.inspect import inspect_file
 
@@ -194,6 +207,10 @@ def _inspect(options: argparse.Namespace) -> None:
         if isinstance(error, BrokenPipeError):
             raise
         raise UsageError(str(error)) from None
+
+
+def _no_file(path: str) -> str:
+    return f"{path} is a folder; name one capture in it." if Path(path).is_dir() else f"there is no file {path}."
 
 
 def _key(given: str) -> bytes:

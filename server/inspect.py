@@ -24,6 +24,7 @@ from typing import Any, Literal, TextIO
 from protocols.registry import PROTOCOLS, ProtocolInfo, guess
 
 CHUNK = 1 << 20
+LONGEST_WORD = 64  # characters of a word or of bytes shown in the table; jsonl has all of them
 GUESSED_FROM = 1 << 16  # bytes of the file that decide the protocol
 
 Line = Mapping[str, Any]
@@ -68,9 +69,14 @@ def _row(path: Path, protocol: str) -> ProtocolInfo:
             raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
         return PROTOCOLS[protocol]
     with path.open("rb") as file:
-        guesses = guess(file.read(GUESSED_FROM))
+        head = file.read(GUESSED_FROM)
+    if not head:
+        raise ValueError(f"{path.name} is empty.")
+    guesses = guess(head)
     if not guesses or guesses[0].score == 0:
-        raise ValueError(f"nothing known in the first {GUESSED_FROM // 1024} kB of {path.name}; name the protocol")
+        where = f"the first {GUESSED_FROM // 1024} kB of " if len(head) == GUESSED_FROM else ""
+        names = " or ".join(PROTOCOLS)
+        raise ValueError(f"nothing known in {where}{path.name}. If you know better, add --protocol {names}.")
     return PROTOCOLS[guesses[0].protocol]
 
 
@@ -103,4 +109,6 @@ def _readable(value: Any, flags: Mapping[str, list[str]], path: str) -> str:
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_readable(v, flags, f"{path}[{i}]") for i, v in enumerate(value)) + "]"
     text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, str) and len(text) > LONGEST_WORD:
+        text = f"{text[: LONGEST_WORD - 1]}…"
     return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
