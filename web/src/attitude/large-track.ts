@@ -38,7 +38,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
   const actions: readonly (readonly [label: string, help: string, act: () => void])[] = [
     ["+", "Zoom in", () => zoom(ZOOM)],
     ["−", "Zoom out", () => zoom(1 / ZOOM)],
-    ["Fit", "Show all of the window, and follow it", () => change(undefined)],
+    ["Fit", "Fit: show all of the window, and follow it", () => change(undefined)],
   ];
   for (const [label, help, act] of actions) {
     const button = el("button", { type: "button", class: "btn edge", title: help, "aria-label": help }, label);

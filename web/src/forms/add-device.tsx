@@ -1,7 +1,10 @@
-/** Add a device by its address. The server judges the address; what it says, with its hint, stands under the field. */
+/**
+ * Add a device by its address, or open one anew with its key. The server judges what was typed; what it says, with its hint, stands
+ * under the field. A key is sent and forgotten: neither the page nor an answer keeps it.
+ */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { api, type Problem } from "../ui/api";
+import { api, type HowToRead, type Outcome, type Problem } from "../ui/api";
 import { Dialog } from "../ui/dialog";
 
 const EXAMPLES: readonly (readonly [source: string, words: string])[] = [
@@ -10,35 +13,68 @@ const EXAMPLES: readonly (readonly [source: string, words: string])[] = [
   ["tcp://192.168.1.20:2000", "a serial server or a device on the network"],
   ["tcp-listen://:2000", "wait for a device to connect"],
   ["udp://:34555", "datagrams to a port"],
-  ["twin:xbus", "a simulated MTi, to try things out"],
+  ["twin:xbus", "a simulated MTi; twin:isb an IMX-5, twin:idtp an IDTP device"],
+];
+
+const PROTOCOLS: readonly (readonly [value: string, words: string])[] = [
+  ["", "Recognised by itself"],
+  ["xbus", "Xsens MTi (Xbus)"],
+  ["isb", "Inertial Sense (ISB)"],
+  ["idtp", "IDTP"],
 ];
 
 interface Props {
+  /** What to begin with, and the device that the new one replaces. */
+  readonly begin: { readonly source: string; readonly protocol: string; readonly replaces: string } | undefined;
   readonly onClose: () => void;
   /** Called with the id of the new device. */
   readonly onAdded: (id: string | undefined) => void;
 }
 
 const source = signal("");
+const protocol = signal("");
+const key = signal("");
 const busy = signal(false);
 const problem = signal<Problem | undefined>(undefined);
 
-export function AddDevice({ onClose, onAdded }: Props) {
+/** Adds the device that the form describes; the one it replaces goes first, because a port opens only once. */
+async function add(address: string, replaces: string | undefined): Promise<Outcome<{ readonly id: string }>> {
+  const how: HowToRead = {
+    ...(protocol.value ? { protocol: protocol.value } : {}),
+    ...(key.value.trim() ? { key: key.value.trim() } : {}),
+  };
+  if (replaces !== undefined) {
+    const gone = await api.removeDevice(replaces);
+    if (!gone.ok && gone.problem.status !== 404) return gone;
+  }
+  return api.addDevice(address, how);
+}
+
+export function AddDevice({ begin, onClose, onAdded }: Props) {
   const field = useRef<HTMLInputElement>(null);
+  const keyField = useRef<HTMLInputElement>(null);
+  const focus = (): void => (begin ? keyField : field).current?.focus();
   useEffect(() => {
     problem.value = undefined;
-    field.current?.focus();
+    key.value = "";
+    protocol.value = begin?.protocol ?? "";
+    if (begin) source.value = begin.source;
+    focus();
+    return () => {
+      key.value = "";
+      if (begin) source.value = "";
+    };
   }, []);
   const submit = async (event: Event): Promise<void> => {
     event.preventDefault();
     const address = source.value.trim();
     if (address === "" || busy.value) return;
     busy.value = true;
-    const outcome = await api.addDevice(address);
+    const outcome = await add(address, begin?.replaces);
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) {
-      field.current?.focus();
+      focus();
       return;
     }
     source.value = "";
@@ -49,7 +85,7 @@ export function AddDevice({ onClose, onAdded }: Props) {
     field.current?.focus();
   };
   return (
-    <Dialog title="Add a device" onClose={onClose}>
+    <Dialog title={begin ? "Give the key" : "Add a device"} onClose={onClose}>
       <form class="form" onSubmit={(event) => void submit(event)}>
         <label for="source">Address</label>
         <div class="field">
@@ -65,31 +101,84 @@ export function AddDevice({ onClose, onAdded }: Props) {
             spellcheck={false}
             autocomplete="off"
             autocapitalize="off"
-            aria-describedby={problem.value ? "source-problem" : "source-examples"}
+            aria-describedby={problem.value ? "source-problem" : begin ? undefined : "source-examples"}
             aria-invalid={problem.value !== undefined}
           />
         </div>
+        <div class="pair">
+          <ProtocolChoice />
+          {(protocol.value === "" || protocol.value === "idtp") && <KeyField input={keyField} />}
+        </div>
         {problem.value && <Wrong problem={problem.value} />}
-        <ul class="examples" id="source-examples" aria-label="Examples">
-          {EXAMPLES.map(([example, words]) => (
-            <li>
-              <button type="button" onClick={() => take(example)}>
-                {example}
-              </button>
-              <span>{words}</span>
-            </li>
-          ))}
-        </ul>
+        {!begin && <Examples take={take} />}
         <div class="row">
           <button type="button" class="btn" onClick={onClose}>
             Cancel
           </button>
           <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === ""}>
-            {busy.value ? "Adding…" : "Add"}
+            {busy.value ? "Opening…" : begin ? "Open with this key" : "Add"}
           </button>
         </div>
       </form>
     </Dialog>
+  );
+}
+
+function ProtocolChoice() {
+  return (
+    <div>
+      <label for="protocol">Protocol</label>
+      <div class="select">
+        <select
+          id="protocol"
+          value={protocol.value}
+          onChange={(event) => {
+            protocol.value = event.currentTarget.value;
+          }}
+        >
+          {PROTOCOLS.map(([value, words]) => (
+            <option value={value}>{words}</option>
+          ))}
+        </select>
+      </div>
+    </div>
+  );
+}
+
+function KeyField({ input }: { readonly input: { current: HTMLInputElement | null } }) {
+  return (
+    <div>
+      <label for="key">Key for Secure frames of IDTP (hex, optional)</label>
+      <div class="field">
+        <input
+          id="key"
+          ref={input}
+          type="password"
+          class="mono"
+          value={key}
+          onInput={(event) => {
+            key.value = event.currentTarget.value;
+          }}
+          spellcheck={false}
+          autocomplete="off"
+        />
+      </div>
+    </div>
+  );
+}
+
+function Examples({ take }: { readonly take: (example: string) => void }) {
+  return (
+    <ul class="examples" id="source-examples" aria-label="Examples">
+      {EXAMPLES.map(([example, words]) => (
+        <li>
+          <button type="button" onClick={() => take(example)}>
+            {example}
+          </button>
+          <span>{words}</span>
+        </li>
+      ))}
+    </ul>
   );
 }
 

@@ -7,6 +7,13 @@ import { isHeld, type PageState, pageState } from "../ui/state";
 import type { DeviceInfo } from "../wire/types";
 
 export type Overlay = "help" | "add" | "track" | undefined;
+/** What the form for a new device begins with; `replaces` is the device that goes when the new one is opened. */
+export interface NewDevice {
+  readonly source: string;
+  readonly protocol: string;
+  readonly replaces: string;
+}
+export const newDevice = signal<NewDevice | undefined>(undefined);
 /** A panel that lies over the plots while the window is narrow. */
 export type Sheet = "rail" | "side" | undefined;
 
@@ -84,6 +91,12 @@ export async function scanPorts(): Promise<void> {
   const found = await run(api.scanPorts());
   if (found) ports.value = found;
   scanning.value = false;
+}
+
+/** Asks for the key of a device that is open: it is opened anew with it. */
+export function askKey(device: DeviceInfo): void {
+  newDevice.value = { source: device.source, protocol: device.protocol, replaces: device.id };
+  overlay.value = "add";
 }
 
 /** Adds a device and looks at it. */

@@ -14,7 +14,7 @@ import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
 import { showsPlots } from "../ui/state";
-import { type App, folded, overlay, select, sheet } from "./app";
+import { type App, folded, newDevice, overlay, select, sheet } from "./app";
 import { Bar, Dock } from "./bar";
 import { Rail } from "./rail";
 import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
@@ -125,6 +125,7 @@ function Satellites({ app }: { readonly app: App }) {
 function Overlays({ app }: { readonly app: App }) {
   const close = (): void => {
     overlay.value = undefined;
+    newDevice.value = undefined;
   };
   if (overlay.value === "help") return <Help onClose={close} />;
   if (overlay.value === "track") {
@@ -139,7 +140,7 @@ function Overlays({ app }: { readonly app: App }) {
       close();
       if (id !== undefined) select(id);
     };
-    return <AddDevice onClose={close} onAdded={added} />;
+    return <AddDevice begin={newDevice.value} onClose={close} onAdded={added} />;
   }
   return null;
 }

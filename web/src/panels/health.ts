@@ -7,7 +7,7 @@ import { type Surface, surface } from "../ui/canvas";
 import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, MessageHealth } from "../wire/types";
-import { ageOf, type Deps, recently, selected } from "./deps";
+import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
 import { type Figure, type Figures, figuresOf, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
@@ -68,7 +68,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
     list.append(el("div", { title: help }, el("dt", {}, name), mini, cell.node));
     cells.set(key, cell);
   }
-  const messages = mountMessages(list);
+  const messages = mountMessages(list, deps);
   const words = new Live();
   const note = el("p", { class: "note" }, words.node);
   host.append(list, note);
@@ -105,7 +105,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
 const STREAMS = 5;
 
 /** One line per message that streams, below the samples; none while there is only one. */
-function mountMessages(list: HTMLElement): { update(health: DeviceHealth | undefined): void } {
+function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHealth | undefined): void } {
   let lines: { readonly name: string; readonly row: HTMLElement; readonly cell: Cell }[] = [];
   const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
   return {
@@ -116,7 +116,8 @@ function mountMessages(list: HTMLElement): { update(health: DeviceHealth | undef
         for (const line of lines) line.row.remove();
         lines = several.map((one) => {
           const cell = new Cell();
-          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, one.name), el("dd", { class: "mini" }), cell.node);
+          const group = channelsOf(deps).find(({ info }) => info.message === one.name)?.info.group;
+          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, group || one.name), el("dd", { class: "mini" }), cell.node);
           return { name: one.name, row, cell };
         });
         list.firstElementChild?.after(...lines.map((line) => line.row));

@@ -64,7 +64,7 @@ class Sky {
     const [bar, strength, use] = [el("i"), new Live(), new Live()];
     const cells = [
       el("th", { role: "rowheader", scope: "row" }, id),
-      el("td", { role: "cell", class: "bar", "aria-hidden": "true" }, bar),
+      el("td", { role: "cell", class: "cn0", "aria-hidden": "true" }, bar),
       el("td", { role: "cell", class: "num" }, strength.node, el("span", { class: "vh" }, " dB-Hz")),
       el("td", { role: "cell", class: "vh" }, use.node),
     ];

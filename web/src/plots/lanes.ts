@@ -12,7 +12,7 @@ import type { Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { age, number } from "../ui/format";
-import { choiceWords, titlesOf, words } from "../ui/words";
+import { choiceWords, words } from "../ui/words";
 import type { BitsInfo } from "../wire/types";
 import { PixelColumns } from "./columns";
 import { hatch, type Palette, setFont, type Sheet } from "./paint";
@@ -43,7 +43,7 @@ const maskOf = ({ low, width }: BitsInfo): number => (width >= 32 ? -1 : (1 << w
 /** What is always wanted of a family with dozens of flags: the solution, the fix, and how it got there. */
 const WANTED = /solution|fix|rtk|mode|filter|verified|interference/i;
 /** Lanes that stand by themselves, when there are more of interest. */
-const MOST = 10;
+const MOST = 8;
 
 /** How much a group of bits is of interest; undefined: not at all so far. */
 function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefined {
@@ -53,7 +53,8 @@ function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefin
   const named = bits.width > 1 && Object.keys(bits.choices).length > 0;
   if (bits.severity !== "" && (bits.normal_set ? (alwaysSet & mask) === 0 : wasSet)) return bits.severity === "fault" ? 0 : 1;
   if (bits.severity !== "" && bits.normal_set) return bits.severity === "fault" ? 0 : 1;
-  if (named && bits.severity === "") return WANTED.test(bits.name) ? 2 : 3;
+  if (named && bits.severity === "" && (changed || WANTED.test(bits.name))) return WANTED.test(bits.name) ? 2 : 3;
+  if (named && bits.severity === "") return 5;
   if (!wasSet) return undefined;
   return changed ? 4 : 5;
 }
@@ -61,7 +62,6 @@ function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefin
 /** The lanes of a device's channels that are of interest, faults first; what two messages say alike stands once. */
 export function lanesOf(channels: readonly Channel[]): Lane[] {
   const status = channels.filter(({ info }) => info.kind === "status");
-  const title = titlesOf(status.map(({ info }) => info));
   const found = new Map<string, Lane>();
   for (const channel of status) {
     const { info, ring } = channel;
@@ -70,8 +70,8 @@ export function lanesOf(channels: readonly Channel[]): Lane[] {
       if (!(pyramid instanceof OrAnd) || ring.length === 0) return;
       for (const bits of groups) {
         const rank = bits.low > 31 ? undefined : rankOf(pyramid, bits);
-        // The same word of a device comes in several messages; a "Status" is each message's own.
-        const said = info.group === "" || info.title === "Status" ? title(info) : info.title;
+        // The same word of a device comes in several messages; a "Status" is that of each part (GPS1, GPS2, IMU).
+        const said = info.title === "Status" ? `${info.title} ${info.group.split(" ")[0]}` : info.title;
         const same = `${said}.${bits.name}`;
         if (rank === undefined || found.has(same)) continue;
         found.set(same, { key: `${info.id}.${column}.${bits.name}`, name: words(bits.name), channel, column, bits, rank });
@@ -85,7 +85,8 @@ export function lanesOf(channels: readonly Channel[]): Lane[] {
 function named(lanes: readonly Lane[]): Lane[] {
   return lanes.map((lane) => {
     const alone = lanes.filter(({ name }) => name === lane.name).length === 1;
-    return alone || lane.channel.info.group === "" ? lane : { ...lane, name: `${lane.name} · ${lane.channel.info.group}` };
+    const { group, title } = lane.channel.info;
+    return alone ? lane : { ...lane, name: `${lane.name} · ${group || title}` };
   });
 }
 
@@ -230,15 +231,19 @@ export class Lanes {
     for (const bar of bars) if (bar.state !== 0 || bar.hot || bits.width > 1) drawBar(x, bar, bits, y, look);
     // Names stand on the data where the gutter is narrow: words begin after them.
     let free = look.narrow ? w.left + NAME_PX : w.left;
-    x.fillStyle = look.colour["ink-2"];
-    for (const { a, b, state, hot } of bars) {
+    bars.forEach(({ a, b, state, hot }, k) => {
       const text = state === MIXED || (state === 0 && !hot && bits.width === 1) ? "" : stateWords(bits, state);
       const width = x.measureText(text).width;
-      const from = Math.max(hot ? b + 7 : a + 7, free);
-      if (text === "" || (!hot && b - from < width + 5)) continue;
+      // What is wrong is said on its own colour where there is room, else behind it; never on the next one's colour.
+      const inside = b - Math.max(a + 7, free) >= width + 5;
+      const from = Math.max(inside || !hot ? a + 7 : b + 7, free);
+      const next = bars[k + 1];
+      const room = inside || (hot && !(next?.hot && next.a < from + width + 4));
+      if (text === "" || !room) return;
+      x.fillStyle = look.colour[!inside || !hot ? "ink-2" : bits.severity === "fault" ? "status-bad-ink" : "status-warn-ink"];
       x.fillText(text, from, y + LANE_PX / 2 + 0.5);
       free = from + width + 8;
-    }
+    });
   }
 
   #of(channel: Channel, w: TimeWindow): PixelColumns {

@@ -50,7 +50,8 @@ export class Legend {
 
   constructor(spec: PlotSpec) {
     const head = el("b", {}, spec.title);
-    const named = spec.unit === "°" || NAMED.has(spec.frame); // a vector along the sensor's own axes needs no word
+    // What is felt along the sensor's own axes needs no word; how it moves does.
+    const named = spec.unit === "°" || spec.unit === "m/s" || NAMED.has(spec.frame);
     const frame = spec.frame === "" || !named ? "" : ` ${spec.frame}`;
     if (spec.unit + frame !== "") head.append(unit(spec.unit + frame));
     const about = spec.series[0]?.channel.info;

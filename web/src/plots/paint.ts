@@ -5,7 +5,8 @@
 
 const COLOURS = [
   "bg", "bg-rail", "bg-hover", "bg-active", "line", "line-strong", "edge", "grid", "grid-zero", "ink", "ink-2", "ink-3",
-  "invert-bg", "invert-ink", "axis-x", "axis-y", "axis-z", "axis-n", "status-warn", "status-bad", "loss", "yours", "yours-ink",
+  "invert-bg", "invert-ink", "axis-x", "axis-y", "axis-z", "axis-n", "status-warn", "status-warn-ink", "status-bad", "status-bad-ink", "loss",
+  "yours", "yours-ink",
 ] as const;
 export type Colour = (typeof COLOURS)[number];
 

@@ -63,9 +63,11 @@ const FAMILIES: readonly Family[] = [
 ];
 /** After the angles: what devices send that also know where they are. */
 const MOTION: readonly Family[] = [
-  { words: /^velocity/i, units: ["m/s"], weight: 0.9 },
-  { words: /^(position|offset)/i, units: ["m"], weight: 0.9 },
+  { words: /^velocity(?!.*increment)/i, units: ["m/s"], weight: 0.9 },
+  { words: /^(local )?position$/i, units: ["m"], weight: 0.9 },
 ];
+/** Frames in which motion is shown rather, first the best. */
+const MOTION_FRAMES: readonly RegExp[] = [/^(ENU|NED|NWU)/, /^(body)?$/, /^ECEF/];
 /** Families that are one: the second member is offered, not shown. */
 const SAME: readonly number[] = [0, 0, 1, 1, 2];
 const EULER = { tilt: 0.98, yaw: 0.66 };
@@ -158,10 +160,12 @@ function belongs({ info }: Channel, { words, units }: Family): boolean {
   return info.kind === "vector" && units.includes(unit) && (words.test(info.title) || words.test(info.name)) && info.columns.some(({ axis }) => axis === "x");
 }
 
-/** A vector of an INS or a GNSS receiver, in a frame of the world: the first of its family. */
+/** The velocity of an INS or a GNSS receiver; its position too, unless latitude and longitude draw a track. */
 function motionPlots(channels: readonly Channel[]): PlotSpec[] {
-  return MOTION.flatMap((family) => {
-    const found = channels.find((channel) => belongs(channel, family) && /^(ENU|NED|NWU)/.test(channel.info.frame));
+  const tracked = channels.some(({ info }) => info.columns.some(({ name }) => /^lat/i.test(name)));
+  return MOTION.slice(0, tracked ? 1 : 2).flatMap((family) => {
+    const members = channels.filter((channel) => belongs(channel, family));
+    const [found] = MOTION_FRAMES.flatMap((frame) => members.filter(({ info }) => frame.test(info.frame)));
     return found === undefined ? [] : [spec(found, "", title(found), found.info.columns.map((_, c) => c), family.weight, true)];
   });
 }

@@ -65,8 +65,16 @@ export interface Port {
   readonly heard: readonly PortTry[];
 }
 
+/** How a source is to be read, as far as a person says so. */
+export interface HowToRead {
+  /** "xbus", "isb", "idtp"; absent: recognised. */
+  readonly protocol?: string;
+  /** For Secure frames, hex. Goes to the server and is kept nowhere else. */
+  readonly key?: string;
+}
+
 export const api = {
-  addDevice: (source: string) => request<{ readonly id: string }>("POST", "/api/devices", { source }),
+  addDevice: (source: string, how: HowToRead = {}) => request<{ readonly id: string }>("POST", "/api/devices", { source, ...how }),
   removeDevice: (id: string) => request<unknown>("DELETE", `/api/devices/${encodeURIComponent(id)}`),
   retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
   /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */
