@@ -9,22 +9,25 @@ for; the score is that share, between 0 and 1, and `why` says it in words for th
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from protocols.events import Decoder
+from protocols.events import Batch, Decoder, Reply
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.frames import build as idtp_build
 from protocols.idtp.likeness import likeness as idtp_likeness
 from protocols.idtp.listing import IdtpListing
+from protocols.idtp.protection import protection as idtp_protection
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.frames import DATA, stop
+from protocols.isb.frames import DATA, get_data, stop
 from protocols.isb.frames import build as isb_build
+from protocols.isb.identity import identity as isb_identity
 from protocols.isb.likeness import likeness as isb_likeness
 from protocols.isb.listing import IsbListing
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build
+from protocols.xbus.identity import identity as xbus_identity
 from protocols.xbus.likeness import likeness as xbus_likeness
 from protocols.xbus.listing import XbusListing
 
@@ -49,7 +52,12 @@ class ProtocolInfo:
         listing: makes what turns a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes, with which `warm` runs everything once.
         settings: what decoder and listing can be told beside, by keyword: "key" (bytes), "min_mode" (0 to 2),
-            "replay_check" (bool).
+            "replay_check", "show_unverified" (bool), "schema" (idtp/vendor.py).
+        datagrams: whether the decoder can be told, by that keyword, that every chunk is a datagram.
+        identity: what an answer tells of the device: "product", "serial_number", "firmware", those that it tells.
+        greeting: what may be sent to any device of the protocol, whatever it does, to learn who it is; b"" for nothing.
+        protection: what protects the frames of a batch, in words; None where a protocol has one answer for all.
+        sender: what to call who sends (Batch.device) where a stream names its senders.
     """
 
     name: str
@@ -59,6 +67,11 @@ class ProtocolInfo:
     listing: Callable[..., Listing]
     sample: bytes
     settings: frozenset[str] = frozenset()
+    datagrams: bool = False
+    identity: Callable[[Reply], Mapping[str, str]] = lambda reply: {}
+    greeting: bytes = b""
+    protection: Callable[[Batch], str] | None = None
+    sender: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +93,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             xbus_likeness,
             XbusListing,
             build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
+            identity=xbus_identity,
         ),
         ProtocolInfo(
             "isb",
@@ -88,6 +102,8 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             isb_likeness,
             IsbListing,
             2 * isb_build(DATA, 58, bytes(36)) + stop(),
+            identity=isb_identity,
+            greeting=get_data(1, period=0),  # device information, once; streams go on as they are
         ),
         ProtocolInfo(
             "idtp",
@@ -96,7 +112,10 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             idtp_likeness,
             IdtpListing,
             idtp_build(4, bytes(36), sequence=1, mode=1) + idtp_build(6, bytes(16), sequence=3),
-            frozenset(("key", "min_mode", "replay_check")),
+            frozenset(("key", "min_mode", "replay_check", "show_unverified", "schema")),
+            datagrams=True,
+            protection=idtp_protection,
+            sender="IDTP device",
         ),
     )
 }
@@ -106,6 +125,30 @@ def guess(data: bytes) -> list[Guess]:
     """How much `data` look like each protocol, best first. A few hundred bytes are enough to be sure."""
     guesses = [Guess(row.name, *row.likeness(data)) for row in PROTOCOLS.values()]
     return sorted(guesses, key=lambda one: one.score, reverse=True)
+
+
+def lenient(protocol: str) -> Decoder:
+    """A decoder that takes frames as they are: for looking at bytes, not for trusting them."""
+    row = PROTOCOLS[protocol]
+    wanted = {"show_unverified": True, "replay_check": False}
+    return row.decoder(**{name: value for name, value in wanted.items() if name in row.settings})
+
+
+def messages_in(data: bytes) -> Counter[str]:
+    """How many messages of each protocol are in some bytes: two protocols in one stream are a mistake worth telling.
+
+    Messages that pass through any port (NMEA, u-blox, RTCM 3) are nobody's own and not counted.
+    """
+    count: Counter[str] = Counter()
+    for name in PROTOCOLS:
+        decoder = lenient(name)
+        decoder.feed(data, 0)
+        for event in decoder.drain(stalled=True):
+            if isinstance(event, Batch):
+                count[name] += len(event)
+            elif isinstance(event, Reply) and event.message.id >= 0:  # a decoder's own remark is no message
+                count[name] += 1
+    return count
 
 
 def warm() -> Counter[str]:

@@ -16,11 +16,12 @@ from server.config import Config
 from server.hub import Hub
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
+from server.reading import Reading
 from server.session import Speech
 from server.sessions import OpenLink, Sessions
 from server.version import VERSION
 
-DEFAULT_SOURCES = ("twin:xbus",)
+DEFAULT_SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
 
 
 def create_app(
@@ -35,8 +36,11 @@ def create_app(
 
     Args:
         open_link, speech, now_ns: links, protocols and clock; tests pass their own.
+    Raises:
+        ReadingError: the configuration says something about its sources that cannot be used.
     """
     now_ns = now_ns or steady_clock()
+    reading = config.reading()
     hub = Hub(lambda: now_ns() / 1e9, history_s=config.history_s, budget=config.memory_mb * 1024 * 1024)
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
 
@@ -44,7 +48,7 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         sessions.start()
         for source in config.sources or DEFAULT_SOURCES:
-            sessions.add(source, config.protocol)
+            sessions.add(source, reading if config.sources else Reading())
         yield
         await sessions.close()
 

@@ -80,7 +80,7 @@ class Channels:
     def __init__(self, device: str, advertise: Advertise) -> None:
         self._device = device
         self._advertise = advertise
-        self._plans: dict[tuple[int, str], tuple[Message, list[_Cut]]] = {}
+        self._plans: dict[tuple[int, str, bool], tuple[Message, list[_Cut]]] = {}
         self._first: str | None = None  # the first sender heard in the stream: its channels carry no name of it
         self._ids: dict[str, int] = {}
 
@@ -105,7 +105,7 @@ class Channels:
     def _plan(self, batch: Batch) -> list[_Cut]:
         if self._first is None:
             self._first = batch.device
-        key = (id(batch.message), batch.device)
+        key = (id(batch.message), batch.device, batch.verified)
         known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
             return known[1]
@@ -135,6 +135,9 @@ class Channels:
                 factors = _in_shown_units(info)
                 if batch.device != self._first:  # several senders share the stream: never two in one trace
                     info.name, info.title = f"{info.name}@{batch.device}", f"{info.title} · {batch.device}"
+                if not batch.verified:  # nor what is verified and what is not
+                    info.name, info.title = f"{info.name}?", f"{info.title} · unverified"
+                    info.verified = False
                 cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts
 

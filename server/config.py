@@ -5,6 +5,7 @@
     port = 8080
     data = "/var/lib/imuscope"
     sources = ["/dev/ttyUSB0", "tcp://10.0.0.7:4000"]
+    key = "@/etc/imuscope.key"  # of IDTP devices in Secure mode
     view_token = "…"            # may look
     control_token = "…"         # may also change things
     allowed_hosts = ["robot.example"]
@@ -24,6 +25,8 @@ from pathlib import Path
 from typing import Any
 
 import platformdirs
+
+from server.reading import Reading, key_text, reading, schema_text
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -46,8 +49,10 @@ class Config:
     Args:
         host, port: where to listen; port 0 lets the system choose one (it is printed).
         data: folder for recordings and compiled code.
-        sources: opened at start; none given: the twin of an Xsens MTi.
+        sources: opened at start; none given: twins of all device families.
         protocol: of those sources; "" to guess.
+        key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
+            vendor types; unverified: show Secure frames without a key, marked (see server/reading.py).
         history_s, memory_mb: how far back the server remembers samples, whichever is less.
         view_token, control_token: "" means that one is made when it is needed.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
@@ -59,12 +64,26 @@ class Config:
     data: Path = field(default_factory=default_data)
     sources: tuple[str, ...] = ()
     protocol: str = ""
+    key: str = field(default="", repr=False)
+    min_mode: str = ""
+    schema: str = ""
+    unverified: bool = False
     history_s: float = 600.0
     memory_mb: int = 256
     view_token: str = ""
     control_token: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
+
+    def reading(self) -> Reading:
+        """How the sources are to be read.
+
+        Raises:
+            ReadingError: a setting that cannot be used, or a file that cannot be read.
+        """
+        key = key_text(self.key) if self.key else ""
+        schema = schema_text(self.schema) if self.schema else ""
+        return reading(self.protocol, key, self.min_mode, self.unverified, schema)
 
     @property
     def is_loopback(self) -> bool:
@@ -138,5 +157,6 @@ def _converted(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not type(default):
-        raise ConfigError(f"{name} must be {type(default).__name__}, not {value!r}.")
+        shown = "…" if name == "key" else repr(value)  # a secret, however it is written
+        raise ConfigError(f"{name} must be {type(default).__name__}, not {shown}.")
     return value

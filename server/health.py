@@ -8,7 +8,8 @@ comes seldom is given one and a half of its own intervals.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
+from collections.abc import Iterable
 
 from server.wire import MessageHealth
 
@@ -60,6 +61,9 @@ class Figures:
         self.gaps = 0
         self.lost = 0
         self.rejects = 0
+        self.rejects_by: Counter[str] = Counter()  # reason → how many
+        self.verified: int | None = None  # samples; None where a protocol has no such notion
+        self.unverified: int | None = None
         self.last_arrival: float | None = None
 
     def heard(self, size: int, arrival: float) -> None:
@@ -73,6 +77,16 @@ class Figures:
         if meter is None:
             meter = self.messages[message] = Meter()
         meter.add(count, now)
+
+    def rejected(self, reasons: Iterable[str]) -> None:
+        """Candidates that failed, each for a reason."""
+        self.rejects_by.update(reasons)
+        self.rejects = self.rejects_by.total()
+
+    def trusted(self, count: int, verified: bool) -> None:
+        """`count` samples of a protocol that tells verified from unverified ones."""
+        self.verified = (self.verified or 0) + (count if verified else 0)
+        self.unverified = (self.unverified or 0) + (0 if verified else count)
 
     def report(self, now: float) -> list[MessageHealth]:
         """Every message, the most frequent first."""

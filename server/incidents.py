@@ -22,6 +22,7 @@ GAPS_PER_PERIOD = 10
 REPLIES_PER_PERIOD = 20
 TEXTS_PER_SORT = 1  # ever: a sentence that repeats is a stream; its values are channels, its lines are no news
 TEXT_SORTS = 64
+DATE_NS = 5 * 365 * 86_400 * 10**9  # a clock that moves by years was not running wrong: it did not know the date
 
 
 @dataclass(slots=True)
@@ -91,6 +92,8 @@ class Incidents:
         }
         if self._may("clock", GAPS_PER_PERIOD):
             text = words.get(step.kind, f"The device's clock: {step.kind}, {_signed(step.by_ns / 1e9)}.")
+            if step.kind == "sync" and step.by_ns > DATE_NS:
+                text = "The device has learned the date: its clock counted from power-on, and is UTC from here on."
             data = {"kind": step.kind, "by_ns": step.by_ns}
             self.say("clock", "caution", text, time=time, data={k: plain(v) for k, v in data.items()})
         else:

@@ -13,8 +13,8 @@ after it *in the stream*, whichever layouts those two have, so their times are l
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,40 +31,72 @@ from server.incidents import Blame, Incidents
 from server.links.base import Chunk
 
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
+TOLD_ONCE = ("no_key",)  # by server/advice.py: that every frame is refused again is no news
+MOST_SENDERS = 16  # named; more in one stream are noise, or nobody's to remember
 _WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
 _ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
 
 
+def _nothing(reply: Reply) -> Mapping[str, str]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What an intake and a session know of a protocol beside its decoder; see registry.ProtocolInfo."""
+
+    greeting: bytes = b""
+    identity: Callable[[Reply], Mapping[str, str]] = _nothing
+    protection: Callable[[Batch], str] | None = None
+    sender: str = ""
+
+
 @dataclass(slots=True)
 class Identity:
-    """Who a device said it is; "" while unknown."""
+    """Who a device said it is; "" while unknown.
 
+    Args:
+        read: what an answer tells.
+        sender: what to call who sends, where a stream names its senders.
+    """
+
+    read: Callable[[Reply], Mapping[str, str]] = _nothing
+    sender: str = ""
     product: str = ""
     serial_number: str = ""
     firmware: str = ""
+    protection: str = ""
+    _protections: dict[str, str] = field(default_factory=dict)  # by sender
 
     def learn(self, reply: Reply) -> bool:
         """Take what an answer tells; True when something is new."""
+        told = self.read(reply)
+        if not told:
+            return False
         before = (self.product, self.serial_number, self.firmware)
-        values = reply.values
-        product = values.get("product_code") or _code_in(values.get("reserved_host"))
-        if isinstance(product, str) and product.strip():
-            self.product = product.strip().strip("\x00")
-        elif not self.product and "600-series" in reply.message.title:
-            self.product = "MTi-600 series"  # only they have this form of Configuration
-        number = values.get("device_id64") or values.get("device_id") or values.get("master_device_id")
-        if isinstance(number, int | np.integer) and int(number) > 0:
-            self.serial_number = f"{int(number):08X}"
-        if reply.message.name.startswith("Firmware") and "major" in values:
-            parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
-            self.firmware = ".".join(str(part) for part in parts)
+        self.product = told.get("product", self.product or told.get("series", ""))
+        self.serial_number = told.get("serial_number", self.serial_number)
+        self.firmware = told.get("firmware", self.firmware)
         return before != (self.product, self.serial_number, self.firmware)
 
+    def heard(self, sender: str, protection: str) -> bool:
+        """Somebody sent frames that are protected in some way; True when something is new."""
+        known = self._protections.get(sender)
+        if known is not None and protection in (known, ""):
+            return False
+        if known is None and len(self._protections) >= MOST_SENDERS:
+            return False
+        self._protections[sender] = protection
+        self.protection = "; ".join(dict.fromkeys(words for words in self._protections.values() if words))
+        if self.sender:
+            self.serial_number = ", ".join(sorted(self._protections, key=lambda name: (len(name), name)))
+            self.product = self.sender + "s" * (len(self._protections) > 1)
+        return True
 
-def _code_in(reserved: object) -> str:
-    """The product code that devices with a 64-bit identifier write into 20 bytes of Configuration (xbus facts)."""
-    text = bytes(reserved[:20]).strip(b"\0 ") if isinstance(reserved, bytes | bytearray | np.bytes_) else b""
-    return text.decode("ascii") if text.startswith(b"MTi") and text.isascii() else ""
+    @property
+    def name(self) -> str:
+        """What to call it; "" to go by the product."""
+        return f"{self.product} {self.serial_number}" if self.sender and self.product else ""
 
 
 class Intake:
@@ -76,7 +108,8 @@ class Intake:
         decoder: of the stream's protocol, fresh.
         figures: counts that go on over reconnections.
         channels: of the device; go on over reconnections, so that a channel keeps its id.
-        identify: called when an answer told who the device is.
+        identify: called when an answer told who the device is, or its frames how they are protected.
+        about: what is known of the protocol.
     """
 
     def __init__(
@@ -92,6 +125,7 @@ class Intake:
         byte_time_ns: float = 0,
         link_kind: str = "",
         capacity: float | None = None,
+        about: About = About(),
     ) -> None:
         self._hub = hub
         self._decoder = decoder
@@ -110,7 +144,8 @@ class Intake:
         self._byte_time_ns = byte_time_ns
         self._clocks: dict[str, HostClock] = {}  # by sender: each has a clock of its own
         self.clock = HostClock(byte_time_ns)  # of the first sender: what the health figures tell
-        self.identity = Identity()
+        self._about = about
+        self.identity = Identity(about.identity, about.sender)
         self.samples = 0
 
     @property
@@ -139,7 +174,16 @@ class Intake:
             self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
         self.samples += len(texts)  # a device that speaks in sentences alone is alive as well
+        if self._about.protection is not None:
+            self._trust(batches, self._about.protection)
         self._tell(events, batches, times)
+
+    def _trust(self, batches: Sequence[Batch], protection: Callable[[Batch], str]) -> None:
+        """Count what is verified; who sends, and how well that is protected, is told when it changes."""
+        for batch in batches:
+            self._figures.trusted(len(batch), batch.verified)
+            if self.identity.heard(batch.device, protection(batch)):
+                self._identify(self.identity)
 
     # ── time ──
 
@@ -205,8 +249,8 @@ class Intake:
             else:
                 self._reply(event)
         if rejects:
-            self._figures.rejects += len(rejects)
-            self._incidents.rejects(rejects)
+            self._figures.rejected(reject.reason for reject in rejects)
+            self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
         if len(hosts):
             self._last_time = float(hosts[-1])
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)

@@ -17,20 +17,23 @@ guessing. Each connection has a fresh decoder and a fresh clock mapping; channel
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol as Shape
 
 from protocols.events import Decoder
 from server import wire
+from server.advice import Advice
 from server.channels import Channels
 from server.health import Figures
 from server.hub import Hub
 from server.incidents import Incidents
-from server.intake import Identity, Intake
+from server.intake import About, Identity, Intake
 from server.links.base import Chunk, Link, LinkError
+from server.reading import Reading
 
 log = logging.getLogger("imuscope.session")
 
@@ -65,9 +68,11 @@ class Guess(Shape):
 class Speech:
     """The protocols a session can speak: usually those of protocols/registry.py."""
 
-    decoder: Callable[[str], Decoder]
+    decoder: Callable[[str, Reading, str], Decoder]  # protocol, what was said about the source, kind of its link
     guess: Callable[[bytes], Sequence[Guess]]
     title: Callable[[str], str]
+    about: Callable[[str], About] = lambda protocol: About()
+    messages_in: Callable[[bytes], Mapping[str, int]] = lambda data: {}
 
 
 class Session:
@@ -76,26 +81,36 @@ class Session:
     Args:
         device: DeviceInfo.id, unique in this run.
         link: closed; it is opened again after each loss.
-        protocol: name, or "" to guess it.
+        reading: how to read it; its protocol is guessed where it says none.
     """
 
-    def __init__(self, device: str, link: Link, hub: Hub, speech: Speech, protocol: str = "") -> None:
+    def __init__(
+        self,
+        device: str,
+        link: Link,
+        hub: Hub,
+        speech: Speech,
+        reading: Reading = Reading(),  # noqa: B008 - frozen
+    ) -> None:
         self.info = wire.DeviceInfo(
             id=device,
             name=_short(link.source),
             source=link.source,
             link=link.kind,
             status="connecting",
-            protocol=protocol,
+            protocol=reading.protocol,
             message=f"Opening {link.source}.",
         )
         self._link = link
         self._hub = hub
         self._speech = speech
-        self._asked_protocol = protocol
+        self._reading = reading
+        self._greeted = False
+        self._greeting: asyncio.Task[None] | None = None
         self._figures = Figures()
         self._channels = Channels(device, hub.advertise)
         self._incidents = Incidents(hub, device)
+        self._advice = Advice(self._incidents, speech.messages_in, speech.title)
         self._intake: Intake | None = None
         self._unknown: list[Chunk] = []
         self._unknown_since = 0.0
@@ -123,6 +138,9 @@ class Session:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
             self._task = None
+        if self._greeting is not None:
+            self._greeting.cancel()
+            await asyncio.gather(self._greeting, return_exceptions=True)
         await self._link.close()
         self._off_flush()
         self._hub.remove_device(self.info.id)
@@ -154,13 +172,14 @@ class Session:
         self._opened_at = self._hub.now()
         self._unknown, self._unknown_since = [], 0.0
         self._intake = None
-        if self._asked_protocol:
-            self._begin(self._asked_protocol)
+        self._greeted = False
+        if self._reading.protocol:
+            self._begin(self._reading.protocol)
         self._set(
             message=f"{self._link.source} is open, no byte yet.",
             hint="",
             baud=self._link.baud,
-            notices=list(self._link.notices),
+            notices=self._notices,
         )
 
     def _tried(self, attempt: wire.Try) -> None:
@@ -212,6 +231,7 @@ class Session:
                 self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
             self._chunks += 1
             figures.heard(len(chunk.data), arrival)
+            self._advice.hear(chunk.data)
             if self._intake is None:
                 self._unknown.append(chunk)
             else:
@@ -226,7 +246,7 @@ class Session:
         self._intake = Intake(
             self._hub,
             self.info.id,
-            self._speech.decoder(protocol),
+            self._speech.decoder(protocol, self._reading, self._link.kind),
             figures=self._figures,
             channels=self._channels,
             incidents=self._incidents,
@@ -234,6 +254,7 @@ class Session:
             byte_time_ns=10e9 / baud if baud else 0,
             link_kind=self._link.kind,
             capacity=self._link.capacity,
+            about=self._speech.about(protocol),
         )
         self._set(protocol=protocol, name=self._name(self.info.product, protocol))
         for chunk in self._unknown:
@@ -252,13 +273,14 @@ class Session:
                 self._intake.drain(stalled=final)
                 if self._intake.samples and self.info.status != "live" and not final:
                     self._came_alive()
+                self._advise(at_once=final)
         except Exception:
             log.exception("decoding %s failed", self.info.source)
             text = "A fault in imuscope stopped the decoder of this device; it was started afresh. The log has details."
             self._incidents.say("device", "fault", text)
             self._intake = None
-            if self._asked_protocol:
-                self._begin(self._asked_protocol)
+            if self._reading.protocol:
+                self._begin(self._reading.protocol)
 
     def _recognise(self, *, final: bool) -> None:
         """Guess the protocol from what has been kept."""
@@ -286,7 +308,9 @@ class Session:
     def _came_alive(self) -> None:
         back = self.info.status == "lost"
         self._retry_s = FIRST_RETRY_S
-        self._set(status="live", message="", hint="", next_try=None, last_arrival=self._figures.last_arrival)
+        hint = self._advice.hint
+        self._set(status="live", message="", hint=hint, next_try=None, last_arrival=self._figures.last_arrival)
+        self._greet()
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._incidents.say("link", "info", text, data={"kind": "back" if back else "live"})
         if self._died_at is not None and back and self._figures.last_arrival is not None:
@@ -296,12 +320,43 @@ class Session:
             self._incidents.say("gap", "fault", text, span=span, data={"counter": "", "by": "link"})
         self._died_at = None
 
+    def _advise(self, *, at_once: bool = False) -> None:
+        """Say what is to be done about a stream of which something is refused, or not read."""
+        assert self._intake is not None
+        live = self.info.status == "live"
+        samples = self._intake.samples
+        new = self._advice.refused(self._figures.rejects_by, live=live)
+        new |= self._advice.look(self._hub.now(), self.info.protocol, samples=samples, at_once=at_once)
+        if new:
+            self._set(notices=self._notices, hint=self._advice.hint)
+            if self.info.status == "connecting" and self._advice.message:
+                self._set(message=self._advice.message)
+
+    @property
+    def _notices(self) -> list[str]:
+        return [*self._link.notices, *self._advice.notices]
+
+    def _greet(self) -> None:
+        """Ask a device that has been heard who it is, once for each connection, unless it has said so."""
+        intake, link = self._intake, self._link
+        if self._greeted or intake is None or intake.identity.product or link.kind == "file":
+            return
+        self._greeted = True
+        greeting = self._speech.about(self.info.protocol).greeting
+
+        async def ask() -> None:
+            with contextlib.suppress(LinkError):  # no way back, or nobody there any more: reading finds that out
+                await link.write(greeting)
+
+        if greeting:
+            self._greeting = asyncio.get_running_loop().create_task(ask(), name=f"greeting {self.info.source}")
+
     def tick(self, now: float) -> None:
         """Ten times a second: stalls, silence, sums of what happened."""
         last = self._figures.last_arrival
         if self._opened_at is not None:
-            if self._link.notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
-                self._set(notices=list(self._link.notices))
+            if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
+                self._set(notices=self._notices)
             quiet = now - max(last or 0.0, self._opened_at)
             if self._intake is None and self._unknown:
                 self._dirty = True
@@ -346,6 +401,9 @@ class Session:
             gaps=figures.gaps,
             lost=figures.lost,
             rejects=figures.rejects,
+            rejects_by=dict(figures.rejects_by),
+            verified=figures.verified,
+            unverified=figures.unverified,
             bytes=figures.bytes.total,
             bytes_per_s=figures.bytes.rate(now),
             capacity=self._link.capacity,
@@ -362,7 +420,8 @@ class Session:
             product=identity.product or self.info.product,
             serial_number=identity.serial_number or self.info.serial_number,
             firmware=identity.firmware or self.info.firmware,
-            name=self._name(identity.product, self.info.protocol),
+            protection=identity.protection or self.info.protection,
+            name=identity.name or self._name(identity.product, self.info.protocol),
         )
 
     def _name(self, product: str, protocol: str) -> str:

@@ -10,12 +10,14 @@ from dataclasses import replace
 from server import wire
 from server.hub import Hub
 from server.links.base import Link, LinkError, LinkSettings
+from server.reading import OPTIONS, Reading, ReadingError, taken_from
 from server.session import Session, Speech
 
 TICK_S = 0.1
 HEALTH_EVERY = 5  # ticks
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
 MOST_DEVICES = 64
+OPTIONS_HINT = f"A source may say {', '.join(OPTIONS)} after its question mark."
 
 OpenLink = Callable[[str, LinkSettings], Link]
 
@@ -27,7 +29,7 @@ class Sessions:
         hub: where they publish.
         open_link: makes a (closed) link of a source; raises LinkError "bad-source".
         speech: the protocols.
-        settings: for the links; `protocol` is filled in per source.
+        settings: for the links; `protocol` and `key` are filled in per source.
         wall_ns: the wall clock, which may step; a step is told as an event and moves no sample.
     """
 
@@ -62,12 +64,19 @@ class Sessions:
             await asyncio.gather(self._ticker, return_exceptions=True)
         await asyncio.gather(*(self.remove(device) for device in list(self._sessions)))
 
-    def add(self, source: str, protocol: str = "") -> Session:
+    def add(self, source: str, reading: Reading = Reading()) -> Session:  # noqa: B008 - frozen
         """Open a source.
 
+        Args:
+            reading: what was said about it; what the source itself says comes before that, and is shown nowhere.
         Raises:
             LinkError: kind "bad-source", or "busy" when it is open already or there are too many.
         """
+        try:
+            source, reading = taken_from(source, reading)
+        except ReadingError as error:
+            place = source.partition("?")[0]
+            raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", OPTIONS_HINT) from None
         for session in self._sessions.values():
             if session.info.source == source and not source.startswith("twin:"):
                 raise LinkError(
@@ -75,10 +84,10 @@ class Sessions:
                 )
         if len(self._sessions) >= MOST_DEVICES:
             raise LinkError("busy", f"{MOST_DEVICES} devices are open, and that is the most.", "Remove one first.")
-        link = self._open_link(source, replace(self._settings, protocol=protocol))
+        link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
         device = str(self._next_id)
         self._next_id += 1
-        session = self._sessions[device] = Session(device, link, self._hub, self._speech, protocol)
+        session = self._sessions[device] = Session(device, link, self._hub, self._speech, reading)
         session.start()
         return session
 

@@ -6,9 +6,11 @@ seconds the first time ever; the command line does that where it can say so, bef
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from protocols.events import Decoder
+from server.intake import About
+from server.reading import Reading
 from server.session import Guess, Speech
 
 
@@ -22,14 +24,30 @@ def protocols() -> dict[str, str]:
 def speech() -> Speech:
     """All protocols of the registry."""
 
-    def decoder(name: str) -> Decoder:
+    def decoder(name: str, reading: Reading, link_kind: str) -> Decoder:
         from protocols.registry import PROTOCOLS
 
-        return PROTOCOLS[name].decoder()
+        row = PROTOCOLS[name]
+        datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
+        return row.decoder(**reading.settings(row.settings), **datagrams)
 
     def guess(data: bytes) -> Sequence[Guess]:
         from protocols.registry import guess
 
         return guess(data)
 
-    return Speech(decoder=decoder, guess=guess, title=lambda name: protocols().get(name, name))
+    def about(name: str) -> About:
+        from protocols.registry import PROTOCOLS
+
+        row = PROTOCOLS[name]
+        return About(row.greeting, row.identity, row.protection, row.sender)
+
+    def messages_in(data: bytes) -> Mapping[str, int]:
+        from protocols.registry import messages_in
+
+        return messages_in(data)
+
+    def title(name: str) -> str:
+        return protocols().get(name, name)
+
+    return Speech(decoder=decoder, guess=guess, title=title, about=about, messages_in=messages_in)

@@ -139,6 +139,7 @@ class ChannelInfo:
     columns: list[ColumnInfo]
     doc: str = ""
     source: str = ""
+    verified: bool = True  # false: its samples are shown although nobody could check who sent them
     group: str = ""  # the message it came in, for a person: "INS 1"; "" where a quantity stands for itself
 
 
@@ -164,6 +165,7 @@ class DeviceInfo:
     product: str = ""  # "MTi-630 AHRS"
     serial_number: str = ""
     firmware: str = ""
+    protection: str = ""  # of its frames, where they differ: "Safety, CRC-32", "Secure, unverified: no key"
     baud: int | None = None
     message: str = ""  # one sentence about the state: "/dev/ttyUSB0 is gone."
     hint: str = ""  # what to do next
@@ -200,6 +202,9 @@ class DeviceHealth:
     last_arrival: float | None
     drift_ppm: float | None  # device clock against host clock
     uncertainty_ms: float | None  # ± of the mapping from device time to host time
+    rejects_by: dict[str, int] = field(default_factory=dict)  # reason → how many of `rejects`: "bad_checksum", "no_key"
+    verified: int | None = None  # samples whose frames passed every check; null where a protocol does not tell
+    unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser
 
 

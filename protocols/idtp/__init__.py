@@ -11,7 +11,7 @@
     frames.py     scan, verify and build frames              sequence.py  replays and losses, device by device
     stream.py     frames that count, and rejects             payloads.py  from a payload's type to its columns
     decoder.py    batches, time, loss, warnings              plain.py     one frame as plain values and back
-    device.py     the other end of the wire
+    device.py     the other end of the wire              protection.py  how well is it protected, in words
 
 Source: IDTP v2.1.0, with its errata.
 """

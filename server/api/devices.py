@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
+from server.reading import ReadingError, taken_from
+from server.reading import reading as read_as
 from server.session import Session
 from server.sessions import Sessions
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
+
+SETTINGS_HINT = "What a source can be told is listed at /openapi.json, AddDevice."
 
 
 class AddDevice(BaseModel):
@@ -22,6 +26,16 @@ class AddDevice(BaseModel):
 
     source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
     protocol: str = Field("", max_length=40, description="name of the protocol; empty to recognise it")
+    key: SecretStr = Field(
+        SecretStr(""), max_length=1000, description="for Secure frames of IDTP, hex; never told again"
+    )
+    min_mode: Literal["", "lite", "safety", "secure"] = Field(
+        "", description="weakest mode of IDTP that is accepted; empty: secure with a key, else lite"
+    )
+    unverified: bool = Field(False, description="without a key, show Secure frames, marked as unverified")
+    schema_text: str = Field(
+        "", alias="schema", max_length=100_000, description="TOML that describes a vendor's own payload types of IDTP"
+    )
 
 
 def sessions_of(request: Request) -> Sessions:
@@ -49,12 +63,15 @@ async def list_devices(sessions: AllSessions) -> list[wire.DeviceInfo]:
 @router.post("", status_code=201, responses=responses(400, 409, 422))
 async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -> wire.DeviceInfo:
     """Open a source. The answer comes at once; how it goes on is told over the WebSocket."""
+    try:
+        reading = read_as(body.protocol, body.key.get_secret_value(), body.min_mode, body.unverified, body.schema_text)
+        named = taken_from(body.source, reading)[1].protocol
+    except ReadingError as error:
+        raise ApiError(400, "bad-setting", f"{str(error)[:1].upper()}{str(error)[1:]}.", SETTINGS_HINT) from None
     protocols: dict[str, str] = request.app.state.protocols()
-    if body.protocol and body.protocol not in protocols:
-        raise ApiError(
-            400, "bad-protocol", f"There is no protocol {body.protocol!r}.", f"There are: {', '.join(protocols)}."
-        )
-    return sessions.add(body.source, body.protocol).info
+    if named and named not in protocols:
+        raise ApiError(400, "bad-protocol", f"There is no protocol {named!r}.", f"There are: {', '.join(protocols)}.")
+    return sessions.add(body.source, reading).info
 
 
 @router.delete("/{device}", status_code=204, responses=responses(404))

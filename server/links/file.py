@@ -91,7 +91,7 @@ class FileLink(Link):
     def _play_once(self, inbox: Inbox) -> None:
         from protocols import registry
 
-        decoder: Decoder | None = registry.PROTOCOLS[self._protocol].decoder() if self._protocol else None
+        decoder: Decoder | None = registry.lenient(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
             pace = Pace(file, decoder)
             for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):

@@ -10,6 +10,8 @@ import numpy as np
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
+from protocols.xbus.identity import identity
+from server.intake import About
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
 from server.session import Speech
 
@@ -160,7 +162,12 @@ def _guess(data: bytes) -> Sequence[FakeGuess]:
     return [FakeGuess("fake", min(share, 1.0), f"{data.count(b'F')} samples")]
 
 
-SPEECH = Speech(decoder=lambda name: FakeDecoder(), guess=_guess, title=lambda name: "Fake sensor")
+SPEECH = Speech(
+    decoder=lambda name, reading, link: FakeDecoder(),
+    guess=_guess,
+    title=lambda name: "Fake sensor",
+    about=lambda name: About(identity=identity),
+)
 
 
 def sample(count: int, force: int = 0) -> bytes:

@@ -7,6 +7,7 @@ import pytest
 from protocols.events import Reply
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
+from protocols.xbus.identity import identity as xbus_identity
 from server.intake import Identity
 
 
@@ -18,7 +19,7 @@ def said_by(product: str) -> list[Reply]:
 
 @pytest.mark.parametrize("product", ["MTi-630", "MTi-680G"])
 def test_a_600_tells_its_product_code_in_configuration(product: str) -> None:
-    identity = Identity()
+    identity = Identity(xbus_identity)
     assert sum(identity.learn(reply) for reply in said_by(product)) > 0
     assert identity.product.startswith(product)
     assert identity.serial_number != ""
@@ -27,6 +28,6 @@ def test_a_600_tells_its_product_code_in_configuration(product: str) -> None:
 def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
     [configuration] = [reply for reply in said_by("MTi-630") if reply.message.name == "Configuration"]
     silent = Reply(configuration.message, {**configuration.values, "reserved_host": bytes(32)}, 0, 118, 0)
-    identity = Identity()
+    identity = Identity(xbus_identity)
     identity.learn(silent)
     assert identity.product == "MTi-600 series"

@@ -11,6 +11,7 @@ import pytest
 from server import session as session_module
 from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
+from server.reading import Reading
 from server.session import Session
 from server.sessions import Sessions
 from tests.server.fakes import SPEECH, Clock, FakeLink, sample
@@ -23,7 +24,7 @@ class Stage:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, SPEECH, protocol)
+        self.session = Session("1", self.link, self.hub, SPEECH, Reading(protocol))
 
     async def settle(self, seconds: float = 0.0) -> None:
         """Let the tasks run; then time passes in ticks of 0.1 s."""
@@ -340,11 +341,11 @@ def test_one_source_is_opened_once() -> None:
     async def run() -> None:
         clock = Clock()
         sessions = Sessions(Hub(clock), FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
-        first = sessions.add("/dev/ttyFAKE", "fake")
+        first = sessions.add("/dev/ttyFAKE", Reading("fake"))
         with pytest.raises(LinkError, match="open already"):
             sessions.add("/dev/ttyFAKE")
         await sessions.remove(first.info.id)
-        assert sessions.add("/dev/ttyFAKE", "fake").info.id == "2"  # ids are never used again
+        assert sessions.add("/dev/ttyFAKE", Reading("fake")).info.id == "2"  # ids are never used again
         await sessions.close()
 
     asyncio.run(run())

@@ -79,6 +79,7 @@ export function eulerInfo(source: ChannelInfo): ChannelInfo {
     doc: `Worked out on this page from ${source.title || source.name}; yaw, then pitch, then roll.`,
     source: source.source,
     group: source.group,
+    verified: source.verified,
   };
 }
 

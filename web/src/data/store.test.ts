@@ -7,7 +7,7 @@ const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnI
   name, dtype: "f4", unit, label: "", axis, choices: {}, bits: [], decimals: -1, period: 0, doc: "",
 });
 const info = (id: number, name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[]): ChannelInfo => ({
-  id, device: "1", message: "MTData2", name, title: name, kind, unit: "", frame: "ENU from body", columns, doc: "", source: "", group: "",
+  id, device: "1", message: "MTData2", name, title: name, kind, unit: "", frame: "ENU from body", columns, doc: "", source: "", group: "", verified: true,
 });
 const acceleration = info(1, "Acceleration", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
 const quaternion = info(2, "Quaternion", "quaternion", ["q0", "q1", "q2", "q3"].map((name) => column(name)));

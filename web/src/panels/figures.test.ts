@@ -17,6 +17,9 @@ const health: DeviceHealth = {
   last_arrival: 99.99,
   drift_ppm: 12.42,
   uncertainty_ms: 0.2,
+  rejects_by: {},
+  verified: null,
+  unverified: null,
   dropped: 0,
 };
 const quiet = { gaps: 0, lost: 0, rejects: 0 };

@@ -28,6 +28,7 @@ const channel = (name: string, kind: ChannelInfo["kind"], columns: ColumnInfo[])
   doc: "",
   source: "",
   group: "",
+  verified: true,
 });
 
 describe("groupsOf", () => {

@@ -17,6 +17,9 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   last_arrival: null,
   drift_ppm: null,
   uncertainty_ms: null,
+  rejects_by: {},
+  verified: null,
+  unverified: null,
   dropped: 0,
   ...more,
 });

@@ -136,7 +136,7 @@ describe("which plots there are", () => {
     const columns = names.map(([column, axis]): ColumnInfo => ({
       name: column, dtype: "f4", unit, label: "", axis: axis as ColumnInfo["axis"], choices: {}, bits: [], decimals: -1, period: 0, doc: "",
     }));
-    const info = { id: 1, device: "1", message: "", name, title: name, kind, unit, frame: "", columns, doc: "", source: "", group: "" };
+    const info = { id: 1, device: "1", message: "", name, title: name, kind, unit, frame: "", columns, doc: "", source: "", group: "", verified: true };
     return { info, ring: ringOf(info) };
   };
   const xyz = [["x", "x"], ["y", "y"], ["z", "z"]] as const;

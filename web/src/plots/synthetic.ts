@@ -12,12 +12,12 @@ const bit = (name: string, low: number, more: Partial<BitsInfo> = {}): BitsInfo 
   name, low, width: 1, choices: {}, severity: "", normal_set: false, doc: `${name}: what this bit means in one sentence.`, ...more,
 });
 const channel = (id: number, name: string, title: string, kind: ChannelInfo["kind"], unit: string, frame: string, columns: ColumnInfo[]): ChannelInfo => ({
-  id, device: "1", message: "Synthetic", name, title, kind, unit, frame, columns, doc: "", source: "", group: "",
+  id, device: "1", message: "Synthetic", name, title, kind, unit, frame, columns, doc: "", source: "", group: "", verified: true,
 });
 const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis) => column(axis, "f4", unit, axis));
 
 export const DEVICE: DeviceInfo = {
-  id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", baud: null,
+  id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", protection: "", baud: null,
   message: "", hint: "", tries: [], next_try: null, last_arrival: null, notices: [],
 };
 

@@ -11,7 +11,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   protocol: "xbus",
   product: "",
   serial_number: "",
-  firmware: "",
+  firmware: "", protection: "",
   baud: null,
   message: "",
   hint: "",

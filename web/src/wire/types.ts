@@ -91,6 +91,8 @@ export interface ChannelInfo {
   readonly columns: readonly ColumnInfo[];
   readonly doc: string;
   readonly source: string;
+  /** false: its samples are shown although nobody could check who sent them */
+  readonly verified: boolean;
   /** the message it came in, for a person: "INS 1"; "" where a quantity stands for itself */
   readonly group: string;
 }
@@ -120,6 +122,8 @@ export interface DeviceInfo {
   readonly product: string;
   readonly serial_number: string;
   readonly firmware: string;
+  /** of its frames, where they differ: "Safety, CRC-32", "Secure, unverified: no key" */
+  readonly protection: string;
   readonly baud: number | null;
   /** one sentence about the state: "/dev/ttyUSB0 is gone." */
   readonly message: string;
@@ -164,6 +168,12 @@ export interface DeviceHealth {
   readonly drift_ppm: number | null;
   /** ± of the mapping from device time to host time */
   readonly uncertainty_ms: number | null;
+  /** reason → how many of `rejects`: "bad_checksum", "no_key" */
+  readonly rejects_by: Readonly<Record<string, number>>;
+  /** samples whose frames passed every check; null where a protocol does not tell */
+  readonly verified: number | null;
+  /** samples shown although their frames could not be checked */
+  readonly unverified: number | null;
   /** samples dropped for this browser */
   readonly dropped: number;
 }

@@ -1,0 +1,23 @@
+"""How well is what a device sends protected? In words, for the page.
+
+Lite, CRC-8 of the header alone · Safety, CRC-32 · Secure, verified · Secure, unverified: no key
+"""
+
+from __future__ import annotations
+
+from protocols.events import Batch
+from protocols.idtp.frames import LITE, SECURE
+from protocols.idtp.messages import MODE_NAMES, status_of
+
+_CHECKS = {LITE: "CRC-8 of the header alone"}
+
+
+def protection(batch: Batch) -> str:
+    """What protects the frames of a batch, by the last of them; "" where that is not known (an opaque payload)."""
+    if not batch.verified:
+        return f"{MODE_NAMES[SECURE]}, unverified: no key"
+    status = batch.columns.get(status_of(batch.message.name).name)
+    if status is None or not len(status):
+        return ""
+    mode = int(status[-1]) & 3
+    return f"{MODE_NAMES.get(mode, '')}, {_CHECKS.get(mode, 'verified' if mode == SECURE else 'CRC-32')}"
