@@ -136,7 +136,7 @@ class Channels:
                 if batch.device != self._first:  # several senders share the stream: never two in one trace
                     info.name, info.title = f"{info.name}@{batch.device}", f"{info.title} · {batch.device}"
                 if not batch.verified:  # nor what is verified and what is not
-                    info.name, info.title = f"{info.name}?", f"{info.title} · unverified"
+                    info.name = f"{info.name}?"  # a name of its own; its title is the same, and `verified` marks it
                     info.verified = False
                 cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts

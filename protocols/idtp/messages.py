@@ -112,7 +112,7 @@ STATUS = Field(
     title="Frame status",
     bits=(
         Bits("Mode", MODE_BITS, 2, MODE_NAMES, doc="What protects the frame: CRC-8, CRC-32 or HMAC."),
-        Bits("Unverified", UNVERIFIED, severity="fault", doc="A Secure frame, and no key to verify it with."),
+        Bits("Unverified", UNVERIFIED, severity="caution", doc="A Secure frame, and no key to verify it with."),
         Bits("NotFinite", NOT_FINITE, severity="caution", doc="A value is not a number, or infinite."),
         Bits("NotUnit", NOT_UNIT, severity="caution", doc="The quaternion's norm is not 1: it is shown as a gap."),
         Bits("TooLong", TOO_LONG, severity="caution", doc="The payload goes on behind what its type describes."),

@@ -37,7 +37,8 @@ export function sourceOf(channels: readonly Channel[]): Source | undefined {
 function source(words: string, from: Channel, channel: Channel, at: Source["at"]): Source {
   const { title, group, frame } = from.info;
   const detail = [group, title || from.info.name, frame].filter(Boolean).join(", ");
-  return { words: group ? `from ${group}` : words, detail, frame: frameOf(from), channel, at };
+  const said = group ? `from ${group}` : words;
+  return { words: from.info.verified === false ? `▲ unverified, ${said}` : said, detail, frame: frameOf(from), channel, at };
 }
 
 function isEarthly({ info }: Channel): boolean {

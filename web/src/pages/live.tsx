@@ -17,6 +17,7 @@ import { showsPlots } from "../ui/state";
 import { type App, folded, newDevice, overlay, select, sheet } from "./app";
 import { Bar, Dock } from "./bar";
 import { Rail } from "./rail";
+import { KeyBand } from "./trust";
 import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
 
 export function LivePage({ app }: { readonly app: App }) {
@@ -37,6 +38,7 @@ export function LivePage({ app }: { readonly app: App }) {
       <main class="centre">
         <h1 class="vh">Live{app.device.value ? `: ${app.device.value.name}` : ""}</h1>
         <ProblemBand />
+        <KeyBand app={app} />
         <Centre app={app} />
       </main>
       <Side app={app} />

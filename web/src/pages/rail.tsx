@@ -4,6 +4,7 @@ import { view } from "../data/view";
 import { recently } from "../panels/deps";
 import { rateBars } from "../panels/minute";
 import { drawBars } from "../panels/sparkline";
+import { trustOf } from "../panels/trust";
 import { api, type Port } from "../ui/api";
 import { surface } from "../ui/canvas";
 import { el, every, type Panel } from "../ui/dom";
@@ -77,6 +78,7 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
           <span class="u">Hz</span>
         </span>
         <Facts device={device} />
+        <TrustTag device={device} health={health} />
         {(streams || app.minute.of(device.id).some((moment) => moment.rate > 0)) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
@@ -107,6 +109,20 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
           <span class="nb">{count(device.baud, "Bd", "Bd")}</span>
         </>
       )}
+    </span>
+  );
+}
+
+/** Verified or not, with what protects the frames; nothing where a protocol does not tell. */
+function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly health: DeviceHealth | undefined }) {
+  const trust = trustOf(device, health);
+  if (!trust) return null;
+  return (
+    <span class="trust" data-trust={trust.word}>
+      <span class={trust.tone ? `tag ${trust.tone}` : ""}>
+        {trust.mark} {trust.word}
+      </span>
+      {trust.detail && ` ${trust.tone ? "" : "· "}${trust.detail}`}
     </span>
   );
 }

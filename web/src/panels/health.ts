@@ -11,6 +11,7 @@ import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
 import { type Figure, type Figures, figuresOf, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
+import { rejections } from "./trust";
 
 /** Bars in a small sparkline: one for two seconds. */
 const SLOTS = 31;
@@ -69,6 +70,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
     cells.set(key, cell);
   }
   const messages = mountMessages(list, deps);
+  const reasons = mountReasons(list);
   const words = new Live();
   const note = el("p", { class: "note" }, words.node);
   host.append(list, note);
@@ -89,6 +91,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       for (const [key, cell] of cells) cell.set(figures[key]);
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
+      reasons.update(health);
       words.set(verdict(device, deps.store.events.value, health, dropped));
       note.hidden = words.node.data === "";
       drawSparks(deps, id, sparks, device?.status === "lost");
@@ -123,6 +126,37 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
         list.firstElementChild?.after(...lines.map((line) => line.row));
       }
       several.forEach((one, i) => lines[i]?.cell.set(figure(one)));
+    },
+  };
+}
+
+/** Lines about trust under the rejects: a count for each reason, and how many samples were verified and how many not. */
+function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined): void } {
+  const lines = new Map<string, { readonly row: HTMLElement; readonly cell: Cell }>();
+  const after = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
+  return {
+    update(health) {
+      const wanted = new Map<string, Figure>();
+      for (const { words, count } of rejections(health)) wanted.set(words, { value: number(count, 0), unit: "frames", tone: "" });
+      if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
+      if (typeof health?.verified === "number") wanted.set("verified", { value: number(health.verified, 0), unit: "smp", tone: "" });
+      for (const [name, line] of lines) {
+        if (wanted.has(name)) continue;
+        line.row.remove();
+        lines.delete(name);
+      }
+      let last = after;
+      for (const [name, figure] of wanted) {
+        let line = lines.get(name);
+        if (!line) {
+          const cell = new Cell();
+          line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), el("dd", { class: "mini" }), cell.node) };
+          lines.set(name, line);
+          last?.after(line.row);
+        }
+        line.cell.set(figure);
+        last = line.row;
+      }
     },
   };
 }

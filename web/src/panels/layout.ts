@@ -38,6 +38,8 @@ export interface ValueGroup {
   readonly unit: string;
   readonly frame: string;
   readonly rows: readonly ValueRow[];
+  /** False: shown although nobody could check who sent it. */
+  readonly verified: boolean;
 }
 
 /** The same quantities by the titles that families with other names share. */
@@ -83,14 +85,14 @@ export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[
     if (channel.kind === "rows") {
       slow.push({ channel, column: -1, info: undefined, label: title, colour: "" });
     } else if (["vector", "euler", "quaternion", "matrix"].includes(channel.kind)) {
-      groups.push({ title, unit: channel.unit || commonUnit(channel), frame, rows: rowsOf(channel, false) });
+      groups.push({ title, unit: channel.unit || commonUnit(channel), frame, rows: rowsOf(channel, false), verified: channel.verified });
     } else if (channel.columns.length === 1) {
       for (const row of rowsOf(channel, true)) slow.push({ ...row, label: title });
     } else {
-      records.push({ title, unit: "", frame, rows: rowsOf(channel, true) });
+      records.push({ title, unit: "", frame, rows: rowsOf(channel, true), verified: channel.verified });
     }
   }
-  const tail = slow.length > 0 ? [{ title: "Slow data", unit: "", frame: "", rows: slow }] : [];
+  const tail = slow.length > 0 ? [{ title: "Slow data", unit: "", frame: "", rows: slow, verified: slow.every((row) => row.channel.verified) }] : [];
   return [...groups, ...tail, ...records];
 }
 

@@ -87,6 +87,7 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[]): rea
     const title = el("th", { colspan: "4", scope: "rowgroup" }, group.title);
     if (group.unit) title.append(unit(group.unit));
     if (group.frame) title.append(el("span", { class: "dim" }, ` ${group.frame}`));
+    if (!group.verified) title.append(el("span", { class: "tag warn" }, "▲ unverified"));
     body.append(el("tr", { class: "g" }, title));
     for (const row of group.rows) {
       const channel = byId.get(row.channel.id);

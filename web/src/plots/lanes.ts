@@ -86,7 +86,7 @@ function named(lanes: readonly Lane[]): Lane[] {
   return lanes.map((lane) => {
     const alone = lanes.filter(({ name }) => name === lane.name).length === 1;
     const { group, title } = lane.channel.info;
-    return alone ? lane : { ...lane, name: `${lane.name} · ${group || title}` };
+    return alone ? lane : { ...lane, name: `${lane.name} · ${group || title.split(" ")[0]}` };
   });
 }
 

@@ -55,7 +55,8 @@ export class Legend {
     const frame = spec.frame === "" || !named ? "" : ` ${spec.frame}`;
     if (spec.unit + frame !== "") head.append(unit(spec.unit + frame));
     const about = spec.series[0]?.channel.info;
-    head.title = [about?.doc, spec.frame && `Frame: ${about?.frame ?? spec.frame}.`].filter(Boolean).join(" ");
+    if (about?.verified === false) head.append(" ", el("span", { class: "tag warn", title: "Unverified: nobody could check who sent this" }, "▲"), el("span", { class: "vh" }, "unverified"));
+    head.title = [about?.group, about?.doc, spec.frame && `Frame: ${about?.frame ?? spec.frame}.`].filter(Boolean).join(" ");
     this.#rows = spec.series.map((series) => this.#row(series));
     this.root = el("div", { class: "leg" }, head, ...this.#rows.map(({ button }) => button));
   }

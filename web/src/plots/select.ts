@@ -170,11 +170,11 @@ function motionPlots(channels: readonly Channel[]): PlotSpec[] {
   });
 }
 
-/** Where two plots have one title, the message tells them apart. */
+/** Where two plots have one title, the message tells them apart; what stands by itself keeps its short one. */
 function toldApart(plots: readonly PlotSpec[]): PlotSpec[] {
   const seen = new Map<string, number>();
   for (const plot of plots) seen.set(plot.title, (seen.get(plot.title) ?? 0) + 1);
-  const same = ({ title, group }: PlotSpec): boolean => group !== "" && (seen.get(title) ?? 0) > 1;
+  const same = ({ title, group, primary }: PlotSpec): boolean => !primary && group !== "" && (seen.get(title) ?? 0) > 1;
   return plots.map((plot) => (same(plot) ? { ...plot, title: `${plot.title} · ${plot.group}` } : plot));
 }
 
