@@ -21,7 +21,7 @@ from serial.tools import list_ports as system_ports
 
 from server.links.base import LinkError, Try
 from server.links.scan import scan as scan_rates
-from server.links.serial import Line, gone, group_of, holder, join_group, open_port
+from server.links.serial import Line, gone, holder, lock_of, open_port
 
 # USB vendor → maker. The list of the USB Implementers Forum, as far as inertial sensors and their adapters go.
 MAKERS = {
@@ -97,8 +97,8 @@ def _info(device: str, description: str, taken: Collection[str]) -> PortInfo:
         return info
     info.busy = holder(device)
     if not os.access(device, os.R_OK | os.W_OK):
-        group = group_of(device)
-        info.denied = f"No permission: it belongs to the group {group}. {join_group(group)}"
+        who, hint, _ = lock_of(device)
+        info.denied = f"No permission: {who}. {hint}"
     return info
 
 

@@ -440,5 +440,7 @@ class Session:
 
 
 def _short(source: str) -> str:
-    """/dev/ttyUSB0 → ttyUSB0; tcp://host:1 → host:1; a file by its name."""
-    return source.partition("?")[0].rstrip("/").rsplit("/", 1)[-1] or source
+    """/dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file by its name."""
+    bare = source.partition("?")[0].rstrip("/")
+    device = re.search("(?:^|//)/dev/(.+)", bare)
+    return (device[1] if device else bare.rsplit("/", 1)[-1]) or source

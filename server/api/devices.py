@@ -74,14 +74,14 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
     return sessions.add(body.source, reading).info
 
 
-@router.delete("/{device}", status_code=204, responses=responses(404))
+@router.delete("/{device}", status_code=204, responses=responses(404, 422))
 async def remove_device(session: OneSession, sessions: AllSessions) -> Response:
     """Close a device and forget it."""
     await sessions.remove(session.info.id)
     return Response(status_code=204)
 
 
-@router.post("/{device}/retry", responses=responses(404))
+@router.post("/{device}/retry", responses=responses(404, 422))
 async def retry_device(session: OneSession) -> wire.DeviceInfo:
     """Try the link now instead of at `next_try`; play an ended file again."""
     session.retry()

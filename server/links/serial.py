@@ -189,26 +189,35 @@ def cannot_open(place: str, line: Line, error: Exception) -> LinkError:
 
 def denied(place: str) -> LinkError:
     """The refusal that every new Linux user meets, with the group to join by name."""
-    group = group_of(place)
-    hint = f"{join_group(group)} In a container, add the group when it is started (`--group-add {group}`)."
-    return LinkError("denied", f"No permission to open {place}: it belongs to the group {group}.", hint)
+    who, hint, group = lock_of(place)
+    if group:
+        hint += f" In a container, add the group when it is started (`--group-add {group}`)."
+    return LinkError("denied", f"No permission to open {place}: {who}.", hint)
 
 
-def join_group(group: str) -> str:
-    """How to join a group, as a hint."""
-    return f"Run `sudo usermod -aG {group} $USER`, then log out and in again."
+def lock_of(place: str) -> tuple[str, str, str]:
+    """Who may open a port, how to become one of them, and the group to join, "" where joining one would not help.
 
-
-def group_of(place: str) -> str:
-    """Name of the group that owns a port; "dialout", Debian's choice, where it cannot be found out."""
+    Debian's group of ports, dialout, is named where nothing can be found out.
+    """
     try:
         import grp  # not on Windows
+        import pwd
 
-        gid = os.stat(place).st_gid
-        # A port that belongs to root's group opens to nobody: joining it would be the wrong advice.
-        return grp.getgrgid(gid).gr_name if gid != 0 else "dialout"
+        about = os.stat(place)
+        if about.st_gid == 0 or about.st_mode & 0o060 != 0o060:
+            owner = pwd.getpwuid(about.st_uid).pw_name
+            now = f"`sudo chgrp dialout {place} && sudo chmod g+rw {place}`"
+            return (
+                f"only its owner, {owner}, may",
+                f"Let the group of port users in: {now}; for good, with a udev rule.",
+                "",
+            )
+        group = grp.getgrgid(about.st_gid).gr_name
     except (ImportError, OSError, KeyError):
-        return "dialout"
+        group = "dialout"
+    join = f"Run `sudo usermod -aG {group} $USER`, then log out and in again."
+    return f"it belongs to the group {group}", join, group
 
 
 def holder(place: str) -> str:

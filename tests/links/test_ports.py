@@ -55,6 +55,8 @@ def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pyt
         with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:
             monkeypatch.setattr(ports, "holder", lambda path: "minicom (process 7)" if path == taken.path else "")
             monkeypatch.setattr(ports.os, "access", lambda path, mode: path != refused.path)
+            os.chown(refused.path, -1, 20)
+            os.chmod(refused.path, 0o660)
             told: list[str] = []
             infos = await ports.scan(
                 [bench.slave, silent.path, taken.path, refused.path, "/dev/ttyNope"],

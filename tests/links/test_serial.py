@@ -14,7 +14,7 @@ import pytest
 import serial
 
 from server.links import open_link
-from server.links.serial import Line, cannot_open, holder, latency_notices, open_port
+from server.links.serial import Line, cannot_open, holder, latency_notices, lock_of, open_port
 from tests.links.bench import dies, fails, gather, joined, left_behind, opened, pty, settings
 
 
@@ -182,11 +182,24 @@ def test_missing_permission_names_the_group_and_the_command(number: int, monkeyp
     monkeypatch.setattr(serial, "Serial", refuse)
     with pty() as port:
         os.chown(port.path, -1, 20)
+        os.chmod(port.path, 0o660)
         error = run(fails(open_link(port.path, settings()).open()))
     assert error.kind == "denied"
     assert port.path in error.message
     assert "dialout" in error.message
     assert "sudo usermod -aG dialout $USER" in error.hint
+
+
+@pytest.mark.parametrize(("group", "mode"), [(0, 0o660), (20, 0o600)])
+def test_a_group_that_would_not_help_is_not_named(group: int, mode: int) -> None:
+    """A port of root's alone was said to belong to dialout; joining it changed nothing."""
+    with pty() as port:
+        os.chown(port.path, -1, group)
+        os.chmod(port.path, mode)
+        who, hint, join = lock_of(port.path)
+    assert (who, join) == ("only its owner, root, may", "")
+    assert f"sudo chgrp dialout {port.path}" in hint
+    assert "usermod" not in hint
 
 
 @pytest.mark.parametrize(

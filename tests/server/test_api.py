@@ -166,6 +166,8 @@ def test_openapi_documents_every_route(client: Client) -> None:
                 assert schema == {"$ref": "#/components/schemas/ProblemBody"}, where
             if "{" in path:
                 assert "404" in route["responses"], where
+            shapes = [str(answer) for status, answer in route["responses"].items() if status >= "400"]
+            assert all("ProblemBody" in shape for shape in shapes), f"{where}: errors have one shape"
 
 
 def test_build_and_health(client: Client) -> None:

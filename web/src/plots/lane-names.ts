@@ -27,7 +27,8 @@ export class LaneNames {
     box.append(this.#list);
     box.addEventListener("pointermove", (event) => this.#speak(this.#laneAt(event)));
     box.addEventListener("pointerdown", (event) => this.#speak(this.#laneAt(event)));
-    box.addEventListener("pointerleave", () => this.#speak(undefined));
+    // A finger "leaves" as it is lifted: what it asked for stays, until it asks for something else.
+    box.addEventListener("pointerleave", ({ pointerType }) => pointerType !== "touch" && this.#speak(undefined));
     this.#write();
   }
 

@@ -48,6 +48,7 @@ describe("the rail's words", () => {
   it("shortens sources", () => {
     expect(shortSource("/dev/ttyUSB0")).toBe("ttyUSB0");
     expect(shortSource("serial:///dev/ttyUSB0?baud=921600")).toBe("ttyUSB0");
+    expect(shortSource("/dev/pts/4")).toBe("pts/4");
     expect(shortSource("tcp://10.0.7.21:2000")).toBe("tcp 10.0.7.21:2000");
     expect(shortSource("twin:xbus?rate=400")).toBe("twin:xbus");
     expect(shortSource("udp://:34555")).toBe("udp :34555");

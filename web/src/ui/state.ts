@@ -71,5 +71,6 @@ export function shortSource(source: string): string {
   const scheme = /^([a-z-]+):\/\/(.*)$/.exec(bare);
   const rest = scheme?.[2] ?? bare;
   if (scheme && scheme[1] !== "serial" && scheme[1] !== "file") return `${scheme[1]} ${rest}`;
+  if (rest.startsWith("/dev/")) return rest.slice("/dev/".length); // pts/4 is not "4"
   return rest.split("/").filter(Boolean).at(-1) ?? source;
 }
