@@ -11,17 +11,17 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NoReturn
 
 from server.compiled import prepare_cache
 from server.config import Config, ConfigError, default_data, load
+from server.reading import MODES, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
 COMMANDS = ("serve", "ports", "inspect")
-MODES = ("lite", "safety", "secure")
-SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus, …"
+SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 
 
 class UsageError(Exception):
@@ -40,7 +40,7 @@ def parser() -> argparse.ArgumentParser:
     """All commands and options."""
     root = _Parser(
         prog="imuscope",
-        description="A page that shows inertial sensors live. Without a source, a twin of an Xsens MTi streams.",
+        description="A page that shows inertial sensors live. Without a source, twins of all device families stream.",
     )
     root.add_argument("--version", action="version", version=f"imuscope {VERSION}")
     commands = root.add_subparsers(dest="command", metavar="COMMAND")
@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     serve.add_argument("sources", nargs="*", metavar="SOURCE", help=SOURCES)
     serve.add_argument("--host", help="address to listen on (127.0.0.1; any other needs a token, which is printed)")
     serve.add_argument("--port", type=int, help="port to listen on (8080; 0: any free one)")
-    serve.add_argument("--protocol", help="protocol of the sources (recognised when left out)")
+    _add_reading(serve, "protocol of the sources (recognised when left out)")
     serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
     _add_data(serve)
 
@@ -58,19 +58,26 @@ def parser() -> argparse.ArgumentParser:
 
     inspect = commands.add_parser("inspect", help="one line per frame of a file")
     inspect.add_argument("file", metavar="FILE", help="a raw capture")
-    inspect.add_argument("--protocol", default="auto", help="xbus, isb, idtp, or auto (the default)")
+    _add_reading(inspect, "xbus, isb, idtp, or auto (the default)")
     inspect.add_argument("--direction", choices=("rx", "tx"), default="rx", help="rx: sent by the device (the default)")
     inspect.add_argument("--format", choices=("table", "jsonl"), default="table")
     inspect.add_argument("--rejects", action="store_true", help="also show what failed its checks")
-    inspect.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
-    inspect.add_argument(
-        "--min-mode",
-        choices=MODES,
-        help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)",
-    )
     inspect.add_argument("--no-replay-check", action="store_true", help="accept frames of any sequence number")
     _add_data(inspect)
     return root
+
+
+def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
+    """What a person says about the bytes of a source or file; see server/reading.py."""
+    command.add_argument("--protocol", metavar="NAME", help=protocol)
+    command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
+    command.add_argument(
+        "--min-mode", choices=MODES, help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)"
+    )
+    command.add_argument("--schema", metavar="FILE", help="descriptions of vendor types, see protocols/idtp/vendor.py")
+    command.add_argument(
+        "--unverified", action="store_true", default=None, help="without a key, show Secure frames, marked"
+    )
 
 
 def _add_data(command: argparse.ArgumentParser) -> None:
@@ -92,8 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _ports(options)
             case "inspect":
                 _inspect(options)
-    except (UsageError, ConfigError) as error:
-        print(f"imuscope: {error}", file=sys.stderr)
+    except (UsageError, ConfigError, ReadingError) as error:
+        end = "" if str(error).endswith(".") else "."
+        print(f"imuscope: {error}{end}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -110,7 +118,11 @@ def _serve(options: argparse.Namespace) -> None:
         host=options.host,
         port=options.port,
         data=options.data,
-        protocol=options.protocol,
+        protocol="" if options.protocol == "auto" else options.protocol,
+        key=options.key,
+        min_mode=options.min_mode,
+        schema=options.schema,
+        unverified=options.unverified,
         sources=options.sources or None,
     )
     _compile(config.data)
@@ -120,17 +132,19 @@ def _serve(options: argparse.Namespace) -> None:
     from server.links import LinkError, open_link
     from server.links.file import FileLink
 
+    given = config.reading()
     known = speech.protocols()
-    if config.protocol and config.protocol not in known:
-        raise UsageError(f"there is no protocol {config.protocol!r}; there are: {', '.join(known)}.")
     for source in config.sources:
         try:
-            link = open_link(source)
+            place, own = taken_from(source, given)
+            link = open_link(place)
         except LinkError as error:
             raise UsageError(str(error)) from None
+        _known(own.protocol, known)
         if isinstance(link, FileLink) and not link.path.is_file():
             # A port may be plugged in later; a file that is not there now is a slip of the fingers.
             raise UsageError(_no_file(str(link.path)) + " See `imuscope --help` for commands and sources.")
+    _known(given.protocol, known)
     try:
         listener = serving.listen(config.host, config.port)
     except OSError as error:
@@ -149,12 +163,18 @@ def _serve(options: argparse.Namespace) -> None:
         else:
             print(url, flush=True)
         if not config.sources:
-            print("No source given: showing a twin of an Xsens MTi. See `imuscope serve --help`.", file=sys.stderr)
+            words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
+            print(f"{words} See `imuscope serve --help`.", file=sys.stderr)
 
     try:
         serving.run(create_app(config, access), listener, ready)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
+
+
+def _known(protocol: str, known: Collection[str]) -> None:
+    if protocol and protocol not in known:
+        raise UsageError(f"there is no protocol {protocol!r}; there are: {', '.join(known)}.")
 
 
 def _url(config: Config, port: int) -> str:
@@ -195,14 +215,17 @@ def _inspect(options: argparse.Namespace) -> None:
     _compile(load(data=options.data).data)
     from server.inspect import inspect_file
 
-    how = {name: getattr(options, name) for name in ("protocol", "direction", "format", "rejects")}
-    how["replay_check"] = not options.no_replay_check
-    if options.key is not None:
-        how["key"] = _key(options.key)
-    if options.min_mode is not None:
-        how["min_mode"] = MODES.index(options.min_mode)
+    said = reading(
+        options.protocol or "auto",
+        key_text(options.key) if options.key is not None else "",
+        options.min_mode or "",
+        bool(options.unverified),
+        schema_text(options.schema) if options.schema else "",
+        not options.no_replay_check,
+    )
+    how = {name: getattr(options, name) for name in ("direction", "format", "rejects")}
     try:
-        inspect_file(path, sys.stdout, **how)
+        inspect_file(path, sys.stdout, said, notes=sys.stderr, **how)
     except (ValueError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             raise
@@ -211,26 +234,6 @@ def _inspect(options: argparse.Namespace) -> None:
 
 def _no_file(path: str) -> str:
     return f"{path} is a folder; name one capture in it." if Path(path).is_dir() else f"there is no file {path}."
-
-
-def _key(given: str) -> bytes:
-    """A key from the command line."""
-    text = given
-    if given.startswith("@"):
-        try:
-            text = Path(given[1:]).read_text(encoding="ascii")
-        except OSError as error:
-            raise UsageError(f"the key cannot be read from {given[1:]}: {error.strerror}.") from None
-        except UnicodeDecodeError:
-            raise UsageError(f"{given[1:]} holds no key: it must hold hex digits.") from None
-    try:
-        key = bytes.fromhex(text)
-    except ValueError:
-        key = b""
-    if not key:
-        place = given if given.startswith("@") else "--key"
-        raise UsageError(f"{place} holds no key: it must be an even number of hex digits.")
-    return key
 
 
 if __name__ == "__main__":

@@ -17,15 +17,38 @@ The file is read in pieces, so its size does not matter.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
-from protocols.registry import PROTOCOLS, ProtocolInfo, guess
+from protocols.registry import PROTOCOLS, ProtocolInfo, guess, messages_in
+from server.reading import Reading
 
 CHUNK = 1 << 20
 LONGEST_WORD = 64  # characters of a word or of bytes shown in the table; jsonl has all of them
 GUESSED_FROM = 1 << 16  # bytes of the file that decide the protocol
+FEW = 3  # messages of another protocol; fewer may be chance
+
+EXPLAINED: Mapping[str, str] = {
+    "bad_checksum": "the checksum does not fit the bytes",
+    "bad_size": "it claims a length that no frame has",
+    "bad_type": "it claims a packet type that there is not",
+    "bad_item": "an item of it claims more bytes than are left, or a size that its kind has not",
+    "bad_id": "bus identifier and message are both 0",
+    "bad_crc8": "the header is damaged, or this is no header",
+    "bad_version": "a version that is not read here",
+    "bad_mode": "a mode that there is not",
+    "below_min_mode": "intact, but of a weaker mode than is accepted (--min-mode)",
+    "bad_crc32": "the payload is damaged",
+    "bad_hmac": "damaged, forged, or made with another key",
+    "no_key": "a Secure frame, and no key to check it with (--key)",
+    "stale": "intact, but old: its sequence number has passed (--no-replay-check)",
+    "far_ahead": "intact, but its sequence number is far ahead, and no second frame agrees",
+    "truncated": "the bytes end before it does",
+    "indt": "the preamble of IDTP's successor",
+}
+"""What each reason means, for a person."""
 
 Line = Mapping[str, Any]
 
@@ -33,27 +56,31 @@ Line = Mapping[str, Any]
 def inspect_file(
     path: str | Path,
     out: TextIO,
+    reading: Reading = Reading("auto"),  # noqa: B008 - frozen
     *,
-    protocol: str = "auto",
     direction: Literal["rx", "tx"] = "rx",
     format: Literal["table", "jsonl"] = "table",
     rejects: bool = False,
-    **settings: Any,
+    notes: TextIO | None = None,
 ) -> None:
     """Write one line a frame.
 
     Args:
-        protocol: a name of protocols.registry, or "auto" to guess it from the beginning of the file.
+        reading: protocol, a name of protocols.registry, or "auto" to guess it from the beginning of the file; key and
+            what else the protocol can be told.
         direction: "rx": what a device sent; "tx": what was sent to it. (Xbus numbers tell by themselves.)
         rejects: also what failed its checks.
-        settings: "key", "min_mode", "replay_check"; what the protocol has no use for is not looked at.
+        notes: where to say that the file holds messages of other protocols too.
     Raises:
         ValueError: no such protocol, or nothing known in the file.
         OSError: the file cannot be read.
     """
-    row = _row(Path(path), protocol)
-    told = {name: value for name, value in settings.items() if name in row.settings}
-    lines = (line for line in _lines(Path(path), row, told) if rejects or "reject" not in line)
+    row = _row(Path(path), reading.protocol)
+    if notes is not None:
+        _tell_mixture(Path(path), row, notes)
+    lines = (
+        line for line in _lines(Path(path), row, reading.settings(row.settings)) if rejects or "reject" not in line
+    )
     if format == "jsonl":
         for line in lines:
             out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
@@ -80,6 +107,22 @@ def _row(path: Path, protocol: str) -> ProtocolInfo:
     return PROTOCOLS[guesses[0].protocol]
 
 
+def _tell_mixture(path: Path, row: ProtocolInfo, notes: TextIO) -> None:
+    """Say so when the beginning or the end of a file holds messages of another protocol."""
+    with path.open("rb") as file:
+        found = messages_in(file.read(GUESSED_FROM))
+        size = file.seek(0, os.SEEK_END)
+        if size > GUESSED_FROM:
+            file.seek(max(GUESSED_FROM, size - GUESSED_FROM))
+            found += messages_in(file.read())
+    others = [PROTOCOLS[name].title for name, count in found.items() if count >= FEW and name != row.name]
+    if others:
+        notes.write(
+            f"imuscope: {path.name} holds messages of {' and '.join(others)} too; it is listed as {row.title}. "
+            "--protocol chooses another.\n"
+        )
+
+
 def _lines(path: Path, row: ProtocolInfo, settings: Mapping[str, Any]) -> Iterator[Line]:
     listing = row.listing(**settings)
     with path.open("rb") as file:
@@ -92,7 +135,8 @@ def _lines(path: Path, row: ProtocolInfo, settings: Mapping[str, Any]) -> Iterat
 def _table_row(line: Line) -> str:
     head = f"{line['offset']:>10}  {line['size']:>5}  "
     if "reject" in line:
-        return head + f"{'—':<26}  {line['reject']}"
+        why = EXPLAINED.get(line["reject"], "")
+        return head + f"{'—':<26}  {line['reject']}" + (f": {why}" if why else "")
     flags = line.get("flags", {})
     words = [f"{name} {_readable(value, flags, name)}" for name, value in line["fields"].items()]
     wire = line.get("wire", {})

@@ -9,17 +9,22 @@ from typing import Any
 
 import pytest
 
+from protocols.framing import REASONS
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.isb.frames import get_data, set_data, stop
 from protocols.xbus.frames import build
 from protocols.xbus.plain import frame_of
-from server.inspect import inspect_file
+from server.inspect import EXPLAINED, inspect_file
+from server.reading import Reading
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
 
 
-def lines_of(path: Path, **options: Any) -> list[dict[str, Any]]:
+def lines_of(path: Path, reading: Reading = Reading("auto"), **options: Any) -> list[dict[str, Any]]:  # noqa: B008
     out = io.StringIO()
-    inspect_file(path, out, format="jsonl", **options)
+    inspect_file(path, out, reading, format="jsonl", **options)
     return [json.loads(line) for line in out.getvalue().splitlines()]
 
 
@@ -64,7 +69,7 @@ def test_table(file: Path) -> None:
     assert head.split() == ["offset", "size", "message", "fields"]
     assert first.endswith("PacketCounter 7  StatusWord 3 (Selftest, FilterValid)")
     assert "nmea HCHDM" in sentence
-    assert reject.endswith("bad_checksum")
+    assert reject.endswith("bad_checksum: the checksum does not fit the bytes")
 
 
 def test_every_vector_comes_back(tmp_path: Path) -> None:
@@ -72,7 +77,7 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
     frames = list(everything())
     path = tmp_path / "all.bin"
     path.write_bytes(b"".join(frames))
-    lines = lines_of(path, protocol="xbus")
+    lines = lines_of(path, Reading("xbus"))
     assert [frame_of(line) for line in lines] == frames
 
 
@@ -88,7 +93,7 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
 def test_what_names_cannot_carry(tmp_path: Path, payload: str, wire: dict[str, Any]) -> None:
     path = tmp_path / "one.bin"
     path.write_bytes(build(0x36, bytes.fromhex(payload)))
-    (line,) = lines_of(path, protocol="xbus")
+    (line,) = lines_of(path, Reading("xbus"))
     assert line["wire"] == wire
     assert frame_of(line) == path.read_bytes()
 
@@ -96,7 +101,7 @@ def test_what_names_cannot_carry(tmp_path: Path, payload: str, wire: dict[str, A
 def test_extended_header_and_nan(tmp_path: Path) -> None:
     path = tmp_path / "one.bin"
     path.write_bytes(build(0x36, bytes.fromhex("0810047FC00001"), extended=True))
-    (line,) = lines_of(path, protocol="xbus")
+    (line,) = lines_of(path, Reading("xbus"))
     assert line["wire"] == {"extended": True}
     assert line["fields"] == {"Temperature": {"f32": "7fc00001"}}
     assert frame_of(line) == path.read_bytes()
@@ -120,4 +125,53 @@ def test_nothing_known(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="nothing known"):
         lines_of(path)
     with pytest.raises(ValueError, match="no protocol 'x'"):
-        lines_of(path, protocol="x")
+        lines_of(path, Reading("x"))
+
+
+# -- the other families ------------------------------------------------------------------------------------------------
+
+KEY = bytes(range(16))
+
+
+def test_isb_both_ways(tmp_path: Path) -> None:
+    path = tmp_path / "imx.bin"
+    path.write_bytes(IsbDevice().advance(2_000_000_000))
+    first, *others = lines_of(path)
+    assert (first["message"], first["fields"]["serialNumber"]) == ("DID_DEV_INFO", 62_000)
+    assert {line["protocol"] for line in others} == {"isb"}
+    path.write_bytes(get_data(4, period=2) + set_data(12, bytes(4), 16) + stop())
+    names = [line["message"] for line in lines_of(path, direction="tx")]
+    assert names == ["GET_DATA", "SET_DID_FLASH_CONFIG", "STOP_BROADCASTS_CURRENT_PORT"]
+
+
+def test_idtp_keys_modes_and_replays(tmp_path: Path) -> None:
+    path = tmp_path / "idtp.bin"
+    secure = IdtpDevice(mode=2, key=KEY).advance(200_000_000)
+    path.write_bytes(secure + IdtpDevice(mode=1, device_id=7).advance(100_000_000))
+    assert {line["reject"] for line in lines_of(path, rejects=True) if "reject" in line} == {"no_key"}
+    lines = lines_of(path, Reading("auto", KEY), rejects=True)
+    assert {line["reject"] for line in lines if "reject" in line} == {"below_min_mode"}
+    lines = lines_of(path, Reading("auto", KEY, min_mode=1), rejects=True)
+    assert not [line for line in lines if "reject" in line or "verified" in line]
+    assert {line["reject"] for line in lines_of(path, Reading("idtp", b"x"), rejects=True)} >= {"bad_hmac"}
+    shown = [line for line in lines_of(path, Reading("idtp", unverified=True)) if line["fields"]["mode"] == 2]
+    assert {line["verified"] for line in shown} == {False}
+    path.write_bytes(secure + secure)
+    assert "stale" in {line.get("reject") for line in lines_of(path, Reading("idtp", KEY), rejects=True)}
+    twice = lines_of(path, Reading("idtp", KEY, replay_check=False))
+    assert len(twice) == 2 * len(lines_of(path, Reading("idtp", KEY)))
+
+
+def test_a_mixed_file_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "mixed.bin"
+    path.write_bytes(IsbDevice().advance(2_000_000_000) + IdtpDevice().advance(300_000_000))
+    notes = io.StringIO()
+    inspect_file(path, io.StringIO(), notes=notes)
+    assert "mixed.bin holds messages of IDTP 2.1 too; it is listed as Inertial Sense" in notes.getvalue()
+    path.write_bytes(IsbDevice().advance(2_000_000_000))
+    inspect_file(path, io.StringIO(), notes=(quiet := io.StringIO()))
+    assert quiet.getvalue() == ""
+
+
+def test_every_reason_is_explained() -> None:
+    assert set(EXPLAINED) == set(REASONS) - {""}

@@ -1,0 +1,284 @@
+"""Twins of the other families, from their bytes to what a page is told: who sends, how well it is protected, what is
+refused and why. The protocols are the real ones; link and clock are moved by the test.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import pytest
+
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.registry import PROTOCOLS
+from protocols.xbus.device import XbusDevice
+from server import wire
+from server.hub import Hub
+from server.links.base import LinkError, LinkSettings
+from server.reading import Reading
+from server.session import Session
+from server.speech import speech
+from tests.server.fakes import Clock, FakeLink
+
+KEY = bytes(range(32))
+
+
+class Wire(FakeLink):
+    """A fake link that can be written to."""
+
+    def __init__(self, source: str, settings: LinkSettings) -> None:
+        super().__init__(source, settings)
+        self.written: list[bytes] = []
+
+    async def write(self, data: bytes) -> None:
+        self.written.append(data)
+
+
+class Stage:
+    """A device, a link and a session with the real protocols."""
+
+    def __init__(self, reading: Reading, link: type[FakeLink] = Wire) -> None:
+        self.clock = Clock()
+        self.hub = Hub(self.clock)
+        self.link: Any = link("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
+        self.session = Session("1", self.link, self.hub, speech(), reading)
+        self._began = self.clock.ns
+
+    async def run(self, device: Any, seconds: float) -> None:
+        """What a device sends in some seconds, in chunks of 20 ms."""
+        for step in range(round(seconds / 0.02)):
+            self.clock.move(0.02)
+            if data := device.advance(self.clock.ns - self._began):
+                self.link.send(data)
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+            if step % 5 == 0:
+                self.session.tick(self.clock())
+            self.hub.flush()
+        await asyncio.sleep(0.001)
+
+    @property
+    def info(self) -> wire.DeviceInfo:
+        return self.hub.devices["1"]
+
+    @property
+    def health(self) -> wire.DeviceHealth:
+        return self.session.health(self.clock())
+
+    def events(self, kind: str) -> list[wire.EventInfo]:
+        return [event for event in self.hub.log if event.kind == kind]
+
+
+def play(
+    test: Callable[[Stage], Coroutine[Any, Any, None]],
+    reading: Reading = Reading(),  # noqa: B008
+    link: type[FakeLink] = Wire,
+) -> None:
+    async def run() -> None:
+        stage = Stage(reading, link)
+        stage.session.start()
+        await asyncio.sleep(0.001)
+        await test(stage)
+        told = "".join(
+            wire.encode_text(wire.Events(list(stage.hub.log))) + wire.encode_text(wire.Devices([stage.info]))
+        )
+        assert KEY.hex() not in told
+        await stage.session.close()
+
+    asyncio.run(run())
+
+
+# -- who it is ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_imx_tells_who_it_is_and_its_first_fix_is_one_event() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IsbDevice(), 6)
+        assert (stage.info.name, stage.info.product, stage.info.serial_number) == ("IMX-5", "IMX-5.0.4", "62000")
+        assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
+        [step] = stage.events("clock")
+        assert step.text.startswith("The device has learned the date")
+        assert stage.link.written == []  # it has said so by itself
+        health = stage.health
+        assert (health.rejects_by, health.verified, health.unverified) == ({}, None, None)
+        assert health.rate == pytest.approx(100, abs=3)
+        for channel in stage.hub.channels.values():
+            arrival, time = channel.ring.read()[:2]
+            assert abs(time - arrival)[time == time].max() < 0.2, (
+                channel.info.name
+            )  # never 1980, nor a spike at the fix
+
+    play(test)
+
+
+def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
+    async def test(stage: Stage) -> None:
+        device = IsbDevice()
+        device.advance(1_000_000_000)
+        stage.clock.move(1.0)
+        await stage.run(device, 1)
+        assert stage.link.written == [PROTOCOLS["isb"].greeting]
+        assert stage.info.product == ""
+        stage.link.send(device.receive(stage.link.written[0], stage.clock.ns - stage._began))
+        await stage.run(device, 0.5)
+        assert (stage.info.name, stage.link.written) == ("IMX-5", [PROTOCOLS["isb"].greeting])
+        stage.link.die(LinkError("gone", "gone.", "?"))
+        await asyncio.sleep(0.001)
+        stage.session.retry()
+        await asyncio.sleep(0.001)
+        await stage.run(device, 1)
+        assert len(stage.link.written) == 2
+
+    play(test)
+
+
+def test_nobody_greets_a_file_or_a_link_without_a_way_back() -> None:
+    class File(Wire):
+        kind = "file"
+
+    async def test(stage: Stage) -> None:
+        device = IsbDevice()
+        device.advance(1_000_000_000)
+        stage.clock.move(1.0)
+        await stage.run(device, 1)
+        assert stage.info.status == "live"
+        assert getattr(stage.link, "written", []) == []
+
+    play(test, link=File)
+    play(test, link=FakeLink)  # its write raises
+
+
+def test_nothing_is_said_to_families_that_have_no_greeting() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(XbusDevice(measuring=True), 1)
+        assert stage.info.status == "live"
+        assert stage.link.written == []
+
+    play(test)
+
+
+# -- how well it is protected ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mode", "reading", "words", "verified", "suffix"),
+    [
+        (0, Reading(), "Lite, CRC-8 of the header alone", True, ""),
+        (1, Reading(), "Safety, CRC-32", True, ""),
+        (2, Reading(key=KEY), "Secure, verified", True, ""),
+        (2, Reading(unverified=True), "Secure, unverified: no key", False, "?"),
+    ],
+)
+def test_protection_in_words(mode: int, reading: Reading, words: str, verified: bool, suffix: str) -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IdtpDevice(mode=mode, key=KEY), 2)
+        assert (stage.info.name, stage.info.serial_number) == ("IDTP device 102", "102")
+        assert stage.info.protection == words
+        count = stage.health.verified if verified else stage.health.unverified
+        assert count is not None
+        assert count > 300
+        assert (stage.health.unverified if verified else stage.health.verified) == 0
+        infos = [channel.info for channel in stage.hub.channels.values()]
+        assert {info.verified for info in infos} == {verified}
+        assert f"Acceleration{suffix}" in {info.name for info in infos}
+
+    play(test, reading)
+
+
+def test_without_a_key_one_event_and_the_remedy() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IdtpDevice(mode=2, key=KEY), 4)
+        assert stage.info.status == "connecting"
+        assert stage.info.message.startswith("Secure frames come, and there is no key")
+        assert stage.info.hint.startswith("Give the key")
+        assert len(stage.info.notices) == 1
+        assert [event.data for event in stage.events("device") if "reason" in event.data] == [{"reason": "no_key"}]
+        assert stage.events("reject") == []
+        assert stage.health.rejects_by == {"no_key": stage.health.rejects}
+        assert stage.health.rejects > 700
+
+    play(test)
+
+
+@pytest.mark.parametrize(
+    ("reading", "mode", "reason"), [(Reading(key=b"other"), 2, "bad_hmac"), (Reading(min_mode=2), 1, "below_min_mode")]
+)
+def test_the_wrong_key_and_a_weak_mode_are_told(reading: Reading, mode: int, reason: str) -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IdtpDevice(mode=mode, key=KEY), 3)
+        assert stage.info.status == "connecting"
+        assert {event.data.get("reason") for event in stage.events("device")} >= {reason}
+        assert stage.health.rejects_by.keys() == {reason}
+        assert stage.info.hint
+
+    play(test, reading)
+
+
+def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IdtpDevice(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
+        assert stage.info.status == "live"
+        assert stage.health.rejects_by["bad_hmac"] > 0
+        assert stage.info.notices == []
+
+    play(test, Reading("idtp", key=KEY))
+
+
+def test_two_senders_are_named() -> None:
+    class Both:
+        def __init__(self) -> None:
+            self.devices = IdtpDevice(device_id=7), IdtpDevice(device_id=102, mode=0)
+
+        def advance(self, now_ns: int) -> bytes:
+            return b"".join(device.advance(now_ns) for device in self.devices)
+
+    async def test(stage: Stage) -> None:
+        await stage.run(Both(), 2)
+        assert stage.info.name == "IDTP devices 7, 102"
+        assert stage.info.protection == "Safety, CRC-32; Lite, CRC-8 of the header alone"
+
+    play(test)
+
+
+# -- two protocols in one stream ---------------------------------------------------------------------------------------
+
+
+def test_a_mixed_stream_is_told_so() -> None:
+    class Mixed:
+        def __init__(self) -> None:
+            self.devices = IsbDevice(), IdtpDevice()
+
+        def advance(self, now_ns: int) -> bytes:
+            return b"".join(device.advance(now_ns) for device in self.devices)
+
+    async def test(stage: Stage) -> None:
+        await stage.run(Mixed(), 12)
+        [notice] = stage.info.notices
+        assert "IDTP 2.1" in notice
+        assert "Inertial Sense" in notice
+        [event] = [event for event in stage.events("device") if "protocols" in event.data]
+        assert event.data["protocols"] == ["isb", "idtp"]
+        assert stage.info.status == "live"
+
+    play(test, Reading("isb"))
+
+
+def test_a_stream_read_as_what_it_is_not() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(IdtpDevice(), 7)
+        assert stage.info.status == "connecting"
+        assert stage.info.message.startswith("These bytes are IDTP 2.1, and are read as Xsens")
+        assert stage.info.hint
+
+    play(test, Reading("xbus"))
+
+
+@pytest.mark.parametrize("device", [IsbDevice(), IdtpDevice(), XbusDevice("MTi-680G", measuring=True)])
+def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(device, 12)
+        assert stage.info.notices == []
+
+    play(test)
