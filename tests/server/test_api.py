@@ -86,6 +86,47 @@ def test_a_body_that_is_no_json(client: Client) -> None:
     assert_problem(client.post("/api/devices", content=b"source=x"), 415, "not-json")
 
 
+KEY = "00112233445566778899aabbccddeeff"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"source": "/dev/two", "key": KEY, "min_mode": "safety"},
+        {"source": f"/dev/two?key={KEY}&protocol=idtp"},
+        {"source": f"/dev/two?baud=9600&key={KEY}", "protocol": "idtp", "unverified": True},
+    ],
+)
+def test_a_key_is_taken_and_never_told(client: Client, body: dict[str, Any]) -> None:
+    added = client.post("/api/devices", json=body)
+    assert added.status_code == 201
+    assert added.json()["source"].startswith("/dev/two")
+    assert KEY not in added.text + client.get("/api/devices").text
+    assert_problem(client.post("/api/devices", json=body), 409, "busy")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"key": "0g"},
+        {"key": "123"},
+        {"schema": "type ="},
+        {"source": "/dev/two?key=0g"},
+        {"source": "/dev/two?min_mode=strong"},
+    ],
+)
+def test_settings_that_cannot_be_used(client: Client, body: dict[str, Any]) -> None:
+    problem = assert_problem(client.post("/api/devices", json={"source": "/dev/two", **body}), 400, "bad-setting")
+    assert "0g" not in json.dumps(problem)
+
+
+def test_vendor_types_are_described_in_the_request(client: Client) -> None:
+    schema = '[[message]]\ntype = 0x80\nname = "W"\n[[message.field]]\nname = "V"\ntype = "i16"\n'
+    assert client.post("/api/devices", json={"source": "/dev/two", "schema": schema}).status_code == 201
+    assert_problem(client.post("/api/devices", json={"source": "/dev/x?protocol=morse"}), 400, "bad-protocol")
+    assert_problem(client.post("/api/devices", json={"source": "/dev/x", "min_mode": "strong"}), 422)
+
+
 def test_unknown_devices(client: Client) -> None:
     assert_problem(client.delete("/api/devices/99"), 404, "not-found")
     assert_problem(client.post("/api/devices/99/retry"), 404, "not-found")

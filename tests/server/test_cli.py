@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -9,9 +10,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
+from httpx import Client
 
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.frames import get_data, stop
 from server import compiled
 from tests.process import ROOT, ServerProcess
 
@@ -40,6 +45,13 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
     [
         (("serve", "nothing://x"), "nothing://x"),
         (("serve", "--protocol", "morse"), "there is no protocol 'morse'"),
+        (("serve", "twin:xbus?protocol=morse"), "there is no protocol 'morse'"),
+        (("serve", "--key", "0g"), "a key is an even number of hex digits"),
+        (("serve", "twin:idtp?key=0g"), "a key is an even number of hex digits"),
+        (("serve", "--key", "@none.key"), "the key cannot be read from none.key"),
+        (("serve", "--min-mode", "strong"), "invalid choice: 'strong'"),
+        (("serve", "--schema", "none.toml"), "the schema cannot be read from none.toml"),
+        (("inspect", "pyproject.toml", "--key", "0g"), "a key is an even number of hex digits"),
         (("serve", "--port", "70000"), "port 70000 is outside"),
         (("serve", "--config", "none.toml"), "none.toml cannot be read"),
         (("serve", "--host", "203.0.113.1"), "cannot listen on 203.0.113.1:8080"),
@@ -67,6 +79,56 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "Give another with --port" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_without_a_source_twins_of_three_families_stream(tmp_path: Path) -> None:
+    with ServerProcess(data=tmp_path) as server, Client(base_url=server.url) as client:
+        found: dict[str, dict[str, Any]] = {}
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            found = {one["protocol"]: one for one in client.get("/api/devices").json()}
+            if all(one["status"] == "live" and one["serial_number"] for one in found.values()) and len(found) == 3:
+                break
+            time.sleep(0.1)
+        assert {one["status"] for one in found.values()} == {"live"}
+        names = {protocol: one["name"] for protocol, one in found.items()}
+        assert names == {"xbus": "MTi-630", "isb": "IMX-5", "idtp": "IDTP device 102"}
+        assert found["idtp"]["protection"] == "Safety, CRC-32"
+        assert "No source given" in server.log
+
+
+def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Path) -> None:
+    key = "00112233445566778899aabbccddeeff"
+    (tmp_path / "robot.key").write_text(key + "\n")
+    arguments = ("--key", f"@{tmp_path / 'robot.key'}")
+    with (
+        ServerProcess("twin:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
+        Client(base_url=server.url) as client,
+    ):
+        deadline = time.monotonic() + 20
+        while time.monotonic() < deadline:
+            (device,) = client.get("/api/devices").json()
+            if device["protection"]:
+                break
+            time.sleep(0.1)
+        assert device["protection"] == "Secure, verified"
+        assert key not in client.get("/api/devices").text + server.log
+
+
+def test_inspect_reaches_every_family(tmp_path: Path) -> None:
+    key = bytes(range(16))
+    path = tmp_path / "secure.bin"
+    path.write_bytes(IdtpDevice(mode=2, key=key).advance(100_000_000))
+    data = ("--data", str(tmp_path))
+    done = run("inspect", str(path), "--rejects", *data)
+    assert "no_key: a Secure frame, and no key to check it with" in done.stdout
+    done = run("inspect", str(path), "--key", key.hex(), "--format", "jsonl", "--rejects", *data)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(lines) == 22
+    assert {line.get("reject") for line in lines} == {None}
+    (tmp_path / "host.bin").write_bytes(get_data(1, period=0) + stop())
+    done = run("inspect", str(tmp_path / "host.bin"), "--direction", "tx", "--format", "jsonl", *data)
+    assert json.loads(done.stdout.splitlines()[0])["message"] == "GET_DATA"
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from protocols.events import batches
 from protocols.idtp.device import IdtpDevice
 from protocols.isb.device import IsbDevice
 from protocols.registry import PROTOCOLS
@@ -238,6 +239,39 @@ def test_two_senders_are_named() -> None:
         await stage.run(Both(), 2)
         assert stage.info.name == "IDTP devices 7, 102"
         assert stage.info.protection == "Safety, CRC-32; Lite, CRC-8 of the header alone"
+
+    play(test)
+
+
+def test_datagrams_stand_alone() -> None:
+    frame = IdtpDevice().advance(0)[:64]
+    for kind, accepted in (("udp", 0), ("serial", 1)):
+        decoder = speech().decoder("idtp", Reading(), kind)
+        for half in (frame[:30], frame[30:]):
+            decoder.feed(half, 0)
+        assert len([*batches(decoder.drain())]) == accepted
+
+
+def test_messages_that_pass_through_are_counted_by_name() -> None:
+    class Port:
+        def __init__(self) -> None:
+            self.device = IsbDevice()
+
+        def advance(self, now_ns: int) -> bytes:
+            ubx = bytes.fromhex("B562 0A04 0000")
+            first = second = 0
+            for byte in ubx[2:]:
+                first = (first + byte) & 0xFF
+                second = (second + first) & 0xFF
+            return self.device.advance(now_ns) + b"$HCHDM,123.45,M*18\r\n" + ubx + bytes((first, second))
+
+    async def test(stage: Stage) -> None:
+        await stage.run(Port(), 2)
+        counts = {message.name: message.count for message in stage.health.messages}
+        assert counts["nmea HCHDM"] > 90
+        assert counts["ubx MON-VER"] > 90
+        assert stage.health.rejects == 0
+        assert stage.info.notices == []
 
     play(test)
 
