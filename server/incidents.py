@@ -20,6 +20,7 @@ from server.wire import EventKind, Level, plain
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10
 REPLIES_PER_PERIOD = 20
+SHOWN_VALUES = 4
 TEXTS_PER_SORT = 1  # ever: a sentence that repeats is a stream; its values are channels, its lines are no news
 TEXT_SORTS = 64
 DATE_NS = 5 * 365 * 86_400 * 10**9  # a clock that moves by years was not running wrong: it did not know the date
@@ -170,8 +171,10 @@ def _signed(seconds: float) -> str:
 
 
 def _values(values: Mapping[str, Any]) -> str:
-    """The first values of a reply, short enough for a line."""
+    """The values of a reply, short enough for a line: of many, the first that are not zero. All are in `data`."""
     shown = {name: value for name, value in values.items() if not name.startswith("reserved")}
     parts = [f"{name} {value}" for name, value in plain(shown).items() if not isinstance(value, list | dict)]
-    text = ", ".join(parts)[:160]
-    return f": {text}" if text else ""
+    if len(parts) > SHOWN_VALUES:
+        parts = [part for part in parts if part.split(" ", 1)[1].strip("0")]
+    text = ", ".join(parts[:SHOWN_VALUES]) + (" …" if len(parts) > SHOWN_VALUES else "")
+    return f": {text[:160]}" if text else ""
