@@ -78,8 +78,9 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
 def _serving(folder: Path) -> Iterator[Callable[..., ServerProcess]]:
     running: list[ServerProcess] = []
 
-    def start(*sources: str, arguments: tuple[str, ...] = ()) -> ServerProcess:
-        running.append(ServerProcess(*sources, data=folder / f"data{len(running)}", arguments=arguments))
+    def start(*sources: str, arguments: tuple[str, ...] = (), prefix: tuple[str, ...] = ()) -> ServerProcess:
+        data = folder / f"data{len(running)}"
+        running.append(ServerProcess(*sources, data=data, arguments=arguments, prefix=prefix))
         return running[-1]
 
     yield start

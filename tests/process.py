@@ -22,13 +22,21 @@ class ServerProcess:
         sources: as on the command line; none starts what the command starts by itself.
         data: the data folder.
         arguments: further options.
+        prefix: put before the command, to run it as somebody else.
         timeout_s: time allowed until /healthz answers (a first start compiles).
     Raises:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
     """
 
-    def __init__(self, *sources: str, data: Path, arguments: tuple[str, ...] = (), timeout_s: float = 60) -> None:
-        command = [sys.executable, "-m", "server.cli", "serve", *sources]
+    def __init__(
+        self,
+        *sources: str,
+        data: Path,
+        arguments: tuple[str, ...] = (),
+        prefix: tuple[str, ...] = (),
+        timeout_s: float = 60,
+    ) -> None:
+        command = [*prefix, sys.executable, "-m", "server.cli", "serve", *sources]
         command += ["--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
         # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
         self.process = subprocess.Popen(

@@ -166,3 +166,45 @@ def test_a_server_that_restarts_is_found_again(
     until(page, "window.imuscope.store.connection.value !== 'open'", timeout_s=3)
     serve("twin:xbus", arguments=("--port", port))
     until(page, f"window.imuscope.store.connection.value === 'open' && ({COUNT})() > 20", timeout_s=15)
+
+
+def test_a_twin_that_is_pulled_is_shown_within_a_second_and_comes_back(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    """`unplug_s` closes the pseudo-terminal under the session, as a hand at the plug does; the other streams on."""
+    page = open_page(serve("twin:xbus?unplug_s=6&away_s=2", "twin:xbus?seed=2").url)
+    until(page, "window.imuscope?.store.channels.value.filter(c => c.info.name === 'Acceleration').length === 2")
+    page.evaluate("""() => {
+        const is = id => ({info}) => info.device === id && info.name === "Acceleration";
+        window.ringOf = id => window.imuscope.store.channels.value.find(is(id)).ring;
+    }""")
+    # Timed in the page: from the last sample that came to the word on the screen.
+    waited = page.evaluate("""() => new Promise(done => {
+        const {store} = window.imuscope;
+        const look = () => store.devices.value[0].status === "lost" && /\\blost\\b/i.test(document.body.innerText)
+            ? done(store.serverNow() - ringOf("1").newest) : setTimeout(look, 20);
+        look();
+    })""")
+    assert 0 < waited < 1.0
+    held = page.evaluate("ringOf('1').length")
+    assert page.evaluate("ringOf('2').newest - window.imuscope.store.serverNow()") > -0.3, "nothing else stops"
+    until(page, f"{STATUS} === 'live' && ringOf('1').length > {held} + 100", timeout_s=15)
+    apart = """() => { const ring = ringOf("1");
+        return ring.breaks.map(row => ring.times[row & ring.mask] - ring.times[(row - 1) & ring.mask]); }"""
+    assert max(page.evaluate(apart)) > 1.5, "no line is drawn over the time it was away"
+
+
+def test_a_capture_that_begins_again_is_not_joined_to_its_end(
+    captures: Path, serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    """Played in a loop the device's clock goes back at each turn; a stroke used to be drawn there."""
+    page = open_page(serve(f"{captures}/xbus/mti_float32.bin?loop=1").url)
+    until(page, "window.imuscope?.store.events.value.filter(event => event.kind === 'clock').length > 3")
+    unbroken = page.evaluate(
+        """() => { const {store} = window.imuscope;
+                   const {ring} = store.channels.value.find(c => c.info.name === "Acceleration");
+                   const cut = new Set(ring.breaks.map(row => ring.times[row & ring.mask]));
+                   return store.events.value.filter(e => e.kind === "clock" && e.time < ring.time(ring.length - 1))
+                       .filter(e => !cut.has(e.time)).length; }"""
+    )
+    assert unbroken == 0

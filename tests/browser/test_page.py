@@ -182,3 +182,30 @@ def test_still_when_asked_to_be(server: ServerProcess, open_page: Callable[..., 
     page = opened(server, open_page, DESKTOP, still=True)
     moving = page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length")
     assert moving == 0
+
+
+def test_a_lane_says_what_it_means_to_pointer_keyboard_and_finger(
+    server: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    """A finger's question was answered and wiped away at once, as the finger was lifted."""
+    page = open_page(server.url, width=390, height=844, touch=True)
+    until(page, READY)
+    until(page, "document.querySelectorAll('.lanenames button').length > 2")
+    page.evaluate("document.querySelector('.lanebox').scrollIntoView({block: 'center'})")
+    page.wait_for_timeout(300)
+    box = page.locator(".lanebox").bounding_box()
+    assert box
+    page.touchscreen.tap(200, box["y"] + 17 * 1.5)
+    until(page, "document.querySelector('.lanesay').innerText.length > 20", timeout_s=3)
+    wide = open_page(server.url)
+    until(wide, READY)
+    until(wide, "document.querySelectorAll('.lanenames button').length > 2")
+    wide.locator(".lanenames button").nth(1).focus()
+    until(wide, "document.querySelector('.lanesay').innerText.length > 20", timeout_s=3)
+    by_key = wide.inner_text(".lanesay b").split(":")[0]
+    wide.locator(".lanenames button").nth(1).blur()
+    until(wide, "document.querySelector('.lanesay').innerText === ''", timeout_s=3)
+    box = wide.locator(".lanebox").bounding_box()
+    assert box
+    wide.mouse.move(box["x"] + 600, box["y"] + 17 * 1.5)
+    until(wide, f"document.querySelector('.lanesay b')?.innerText.startsWith({by_key!r})", timeout_s=3)

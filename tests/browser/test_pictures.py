@@ -5,6 +5,9 @@ Each is also a test: the state is there, and its words are.
 
 from __future__ import annotations
 
+import os
+import pty
+import shutil
 from collections.abc import Callable
 
 import pytest
@@ -70,3 +73,36 @@ def test_waiting(
     page.wait_for_timeout(1000)
     assert words.lower() in page.inner_text("body").lower()
     picture(page, f"{name}-1440")
+
+
+# Root may open everything; without these two it may not.
+MERE_MORTAL = ("setpriv", "--bounding-set", "-dac_override,-dac_read_search")
+
+
+@pytest.mark.parametrize("width", SIZES)
+def test_permission_denied(serve: Callable[..., ServerProcess], open_page: Callable[..., Page], width: str) -> None:
+    """A port that only its group may open: the page names the group, and what to type."""
+    prefix = MERE_MORTAL if os.geteuid() == 0 else ()
+    if prefix and not shutil.which(prefix[0]):
+        pytest.skip("nothing is denied to root, and there is no setpriv to give that up")
+    master, slave = pty.openpty()
+    try:
+        port = os.ttyname(slave)
+        if prefix:
+            os.chown(port, -1, 20)  # dialout, where there is one
+        os.chmod(port, 0o060)
+        page = open_page(serve(port, prefix=prefix).url, width=SIZES[width][0], height=SIZES[width][1])
+        until(page, "window.imuscope?.store.devices.value[0]?.status === 'denied'")
+        until(page, "/No permission/.test(document.querySelector('main').innerText)")
+        said = page.inner_text("main")
+        assert f"No permission to open {port}: it belongs to the group" in said
+        assert "sudo usermod -aG" in said
+        assert "Try now" in said
+        picture(page, f"denied-{width}")
+        # Somebody gives access: the next try finds the port.
+        os.chmod(port, 0o660)
+        page.get_by_role("button", name="Try now").last.click()
+        until(page, "window.imuscope.store.devices.value[0].status !== 'denied'")
+    finally:
+        os.close(master)
+        os.close(slave)
