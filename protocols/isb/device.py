@@ -33,6 +33,7 @@ from protocols.isb.measurement import (
     NAV,
     SLOW,
     SOURCES,
+    UTC_2026_S,
     Array,
     Moments,
     Run,
@@ -62,7 +63,8 @@ class IsbDevice:
         product: of PRODUCTS.
         serial: None for one made of the seed.
         seed: repeats noise and faults exactly.
-        start_ns: the time, on the clock that `advance` speaks, at which power comes.
+        start_ns: the time, on the clock that `advance` speaks, at which power comes; its 0 is the begin of 2026 in UTC,
+            so that the date goes on when a device is switched off and on.
         rate: samples/s of inertial data and navigation; above 1000 the device is faster than any real one.
         drop, corrupt: share of streamed packets that never leave, or leave with one bit turned.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
@@ -95,7 +97,7 @@ class IsbDevice:
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
-        self.run = Run(seed, road, jump)
+        self.run = Run(seed, road, jump, UTC_2026_S * S + start_ns)
         self._period_ns = max(round(S / rate), 1)
         self.flash = self._factory(rate)
         every = max(1, round(rate / SLOW_INS_2_HZ))
@@ -278,7 +280,7 @@ class IsbDevice:
         if nav_ms != max(1, round(self._period_ns / 1e6)):
             self._period_ns = max(nav_ms, 1) * 1_000_000
         self._start_ns += round(now / self._speed)
-        self.run = Run(self._seed, self.run.road, None, self.run.utc_s + now // S)
+        self.run = Run(self._seed, self.run.road, None, self.run.utc_ns + now)
         self._awake, self._waiting, self.streams = False, [], {}
         self._heard.clear()
         self._heard_ns = 0

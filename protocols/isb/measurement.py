@@ -117,25 +117,24 @@ class Run:
         seed: of the sensor errors.
         road: how much of the vehicle's shaking reaches the sensor, 0 to 1.
         jump: (device time ns, by ns): the device's clock jumps once, a fault; None for none.
-        utc_s: UTC at device time 0, s since the Unix epoch.
+        utc_ns: UTC at device time 0, ns since the Unix epoch.
     """
 
     seed: int = 0
     road: float = 0.0
     jump: tuple[int, int] | None = None
-    utc_s: int = UTC_2026_S
+    utc_ns: int = UTC_2026_S * S
 
-    def up(self, times: Array) -> Array:
-        """What the device's own clock says, ns."""
+    def up(self, times: Array, age_ns: int = 0) -> Array:
+        """What the device's own clock says, ns, in packets that are sent `age_ns` after `times`."""
         if self.jump is None:
             return times
-        return np.asarray(times + np.where(times >= self.jump[0], self.jump[1], 0))
+        return np.asarray(times + np.where(times + age_ns >= self.jump[0], self.jump[1], 0))
 
-    def gps(self, times: Array, fixed: Array) -> tuple[Array, Array]:
-        """GPS week and time of week in ns; before the first fix 0 and the up-time."""
-        since = self.up(times) + (self.utc_s + LEAP_S - GPS_EPOCH) * S
-        week, tow = np.divmod(since, WEEK_S * S)
-        return np.where(fixed, week, 0), np.where(fixed, tow, self.up(times))
+    def gps(self, up: Array, fixed: Array) -> tuple[Array, Array]:
+        """GPS week and time of week in ns by up-time; before the first fix 0 and the up-time."""
+        week, tow = np.divmod(up + (self.utc_ns + (LEAP_S - GPS_EPOCH) * S), WEEK_S * S)
+        return np.where(fixed, week, 0), np.where(fixed, tow, up)
 
 
 class Moments:
@@ -160,9 +159,14 @@ class Moments:
         return np.asarray(self.times + self.age_ns >= FIRST_FIX_NS)
 
     @cached_property
+    def up(self) -> Array:
+        """The device's own clock, ns."""
+        return self.run.up(self.times, self.age_ns)
+
+    @cached_property
     def gps(self) -> tuple[Array, Array]:
         """Week, and time of week in ns."""
-        return self.run.gps(self.times, self.fixed)
+        return self.run.gps(self.up, self.fixed)
 
     @cached_property
     def fine(self) -> Array:
@@ -287,20 +291,20 @@ def _imu_status(at: Moments) -> Array:
 
 @_fills(58)
 def _imu(at: Moments, out: Array) -> None:
-    out["time"], out["status"] = at.run.up(at.times) / 1e9, _imu_status(at)
+    out["time"], out["status"] = at.up / 1e9, _imu_status(at)
     out["I.pqr"], out["I.acc"] = at.turn, at.force
 
 
 @_fills(3)
 def _pimu(at: Moments, out: Array) -> None:
     dt = at.period_ns / 1e9
-    out["time"], out["dt"], out["status"] = at.run.up(at.times) / 1e9, dt, _imu_status(at)
+    out["time"], out["dt"], out["status"] = at.up / 1e9, dt, _imu_status(at)
     out["theta"], out["vel"] = at.turn * dt, at.force * dt
 
 
 @_fills(52)
 def _magnetometer(at: Moments, out: Array) -> None:
-    out["time"], out["mag"] = at.run.up(at.times) / 1e9, at.field
+    out["time"], out["mag"] = at.up / 1e9, at.field
 
 
 @_fills(53)
@@ -308,7 +312,7 @@ def _barometer(at: Moments, out: Array) -> None:
     height = at.drive.position[:, 2] + motion.PLACE[2] - motion.GEOID_M
     noise = at._error("baro", motion.Grade(density=0.5, bias=8.0))[:, 0]
     pressure = motion.pressure(height) + noise
-    out["time"], out["bar"] = at.run.up(at.times) / 1e9, pressure / 1e3
+    out["time"], out["bar"] = at.up / 1e9, pressure / 1e3
     out["mslBar"] = (1 - (pressure / 101_325.0) ** (1 / 5.25588)) / 2.25577e-5  # the inverse of motion.pressure
     out["barTemp"] = 24.0 + 14.0 * (1 - np.exp(-at.times / (600 * S)))
     out["humidity"] = 38.0 + 2.0 * np.sin(at.times / (90 * S))
@@ -327,7 +331,7 @@ def _position(at: Moments, out: Array) -> None:
     out["pDop"] = np.where(fixed, 1.5 + better, 99.99)
     out["cnoMean"] = np.mean([cno for *_, cno in SKY if cno > STRONG])
     out["cnoMeanSigma"] = 41
-    out["towOffset"] = np.where(fixed, (at.gps[1] - at.run.up(at.times)) / 1e9, 0.0)
+    out["towOffset"] = np.where(fixed, (at.gps[1] - at.up) / 1e9, 0.0)
     out["leapS"] = LEAP_S
 
 

@@ -158,6 +158,17 @@ def test_faults() -> None:
     assert len(column(fast, 58, "time")) == pytest.approx(980, abs=2)
 
 
+def test_a_jump_is_one_way_and_a_device_that_comes_back_knows_the_date() -> None:
+    decoder = IsbDecoder()
+    decoder.feed(run(IsbDevice(clock_jump=(8.0, 10.0)), 12), 0)
+    assert [event.kind for event in decoder.drain() if isinstance(event, Step)] == ["sync"]
+    decoder.feed(run(IsbDevice(start_ns=40 * S), 8, begin=40), 0)
+    events = decoder.drain()
+    assert [event.kind for event in events if isinstance(event, Step)] == ["reset", "sync"]
+    last = max(int(batch.time_ns[-1]) for batch in batches(events) if batch.time_ns is not None)
+    assert last == UTC_2026_S * S + 48 * S
+
+
 # -- what it answers ---------------------------------------------------------------------------------------------------
 
 
