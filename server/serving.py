@@ -33,6 +33,12 @@ class LiveProtocol(WebSocketsSansIOProtocol):
         if scope is not None:  # the handshake was a WebSocket's
             cast(dict[str, Any], scope["extensions"])["imuscope.transport"] = self.transport
 
+    async def send(self, message: Any) -> None:
+        """A refusal with an answer of its own ends the handshake too: uvicorn logs it as a fault of ours otherwise."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
+            self.handshake_complete = True
+
 
 class Server(uvicorn.Server):
     """uvicorn's server, telling when it serves."""

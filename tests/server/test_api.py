@@ -269,6 +269,15 @@ def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
 # ── the WebSocket ──
 
 
+def test_a_refused_websocket_is_no_fault_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    """A page without a token filled the log with "ASGI callable returned without completing handshake"."""
+    with Running(GUARDED, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
+        pass
+    assert refused.value.response.status_code == 401
+    assert json.loads(refused.value.response.body)["kind"] == "no-token"
+    assert caplog.records == []
+
+
 def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         assert socket.subprotocol == SUBPROTOCOL
