@@ -6,6 +6,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { api, type HowToRead, type Outcome, type Problem } from "../ui/api";
 import { Dialog } from "../ui/dialog";
+import { Icon } from "../ui/icons";
 
 const EXAMPLES: readonly (readonly [source: string, words: string])[] = [
   ["/dev/ttyUSB0", "a serial port, its baud rate found by listening"],
@@ -36,6 +37,12 @@ const protocol = signal("");
 const key = signal("");
 const busy = signal(false);
 const problem = signal<Problem | undefined>(undefined);
+
+/** What is wrong with a key as it was typed; the server would say so too, but only after the old device is gone. */
+function wrongKey(text: string): Problem | undefined {
+  if (text === "" || (/^[0-9a-f\s]+$/i.test(text) && text.replace(/\s/g, "").length % 2 === 0)) return undefined;
+  return { kind: "bad-setting", message: "A key is written in hex digits, two for each byte.", hint: "For example 00112233445566778899aabbccddeeff.", status: 0 };
+}
 
 /** Adds the device that the form describes; the one it replaces goes first, because a port opens only once. */
 async function add(address: string, replaces: string | undefined): Promise<Outcome<{ readonly id: string }>> {
@@ -69,6 +76,8 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     event.preventDefault();
     const address = source.value.trim();
     if (address === "" || busy.value) return;
+    problem.value = wrongKey(key.value.trim());
+    if (problem.value) return focus();
     busy.value = true;
     const outcome = await add(address, begin?.replaces);
     busy.value = false;
@@ -115,7 +124,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
           <button type="button" class="btn" onClick={onClose}>
             Cancel
           </button>
-          <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === ""}>
+          <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && key.value.trim() === "")}>
             {busy.value ? "Opening…" : begin ? "Open with this key" : "Add"}
           </button>
         </div>
@@ -140,6 +149,7 @@ function ProtocolChoice() {
             <option value={value}>{words}</option>
           ))}
         </select>
+        <Icon name="down" />
       </div>
     </div>
   );

@@ -51,6 +51,12 @@ export function startApp(deps: Deps): App {
     for (const health of store.health.value.values()) minute.add(health);
   });
   effect(() => {
+    const id = awaited.value;
+    if (id === undefined || !store.devices.value.some((one) => one.id === id)) return;
+    awaited.value = undefined;
+    view.value = { ...view.peek(), device: id };
+  });
+  effect(() => {
     const [first] = store.devices.value;
     const chosen = device.value;
     if (!chosen && first) view.value = { ...view.peek(), device: first.id };
@@ -67,8 +73,11 @@ export function startApp(deps: Deps): App {
   return { ...deps, device, state, held };
 }
 
+/** A device that was asked for; one that was just added is looked at as soon as the server tells of it. */
+const awaited = signal<string | undefined>(undefined);
+
 export function select(id: string): void {
-  view.value = { ...view.peek(), device: id };
+  awaited.value = id;
   sheet.value = undefined;
 }
 

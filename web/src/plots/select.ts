@@ -78,7 +78,7 @@ const FALLBACK = 4;
 const MOST_OF_RECORD = 8;
 const SERIES_IN_PLOT = 3;
 /** Says when, how many or nothing: never plotted. */
-const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|week|timeOfWeek(Ms)?|leapS|res(erved)?\d*|t_?acc)$/i;
+const NOT_PLOTTED = /^(itow|tow|year|month|day|hour|min(ute)?|sec(ond)?|nano|ns|week|time|timeOfWeek(Ms)?|leapS|res(erved)?\d*|t_?acc)$/i;
 const DASHES: readonly (readonly number[])[] = [[], [5, 3], [1.5, 2.5]];
 
 const COLOURS = { x: "axis-x", y: "axis-y", z: "axis-z", w: "axis-n", "": "axis-n" } as const;
