@@ -1,0 +1,291 @@
+"""What Inertial Sense and IDTP devices add to the page, with real servers: attitude, satellites, track, trust.
+
+The attitude is checked with one that is known: nose 12° up, right side 20° down, heading 70°, written here by the
+textbook in the form that each message has (angles in NED, quaternions from body to NED, to ENU, to the earth's axes).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page
+
+from protocols.idtp.frames import build as idtp_frame
+from protocols.isb.frames import DATA
+from protocols.isb.frames import build as isb_frame
+from tests.browser.test_page import AXE, TARGETS
+from tests.chromium import until
+from tests.conftest import READY
+from tests.process import ServerProcess
+
+Serve = Callable[..., ServerProcess]
+OpenPage = Callable[..., Page]
+
+HEADING, NOSE_UP, RIGHT_DOWN = 70.0, 12.0, 20.0
+PLACE = (52.22, 6.89)
+FRAMES = 600
+WEEK, TOW_S = 2445, 100_000.0
+
+SELECT = "id => { window.imuscope.view.value = {...window.imuscope.view.value, device: id}; }"
+SHOWN = """() => Object.fromEntries(
+    [...document.querySelectorAll("[data-numeral]")].map(n => [n.dataset.numeral, n.innerText.trim()]))"""
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Scalar first, of angles in ° turned in the order yaw, pitch, roll."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in np.radians([roll, pitch, yaw]) / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, ...]:
+    """p ⊗ q."""
+    (a, b, c, d), (e, f, g, h) = p, q
+    return (
+        a * e - b * f - c * g - d * h,
+        a * f + b * e + c * h - d * g,
+        a * g - b * h + c * e + d * f,
+        a * h + b * g - c * f + d * e,
+    )
+
+
+NED = quaternion(RIGHT_DOWN, NOSE_UP, HEADING)
+"""Body forward, right, down."""
+ENU = quaternion(RIGHT_DOWN, -NOSE_UP, 90 - HEADING)
+"""Body forward, left, up: positive pitch is nose down."""
+# The earth's axes turned by the longitude about z, then by 90° and the latitude about −y, are north, east, down.
+ECEF = product(product(quaternion(0, 0, PLACE[1]), quaternion(0, -90 - PLACE[0], 0)), NED)
+
+
+def ecef_position() -> tuple[float, float, float]:
+    """Where PLACE is, at height 0."""
+    lat, lon = np.radians(PLACE)
+    e2 = 0.0066943799901413165
+    n = 6378137.0 / math.sqrt(1 - e2 * math.sin(lat) ** 2)
+    return n * math.cos(lat) * math.cos(lon), n * math.cos(lat) * math.sin(lon), n * (1 - e2) * math.sin(lat)
+
+
+def ins(did: int, *tail: bytes) -> bytes:
+    """A file of one INS message at 100 Hz."""
+    out = b""
+    for k in range(FRAMES):
+        head = struct.pack("<IdII", WEEK, TOW_S + k / 100, 0x0008_0000 | 3 << 16, 0)
+        out += isb_frame(DATA, did, head + b"".join(tail))
+    return out
+
+
+def ins_1() -> bytes:
+    angles = struct.pack("<3f", *np.radians([RIGHT_DOWN, NOSE_UP, HEADING]))
+    return ins(4, angles, struct.pack("<3f", 1, 0, 0), struct.pack("<3d", *PLACE, 60), struct.pack("<3f", 0, 0, 0))
+
+
+def ins_2() -> bytes:
+    return ins(5, struct.pack("<4f", *NED), struct.pack("<3f", 1, 0, 0), struct.pack("<3d", *PLACE, 60))
+
+
+def ins_4() -> bytes:
+    return ins(66, struct.pack("<4f", *ECEF), struct.pack("<3f", 0, 0, 0), struct.pack("<3d", *ecef_position()))
+
+
+def imu_quat() -> bytes:
+    payload = struct.pack("<4f", *ENU)
+    return b"".join(
+        idtp_frame(6, payload, sequence=k + 1, timestamp=10_000 * k, mode=1, device=7) for k in range(FRAMES)
+    )
+
+
+@pytest.mark.parametrize(
+    ("make", "frame", "source", "pitch"),
+    [
+        (ins_1, "NED", "from INS 1", NOSE_UP),
+        (ins_2, "NED", "from INS 2", NOSE_UP),
+        (ins_4, "NED", "from INS 4", NOSE_UP),
+        (imu_quat, "ENU", "from quaternion", -NOSE_UP),
+    ],
+    ids=["INS_1", "INS_2", "INS_4", "IDTP"],
+)
+def test_the_attitude_is_right_in_every_form(
+    serve: Serve, open_page: OpenPage, tmp_path: Path, make: Callable[[], bytes], frame: str, source: str, pitch: float
+) -> None:
+    path = tmp_path / "attitude.bin"
+    path.write_bytes(make())
+    page = open_page(serve(f"{path}?loop=1").url)
+    until(page, READY)
+    until(page, "/\\d/.test(document.querySelector('[data-numeral=heading]')?.innerText)")
+    page.wait_for_timeout(300)
+    shown = {name: float(text.replace("\u2212", "-").rstrip("°")) for name, text in page.evaluate(SHOWN).items()}
+    assert shown == pytest.approx({"heading": HEADING, "roll": RIGHT_DOWN, "pitch": pitch}, abs=0.06)
+    assert page.locator(".nums .seg [aria-pressed=true]").inner_text() == frame
+    assert page.locator(".nums .from").inner_text() == source
+
+
+@pytest.fixture(scope="module")
+def families(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A server with three devices: 1 an IMX-5, 2 an IDTP device, 3 one whose key nobody has given."""
+    data = tmp_path_factory.mktemp("data")
+    with ServerProcess("twin:isb", "twin:idtp", "twin:idtp?mode=secure", data=data) as process:
+        yield process
+
+
+def looking_at(page: Page, device: str) -> None:
+    until(page, "window.imuscope?.store.devices.value.length >= 3")
+    page.evaluate(SELECT, device)
+
+
+SKY = """() => {
+  const channel = window.imuscope.store.channels.value.find(c => c.info.name.includes("GPS1_SAT"));
+  const {ring, info} = channel, at = name => info.columns.findIndex(c => c.name === name), last = ring.length - 1;
+  const sent = [];
+  for (let k = last; k >= 0 && ring.arrival(k) === ring.arrival(last); k--)
+    sent.push([ring.value(at("svId"), k), ring.value(at("cno"), k), (ring.value(at("status"), k) >> 3) & 1]);
+  const rows = [...document.querySelectorAll(".sky tr[data-use]")].map(row => [...row.cells]);
+  const shown = rows.map(([id, bar, strength, use]) =>
+    [+id.innerText.replace(/\\D/g, ""), +strength.firstChild.data, use.innerText.trim() === "used" ? 1 : 0]);
+  return {sent, shown};
+}"""
+
+
+def test_satellites_are_those_that_were_sent(families: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page(families.url)
+    looking_at(page, "1")
+    until(page, "document.querySelectorAll('.sky tr[data-use]').length > 5")
+
+    def agree() -> bool:
+        sky = page.evaluate(SKY)
+        return sorted(sky["sent"]) == sorted(sky["shown"])
+
+    assert any(agree() or page.wait_for_timeout(250) for _ in range(20)), json.dumps(page.evaluate(SKY))
+    table = page.get_by_role("table", name="Satellites by constellation")
+    assert table.get_by_role("rowheader").count() == len(page.evaluate(SKY)["shown"])
+    assert "used" in table.inner_text()
+    looking_at(page, "2")  # a device without a receiver has no such panel, and one is not left behind
+    until(page, "document.querySelector('.sky') === null")
+
+
+def test_the_track_opens_large(families: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page(families.url)
+    looking_at(page, "1")
+    button = page.get_by_role("button", name="Track within the window")
+    button.focus()
+    page.keyboard.press("Enter")
+    dialog = page.get_by_role("dialog", name="Track of")
+    dialog.wait_for()
+    until(page, "/sat/.test(document.querySelector('.trackline')?.innerText)")
+    canvas = dialog.locator("canvas")
+    drawn = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        let n = 0; for (let k = 3; k < data.length; k += 4) n += data[k] > 200; return n; }"""
+    assert canvas.evaluate(drawn) > 100
+    dialog.get_by_role("button", name="Zoom in").click()
+    canvas.focus()
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("0")
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    assert not [rule["id"] for rule in found["violations"] if rule["impact"] in ("serious", "critical")]
+    page.keyboard.press("Escape")
+    dialog.wait_for(state="detached")
+    assert page.evaluate("document.activeElement.className") == "enlarge"
+
+
+def test_position_and_status_without_set_up(families: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page(families.url)
+    looking_at(page, "1")
+    until(page, "/3D · \\d+ sat/.test(document.querySelector('.gnss .cap')?.innerText)")
+    names = page.locator(".lanenames").inner_text()
+    assert "Solution" in names
+    assert "Fix" in names
+    assert names.count("\n") < 14
+    before = page.locator(".lanenames button").count()
+    page.get_by_role("button", name="more lane").click()
+    assert page.locator(".lanenames button").count() > before
+    page.get_by_role("button", name="Fewer lanes").click()
+    assert "Velocity" in page.locator(".leg b").all_inner_texts()[-1]
+    page.locator(".more summary", has_text="GPS1 POS").click()
+    page.locator(".more").get_by_role("button", name="Height above sea level").click()
+    until(page, "[...document.querySelectorAll('.leg b')].some(b => b.innerText.startsWith('Height above'))")
+
+
+def test_trust_is_shown_and_a_key_is_asked_for(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:isb", "twin:idtp", "twin:idtp?mode=secure")
+    page = open_page(server.url)
+    looking_at(page, "2")
+    until(page, "document.querySelector('.dev[aria-current] .trust')?.dataset.trust === 'verified'")
+    assert "Safety, CRC-32" in page.locator(".dev[aria-current] .trust").inner_text()
+    looking_at(page, "3")
+    band = page.locator("[data-key=wanted]")
+    until(page, "/Secure frames? rejected/.test(document.querySelector('[data-key=wanted]')?.innerText ?? '')")
+    assert "--key" in band.inner_text()
+    band.get_by_role("button", name="Give the key").click()
+    field = page.get_by_label("Key for Secure frames")
+    assert field.get_attribute("type") == "password"
+    field.fill("not hex")
+    page.get_by_role("button", name="Open with this key").click()
+    assert "hex" in page.get_by_role("alert").inner_text()
+    field.fill("00112233445566778899aabbccddeeff")
+    page.get_by_role("button", name="Open with this key").click()
+    until(page, "document.querySelector('.dev[aria-current] .trust')?.innerText.includes('Secure')")
+    assert page.locator(".dev[aria-current] .trust").get_attribute("data-trust") == "verified"
+    assert page.locator("[data-key=wanted]").count() == 0
+    assert page.locator(".dev").filter(has_text="twin:idtp").count() == 2, "the one without a key is gone"
+    assert "0011" not in page.content()
+
+
+def test_unverified_data_are_marked_wherever_they_are(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:idtp?mode=secure&unverified=1")
+    page = open_page(server.url)
+    until(page, READY)
+    until(page, "document.querySelector('.dev .trust')?.dataset.trust === 'unverified'")
+    assert page.locator("[data-key=wanted]").count() == 1
+    legends = page.locator(".leg b").all_inner_texts()
+    assert legends
+    assert all("▲" in text for text in legends)
+    groups = page.locator(".vals tr.g").all_inner_texts()
+    assert all("▲ unverified" in text for text in groups)
+    assert "unverified" in page.locator(".nums .from").inner_text()
+    until(page, "/unverified\\s*▲/.test(document.querySelector('.hl')?.innerText)")
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (390, 844)], ids=["desktop", "phone"])
+@pytest.mark.parametrize("device", ["1", "2", "3"])
+def test_the_standard_holds_for_them(
+    families: ServerProcess, open_page: OpenPage, size: tuple[int, int], device: str
+) -> None:
+    """Nothing serious from axe, no sideways scrolling, and a finger hits every control."""
+    phone = size[0] < 721
+    page = open_page(families.url, width=size[0], height=size[1], touch=phone, dark=device != "2")
+    looking_at(page, device)
+    page.wait_for_timeout(2000)
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    serious = [
+        f"{rule['id']}: {node['html'][:120]}"
+        for rule in found["violations"]
+        if rule["impact"] in ("serious", "critical")
+        for node in rule["nodes"]
+    ]
+    assert not serious, "\n".join(serious)
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= size[0]
+    if phone:
+        small = page.evaluate(TARGETS)
+        assert not small, "\n".join(small)
+
+
+def test_switching_is_instant(families: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page(families.url)
+    looking_at(page, "1")
+    until(page, READY)
+    for name, frame in (("IDTP", "ENU"), ("IMX", "NED"), ("IDTP", "ENU")):
+        page.locator(".dev .pick", has_text=name).first.click()
+        switched = f"document.querySelector('.nums .seg [aria-pressed=true]')?.innerText === '{frame}'"
+        until(page, switched, timeout_s=1)
