@@ -31,6 +31,8 @@ from server.incidents import Blame, Incidents
 from server.links.base import Chunk
 
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
+SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
+ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
 TOLD_ONCE = ("no_key",)  # by server/advice.py: that every frame is refused again is no news
 MOST_SENDERS = 16  # named; more in one stream are noise, or nobody's to remember
 _WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
@@ -144,6 +146,8 @@ class Intake:
         self._byte_time_ns = byte_time_ns
         self._clocks: dict[str, HostClock] = {}  # by sender: each has a clock of its own
         self.clock = HostClock(byte_time_ns)  # of the first sender: what the health figures tell
+        self._restarts = 0  # of all clocks' mappings, as far as they have been told
+        self._quiet_until = 0.0  # until when a step of a clock is no news, unix s
         self._about = about
         self.identity = Identity(about.identity, about.sender)
         self.samples = 0
@@ -245,9 +249,11 @@ class Intake:
             elif isinstance(event, Gap):
                 self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
             elif isinstance(event, Step):
+                self._quiet_until = max(self._quiet_until, event.arrival_ns / 1e9 + SETTLED_S)
                 self._incidents.step(event, _time_after(event, batches, times))
             else:
                 self._reply(event)
+        self._mapped_anew()
         if rejects:
             self._figures.rejected(reject.reason for reject in rejects)
             self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
@@ -256,6 +262,18 @@ class Intake:
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
         else:
             self._rejects_before += len(rejects)
+
+    def _mapped_anew(self) -> None:
+        """A clock that ran ahead without a word of the decoder: only its mapping to host time noticed."""
+        restarts = sum(clock.restarts for clock in self._clocks.values())
+        if restarts <= self._restarts:
+            return
+        self._restarts = restarts
+        now = self._hub.now()
+        if now > self._quiet_until:
+            self._quiet_until = now + ANEW_S
+            text = "The device's clock jumped: its times are mapped to this host's anew from here on."
+            self._incidents.say("clock", "caution", text, data={"kind": "jump"})
 
     def _reply(self, reply: Reply) -> None:
         self._figures.samples(reply.message.name, 1, self._hub.now())

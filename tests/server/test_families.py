@@ -160,6 +160,16 @@ def test_nothing_is_said_to_families_that_have_no_greeting() -> None:
     play(test)
 
 
+@pytest.mark.parametrize("device", [IsbDevice, IdtpDevice, XbusDevice])
+def test_a_clock_that_jumps_is_told_once(device: Any) -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(device(clock_jump=(8.0, 10.0)), 12)
+        kinds = [event.data["kind"] for event in stage.events("clock")]
+        assert kinds == (["sync", "jump"] if device is IsbDevice else ["jump"])
+
+    play(test)
+
+
 # -- how well it is protected ------------------------------------------------------------------------------------------
 
 
