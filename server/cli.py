@@ -119,7 +119,7 @@ def _serve(options: argparse.Namespace) -> None:
         port=options.port,
         data=options.data,
         protocol="" if options.protocol == "auto" else options.protocol,
-        key=options.key,
+        key=None if options.key is None else key_text(options.key),
         min_mode=options.min_mode,
         schema=options.schema,
         unverified=options.unverified,

@@ -83,8 +83,10 @@ def key_text(given: str) -> str:
     """The hex digits of a key that is given as such, or as @FILE.
 
     Raises:
-        ReadingError: there is no such file, or it holds no text.
+        ReadingError: nothing is given, there is no such file, or it holds no text.
     """
+    if not given:
+        raise ReadingError("an empty key is no key: an even number of hex digits, or @FILE that holds them")
     if not given.startswith("@"):
         return given
     try:

@@ -208,3 +208,23 @@ def test_a_capture_that_begins_again_is_not_joined_to_its_end(
                        .filter(e => !cut.has(e.time)).length; }"""
     )
     assert unbroken == 0
+
+
+def test_a_remark_about_the_link_stands_on_the_page(
+    serve: Callable[..., ServerProcess], open_page: Callable[..., Page]
+) -> None:
+    """A notice does not scroll away like an event: a high latency timer, datagrams of two senders."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        here = probe.getsockname()
+    page = open_page(serve(f"udp://127.0.0.1:{here[1]}").url)
+    ways = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    senders = [Sender(lambda data, way=way: way.sendto(data, here)) for way in ways]  # type: ignore[misc]
+    try:
+        until(page, "document.querySelectorAll('.notice').length > 0")
+        assert "127.0.0.1" in page.locator(".notice").first.inner_text()
+    finally:
+        for sender in senders:
+            sender.stop()
+        for way in ways:
+            way.close()

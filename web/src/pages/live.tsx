@@ -92,6 +92,7 @@ function Side({ app }: { readonly app: App }) {
           <span>last minute</span>
         </div>
         <Mounted mount={(host) => mountHealth(host, app)} />
+        <Notices app={app} />
       </section>
       <Satellites app={app} />
       <section class="health" aria-label="Events">
@@ -121,6 +122,20 @@ function Satellites({ app }: { readonly app: App }) {
       </div>
       <Mounted class="skybox" mount={(host) => mountSatellites(host, app)} />
     </section>
+  );
+}
+
+/** Standing remarks about the link: a slow USB latency timer and its fix, who is connected, two protocols in one stream. */
+function Notices({ app }: { readonly app: App }) {
+  return (
+    <>
+      {app.device.value?.notices.map((notice) => (
+        <p class="note notice" key={notice}>
+          <span class="dot off" />
+          {notice}
+        </p>
+      ))}
+    </>
   );
 }
 

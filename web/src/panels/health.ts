@@ -137,7 +137,7 @@ function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefi
   return {
     update(health) {
       const wanted = new Map<string, Figure>();
-      for (const { words, count } of rejections(health)) wanted.set(words, { value: number(count, 0), unit: "frames", tone: "" });
+      for (const { words, count } of rejections(health)) wanted.set(words, { value: number(count, 0), unit: count === 1 ? "frame" : "frames", tone: "" });
       if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
       if (typeof health?.verified === "number") wanted.set("verified", { value: number(health.verified, 0), unit: "smp", tone: "" });
       for (const [name, line] of lines) {
