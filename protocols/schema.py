@@ -4,6 +4,7 @@ A protocol document is a set of tables: which messages there are, which fields e
 means. Those tables are written here as rows, once, and everything else reads them: the decoder makes numpy layouts of
 them, the wire advertises them to the page, the forms, the command line and the documentation print the same words.
 
+    Command, Setting ── have many ──┐
     Message ── has many ──> Field ── may have ──> Bits (named flags or bit groups of an integer)
                               └── may have ──> Field (a record: its own fields, fixed or repeated)
 
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 Severity = Literal["", "caution", "fault"]
 
@@ -72,6 +73,11 @@ class Field:
         id: number in the document where the field has one (an Xsens data identifier), else -1.
         column_major: a matrix that travels column by column; the shown one is row by row, as is its `axes`.
         pad: the byte that fills an "ascii" field up to its length and is no part of the value (0x20 or 0); -1: none.
+        low, high: allowed range of the wire value where it is narrower than its type; None where the type decides.
+        default: wire value that a form starts with; None: none.
+        most: greatest number of elements of an open shape; 0 where the payload decides.
+        simple: False for what most people never change: a form shows it one click away.
+        read_only: told by the device, never written.
         doc, source: one sentence; section of the document.
     """
 
@@ -92,6 +98,12 @@ class Field:
     id: int = -1
     column_major: bool = False
     pad: int = -1
+    low: float | None = None
+    high: float | None = None
+    default: Any = None
+    most: int = 0
+    simple: bool = True
+    read_only: bool = False
     doc: str = ""
     source: str = ""
 
@@ -128,6 +140,71 @@ class Message:
     split: bool = False
     apart: tuple[str, ...] = ()
     direction: Direction = "to_host"
+    title: str = ""
+    doc: str = ""
+    source: str = ""
+
+
+Caution = Literal["", "restarts", "stops-output", "cuts-line", "loses-settings", "wears-flash", "moves-frame"]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Something that a device can be told or asked: one form, one line of `imuscope send`, one row of documentation.
+
+    Args:
+        name: the document's name ("SetOutputConfiguration", "DID_SYS_CMD.softwareReset").
+        arguments: what a person fills in; `fields` of the message on the wire, or what it is made of.
+        kind: "ask" changes nothing; "set" writes a setting; "do" starts something.
+        group: heading under which it is listed.
+        reply: name of the message that answers; "" when nothing does.
+        timeout_s: how long its answer may take.
+        caution: what kind of harm it can do; a person is asked once more, in the words of `consequence`.
+        consequence: one sentence that names what is lost or cut ("All settings return to the factory's.").
+        simple: False for what is one click away.
+        title, doc, source: for a person; one sentence; section of the document.
+    """
+
+    name: str
+    arguments: tuple[Field, ...] = ()
+    kind: Literal["ask", "set", "do"] = "do"
+    group: str = ""
+    reply: str = ""
+    timeout_s: float = 0.5
+    caution: Caution = ""
+    consequence: str = ""
+    simple: bool = True
+    title: str = ""
+    doc: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Values that a device keeps: read by one exchange, written by one, compared and put back by name.
+
+    Args:
+        name: key in a snapshot, without "Req" and "Set" ("OutputConfiguration", "DID_FLASH_CONFIG").
+        fields: wire values by name, as `imuscope inspect` prints them.
+        read, write: names of the commands; write "" for what a device only tells.
+        partial: True where single fields can be written alone (an ISB data set by offset).
+        editor: "" for a plain form; "outputs" (Xsens output configuration) and "streams" (ISB streams) have their own.
+        after: what makes a written value take effect: "" at once, "measurement" on leaving Config, "reset".
+        caution, consequence: as for a command.
+        group, simple, title, doc, source: as for a command.
+    """
+
+    name: str
+    fields: tuple[Field, ...]
+    read: str = ""
+    write: str = ""
+    partial: bool = False
+    editor: Literal["", "outputs", "streams"] = ""
+    after: Literal["", "measurement", "reset"] = ""
+    caution: Caution = ""
+    consequence: str = ""
+    group: str = ""
+    simple: bool = True
     title: str = ""
     doc: str = ""
     source: str = ""

@@ -11,6 +11,8 @@ writes web/src/wire/types.ts; a test fails when that file is stale), so a field 
     channels   channels that the browser has not been told of yet (ids are never reused within a server run)
     health     figures of every device, twice a second; an older one not yet sent is replaced
     events     what happened, in order of `seq`; never dropped
+    control    what is done to each device: its queue, the job that runs, a trial; the whole, sent on every change
+    exchange   frames sent to devices, what they answered, and what was done about it, in order of `seq`; never dropped
     backfilled the answer to `subscribe`: everything older has been sent
     pong       the answer to `ping`: the browser estimates the server's clock from it
     error      the last request could not be served: {kind, message, hint}
@@ -259,6 +261,87 @@ class Events:
 
 
 @dataclass(slots=True)
+class ExchangeEntry:
+    """One frame of a command exchange, or a note between them."""
+
+    seq: int
+    time: float
+    device: str
+    way: Literal["tx", "rx", "note"]
+    name: str  # of the frame: "SetOutputConfiguration"; "" for a note
+    hex: str = ""
+    text: str = ""  # what it says, or what was made of it: "12 of 12 entries as asked"
+    ms: float | None = None  # an answer: time since the request
+    level: Level = "info"
+
+
+@dataclass(slots=True)
+class FieldOutcome:
+    """A field that the device did not take as asked."""
+
+    setting: str
+    path: str
+    title: str
+    asked: str
+    got: str  # "" where it was refused
+    why: str = ""
+
+
+@dataclass(slots=True)
+class Job:
+    """One thing that is done, or waits to be done, to a device."""
+
+    id: int
+    device: str
+    title: str  # "Write Output configuration"
+    state: Literal["waiting", "running", "done", "failed", "stopped"]
+    step: str = ""  # what it is at: "GoToConfig, second try"
+    message: str = ""  # of a finished one: one sentence
+    hint: str = ""
+    snapshot: str = ""  # the one taken before, or by it
+    values: dict[str, Any] = field(default_factory=dict)  # the answer of a command
+    outcomes: list[FieldOutcome] = field(default_factory=list)
+    started: float | None = None
+    ended: float | None = None
+
+
+@dataclass(slots=True)
+class Trial:
+    """Settings that go back unless a person keeps them."""
+
+    device: str
+    state: Literal["applying", "asking", "reverting", "kept", "reverted", "unreachable"]
+    changes: list[str]  # in words: "Baud rate 115 200 → 921 600"
+    words: str  # "The device answers at 921 600 Bd. If you say nothing, it goes back to 115 200 Bd."
+    deadline: float | None = None  # unix seconds, while it asks
+    seconds: float = 20.0
+
+
+@dataclass(slots=True)
+class ControlState:
+    """What is done to one device."""
+
+    device: str
+    state: str  # "Measurement", "Config", "" where the protocol has none
+    running: Job | None = None
+    queue: list[Job] = field(default_factory=list)
+    done: list[Job] = field(default_factory=list)  # the last five, newest first
+    trial: Trial | None = None
+
+
+@dataclass(slots=True)
+class Control:
+    devices: list[ControlState]
+    op: Literal["control"] = "control"
+
+
+@dataclass(slots=True)
+class Exchange:
+    entries: list[ExchangeEntry]
+    op: Literal["exchange"] = "exchange"
+
+
+@dataclass(slots=True)
 class Backfilled:
     op: Literal["backfilled"] = "backfilled"
 
@@ -296,7 +379,7 @@ class Ping:
     op: Literal["ping"] = "ping"
 
 
-ServerText = Hello | Devices | Channels | HealthReport | Events | Backfilled | Pong | Problem
+ServerText = Hello | Devices | Channels | HealthReport | Events | Control | Exchange | Backfilled | Pong | Problem
 BrowserText = Subscribe | Ping
 
 

@@ -224,6 +224,89 @@ export interface Events {
   readonly op: "events";
 }
 
+/** One frame of a command exchange, or a note between them. */
+export interface ExchangeEntry {
+  readonly seq: number;
+  readonly time: number;
+  readonly device: string;
+  readonly way: "tx" | "rx" | "note";
+  /** of the frame: "SetOutputConfiguration"; "" for a note */
+  readonly name: string;
+  readonly hex: string;
+  /** what it says, or what was made of it: "12 of 12 entries as asked" */
+  readonly text: string;
+  /** an answer: time since the request */
+  readonly ms: number | null;
+  readonly level: Level;
+}
+
+/** A field that the device did not take as asked. */
+export interface FieldOutcome {
+  readonly setting: string;
+  readonly path: string;
+  readonly title: string;
+  readonly asked: string;
+  /** "" where it was refused */
+  readonly got: string;
+  readonly why: string;
+}
+
+/** One thing that is done, or waits to be done, to a device. */
+export interface Job {
+  readonly id: number;
+  readonly device: string;
+  /** "Write Output configuration" */
+  readonly title: string;
+  readonly state: "waiting" | "running" | "done" | "failed" | "stopped";
+  /** what it is at: "GoToConfig, second try" */
+  readonly step: string;
+  /** of a finished one: one sentence */
+  readonly message: string;
+  readonly hint: string;
+  /** the one taken before, or by it */
+  readonly snapshot: string;
+  /** the answer of a command */
+  readonly values: Readonly<Record<string, unknown>>;
+  readonly outcomes: readonly FieldOutcome[];
+  readonly started: number | null;
+  readonly ended: number | null;
+}
+
+/** Settings that go back unless a person keeps them. */
+export interface Trial {
+  readonly device: string;
+  readonly state: "applying" | "asking" | "reverting" | "kept" | "reverted" | "unreachable";
+  /** in words: "Baud rate 115 200 → 921 600" */
+  readonly changes: readonly string[];
+  /** "The device answers at 921 600 Bd. If you say nothing, it goes back to 115 200 Bd." */
+  readonly words: string;
+  /** unix seconds, while it asks */
+  readonly deadline: number | null;
+  readonly seconds: number;
+}
+
+/** What is done to one device. */
+export interface ControlState {
+  readonly device: string;
+  /** "Measurement", "Config", "" where the protocol has none */
+  readonly state: string;
+  readonly running: Job | null;
+  readonly queue: readonly Job[];
+  /** the last five, newest first */
+  readonly done: readonly Job[];
+  readonly trial: Trial | null;
+}
+
+export interface Control {
+  readonly devices: readonly ControlState[];
+  readonly op: "control";
+}
+
+export interface Exchange {
+  readonly entries: readonly ExchangeEntry[];
+  readonly op: "exchange";
+}
+
 export interface Backfilled {
   readonly op: "backfilled";
 }
@@ -259,6 +342,6 @@ export interface Ping {
   readonly op: "ping";
 }
 
-export type ServerText = Hello | Devices | Channels | HealthReport | Events | Backfilled | Pong | Problem;
+export type ServerText = Hello | Devices | Channels | HealthReport | Events | Control | Exchange | Backfilled | Pong | Problem;
 
 export type BrowserText = Subscribe | Ping;

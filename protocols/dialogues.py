@@ -1,0 +1,235 @@
+"""Command exchanges without I/O: how is a device asked, and what is done when it does not answer?
+
+A dialogue is a generator. It yields what it wants done and is sent what came of it; it never sleeps, reads or writes by
+itself, so a test plays it with a list and the server plays it on a link:
+
+    def ask(frame):                          the runner
+        yield Send(frame, "ReqDID")          writes the bytes, sends None
+        values = yield Expect(did, 0.5)      feeds every event to `did` until it makes something of one, sends that;
+                                             sends None when the time is up
+        return values                        has the result of the dialogue
+
+    yield Pause(0.1)                         waits, sends None
+    yield Relink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
+
+What a device refuses is a `RefusedError`, what it never answers a `SilentError`; both say what was asked, so that the
+page can show it. A runner that is stopped closes the generator: its `finally` blocks may still yield `Send`, which the
+runner must write (GoToMeasurement after a browser has gone), and nothing else.
+
+`Driver` is what a protocol knows about configuring its devices; protocols/registry.py has one for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, TypeVar
+
+from protocols.events import Event
+from protocols.schema import Command, Setting
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+"""Wire values by field name, as `imuscope inspect` prints them: integers for choices and flag words, lists, records as
+objects, bytes as hex."""
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Write these bytes. `what` names them where the protocol's own listing cannot."""
+
+    frame: bytes
+    what: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Expect:
+    """Wait for an event of which `match` makes something; None after `timeout_s`."""
+
+    match: Callable[[Event], Any | None]
+    timeout_s: float
+    what: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Wait, seconds."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Relink:
+    """Close the link and open it again, at another rate where one is given; what arrives afterwards is decoded anew."""
+
+    baud: int | None = None
+
+
+Act = Send | Expect | Pause | Relink
+Dialogue = Generator[Act, Any, T]
+
+
+class RefusedError(Exception):
+    """The device said no: `what` was asked and why, in the document's words ("parameter invalid or outside range")."""
+
+    def __init__(self, what: str, why: str, code: int | None = None) -> None:
+        super().__init__(f"{what}: {why}")
+        self.what, self.why, self.code = what, why, code
+
+
+class SilentError(Exception):
+    """No answer to `what` after `tries` tries of `timeout_s` each."""
+
+    def __init__(self, what: str, tries: int, timeout_s: float) -> None:
+        super().__init__(f"No answer to {what} ({tries} tries of {timeout_s:g} s).")
+        self.what, self.tries, self.timeout_s = what, tries, timeout_s
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known about a device; empty where it has not told.
+
+    Args:
+        baud: of the link now; None where it has none.
+        device: who is meant where a link carries several (an IDTP device id).
+        key: for Secure frames; None without.
+    """
+
+    product: str = ""
+    serial_number: str = ""
+    firmware: str = ""
+    baud: int | None = None
+    device: str = ""
+    key: bytes | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A few bytes of a frame and what they mean: `path` names the field ("outputs.3"), "" for the envelope's own."""
+
+    offset: int
+    size: int
+    label: str
+    path: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one output costs: `path` names it in the setting ("outputs.3")."""
+
+    path: str
+    title: str
+    bytes_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """Bytes per second that outputs ask of the line.
+
+    Args:
+        parts: one per output; what every message costs whatever is in it (header, checksum) is the part with path "".
+        total: sum of the parts.
+        limits: per-message limits that are broken, one sentence each.
+    """
+
+    parts: tuple[Part, ...]
+    total: float
+    limits: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """What came of writing one setting.
+
+    Args:
+        asked: the values sent.
+        got: the values read back; None where they could not be read.
+        refused: why nothing was written, in the document's words; "" when it was.
+    """
+
+    setting: str
+    asked: Values
+    got: Values | None = None
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class LineChange:
+    """A change after which the line may be dead.
+
+    Args:
+        baud: rate of the line afterwards; None where it is not the rate that changes.
+        kind: "baud" (the rate), "port" (it may be off), "protocol" (another language), "silent" (no output).
+        words: one sentence for a person.
+    """
+
+    kind: Literal["baud", "port", "protocol", "silent"]
+    words: str
+    baud: int | None = None
+
+
+class Driver(Protocol):
+    """What a protocol knows about configuring its devices. Tables, frames and dialogues; no I/O, no state.
+
+    Every method that takes values raises protocols.layouts.EncodeError with the field's path, the value and the allowed
+    range when they cannot be sent. Dialogues raise RefusedError and SilentError.
+    """
+
+    name: str
+
+    def commands(self, known: Known) -> Sequence[Command]:
+        """Every command of the document that this product has; all of the protocol while it is not known."""
+
+    def settings(self, known: Known) -> Sequence[Setting]:
+        """Everything this device keeps that can be read, and what of it can be written."""
+
+    def frame(self, command: str, values: Values, known: Known) -> bytes:
+        """The bytes of a command (an NMEA line, too, is bytes)."""
+
+    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+        """The bytes that would write these values (only those given, where the setting is `partial`)."""
+
+    def spans(self, frame: bytes) -> list[Span]:
+        """The frame byte by byte: spans that cover it without overlap, in order."""
+
+    def name_of(self, frame: bytes) -> str:
+        """Its name, for the log of the exchange."""
+
+    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        """`body` in the state that it needs, and back afterwards, also after failure (GoToConfig … GoToMeasurement)."""
+
+    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+        """Send one command, wait for what answers; its values."""
+
+    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+        """The values of one setting."""
+
+    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+        """Write and read back; a refusal is in the result, silence is raised."""
+
+    def identify(self, known: Known) -> Dialogue[Known]:
+        """Ask who it is: product, serial number, firmware."""
+
+    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+        """Would this write cut the line?"""
+
+    def store_and_restart(self, known: Known) -> Dialogue[None]:
+        """Make what was written last and take effect: save where the protocol asks for it, reset. The link may die."""
+
+    def alive(self, known: Known) -> Dialogue[bool]:
+        """Is the device there and does it speak, at the link's present rate? Short; never raises."""
+
+    def restore_communication(self, known: Known) -> Dialogue[bool]:
+        """The document's procedure for a device that answers at no rate; a person switches its power meanwhile."""
+
+    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+        """What these settings make the device send, bytes per second, exact to the byte."""
+
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+        """The same settings with rates lowered so that their load is within `capacity` bytes per second."""
+
+    def factory(self, known: Known) -> Mapping[str, Values]:
+        """The documented factory defaults, of those settings where the document tells them."""
+
+    def same(self, setting: str, a: Values, b: Values) -> list[str]:
+        """Paths of the fields in which two values of a setting differ in what they mean."""
