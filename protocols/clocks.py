@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.envelope import Mapping
-from protocols.ticks import NEAR_SHARE, OPEN_FROM, OPEN_TO, RESET, STATES, WRAP, follow
+from protocols.ticks import ARRIVAL, LATE_RUN, NEAR_SHARE, NEWEST, OPEN_FROM, OPEN_TO, RESET, STATES, WRAP, follow
 
 Array = NDArray[Any]
 Times = NDArray[np.int64]
@@ -37,6 +37,7 @@ Times = NDArray[np.int64]
 LATE_S = 10.0  # a row this much older than the newest is an old row, not a restart (PVT on an MTi: 2.5 s measured)
 _UNKNOWN = np.empty(0, np.int64)
 AHEAD_S = 1.0  # device time that ran ahead of arrival time by more than this has jumped
+_AHEAD_NS = int(AHEAD_S * 1e9)
 
 
 class Unwrap:
@@ -61,6 +62,7 @@ class Unwrap:
         self._state = np.zeros(STATES, np.int64)
         self._state[WRAP] = self._wraps.tolist().index(wrap)
         self._state[OPEN_TO] = len(self._wraps)
+        self._look()
 
     @property
     def wrap(self) -> int:
@@ -71,6 +73,32 @@ class Unwrap:
         """The modulus is known now (from the product code)."""
         self._wraps = np.array([wrap], np.int64)
         self._state[WRAP], self._state[OPEN_FROM], self._state[OPEN_TO] = 0, 0, 1
+        self._look()
+
+    def _look(self) -> None:
+        """What `tick` needs of the state, as plain numbers."""
+        started, self._newest, self._turns, _, self._arrived, wrap, first, last = self._state.tolist()
+        self._near = max(int(self._wraps[wrap]) // NEAR_SHARE, 1)
+        in_doubt = first + 1 < last
+        self._below = (int(self._wraps[first]) if in_doubt else 1 << 63) if started else -1
+
+    def tick(self, raw: int, arrival_ns: int | None = None) -> int:
+        """`ticks` of one row, for a live stream: the same answer, without arrays where the clock just goes on."""
+        value = raw + self._turns
+        near = self._near
+        if arrival_ns is not None and self._tick_ns:
+            passed = arrival_ns - self._arrived
+            near = (passed + passed // 1000 + _AHEAD_NS) // self._tick_ns
+        if raw >= self._below or not 0 <= value - self._newest <= near:
+            arrival = None if arrival_ns is None else np.array((arrival_ns,))
+            return int(self.ticks(np.array((raw,)), arrival)[0])
+        self.steps = []
+        state = self._state
+        state[NEWEST] = self._newest = value
+        state[LATE_RUN] = 0
+        if arrival_ns is not None and self._tick_ns:
+            state[ARRIVAL] = self._arrived = arrival_ns
+        return value
 
     def ticks(self, raw: Array, arrival_ns: Array | None = None) -> Times:
         """Unwrapped ticks of the rows `raw`, (n,) int64, going on from the last call.
@@ -82,9 +110,8 @@ class Unwrap:
         arrival = _UNKNOWN if arrival_ns is None else np.ascontiguousarray(arrival_ns, np.int64)
         out = np.empty(len(values), np.int64)
         steps = np.empty((3, len(values)), np.int64)
-        found = follow(
-            values, arrival, self._state, self._wraps, self._late, self._tick_ns, int(AHEAD_S * 1e9), out, steps
-        )
+        found = follow(values, arrival, self._state, self._wraps, self._late, self._tick_ns, _AHEAD_NS, out, steps)
+        self._look()
         self.steps = []
         if found:  # rarely
             table = steps[:, :found].T.tolist()
@@ -108,15 +135,20 @@ class Counter:
         self.restarts: list[int] = []
         self._last: int | None = None
 
+    def follows(self, number: int) -> bool:
+        """Is this the number after the last one? Then it is taken, and nothing is missing; otherwise ask `missing`."""
+        if self._last is None or (number - self._last) % self.modulus != 1:
+            return False
+        self._last = number
+        self.restarts = []
+        return True
+
     def missing(self, raw: Array) -> Times:
         """(n,) int64: how many were lost just before each row, going on from the last call."""
         values = np.asarray(raw).astype(np.int64)
         self.restarts = []
         if len(values) == 0:
             return values
-        if len(values) == 1 and self._last is not None and (int(values[0]) - self._last) % self.modulus == 1:
-            self._last = int(values[0])  # the usual case of a live stream, without arrays
-            return np.zeros(1, np.int64)
         last = values[0] - 1 if self._last is None else self._last
         lost: Times = np.diff(values, prepend=last) - 1
         lost %= self.modulus

@@ -101,6 +101,12 @@ class Buffer:
 
     def release(self, position: int) -> None:
         """Forget the bytes before `position`."""
+        if position == self._ends[-1]:  # all of them, as mostly between two frames of a live stream
+            self.start = position
+            self._kept = b""
+            self._chunks = []
+            self._ends, self._arrivals = [position], self._arrivals[-1:]
+            return
         self.data()
         self._kept = self._kept[position - self.start :]
         self.start = position
@@ -116,8 +122,6 @@ class Buffer:
         """When each of the bytes at the positions `last` (ascending) arrived, ns: (n,) int64."""
         if len(self._arrivals) == 2 or len(last) == 0:
             return np.full(len(last), self._arrivals[-1], np.int64)
-        if len(last) == 1:
-            return np.array([self.arrival(int(last[0]))], np.int64)
         cuts = np.searchsorted(last, np.array(self._ends, np.int64))  # few chunks in many rows, not the other way round
         cuts[0], cuts[-1] = 0, len(last)
         return np.repeat(np.array(self._arrivals[1:], np.int64), np.diff(cuts))
@@ -163,6 +167,10 @@ class Room:
 def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: Room | None = None) -> Scanned:
     """Run `scan` from `at` to the end of `data`; with a `room`, the table is good until its next use."""
     columns = min(_TABLE_COLUMNS, len(data) - at + 1)
+    if columns < _SMALL:  # a column for each byte, and so enough
+        table = np.empty((QUANTITIES, columns), np.int64)
+        found, at, failed, framed = scan(data, at, final, table)
+        return Scanned(table[:, :found], at, failed, framed)
     parts: list[Ints] = []
     all_failed = all_framed = 0
     while True:

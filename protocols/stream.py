@@ -88,7 +88,8 @@ class Stream:
             rejects = self._rejects(table, start)
             table = np.ascontiguousarray(table[:, table[STATUS] == FRAME])
         if table.shape[1] == 1:  # the usual case of a live stream
-            arrivals = np.array([buffer.arrival(int(table[OFFSET, 0]) + int(table[SIZE, 0]) + start - 1)])
+            offset, size = table[:2, 0].tolist()
+            arrivals = np.array((buffer.arrival(start + offset + size - 1),))
         else:
             arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
         self._scan_at = start + scanned.at

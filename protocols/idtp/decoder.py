@@ -158,17 +158,40 @@ class IdtpDecoder(Decoder):
     def _data(self, cut: Cut, events: list[Event]) -> None:
         """Batches, gaps, steps and warnings of the accepted frames."""
         rows, table = cut.judged.rows, cut.table
+        if table.shape[1] == 1:
+            self._single(cut, events)
+            return
         offsets = table[OFFSET] + cut.start
         times = self._times(cut, offsets, events)
         if cut.judged.gaps:
             self._gaps(cut, offsets, times, events)
         if cut.judged.other:
-            self._newer(cut, offsets, events)
-        if table.shape[1] == 1:  # the usual case of a live stream
-            events.append(self._batch(cut, int(rows[KEY, 0]), None, offsets, times, events))
-            return
+            self._newer(cut, events)
         for key, which in _groups(rows[KEY]):
             events.append(self._batch(cut, key, which, offsets, times, events))
+
+    def _single(self, cut: Cut, events: list[Event]) -> None:
+        """One frame, the usual case of a live stream: what `_data` does, with plain numbers."""
+        rows, arrivals = cut.judged.rows, cut.arrival_ns
+        lost, stamp, _, key = rows[:, 0].tolist()
+        offset, _, body, _, _, sender = cut.table[:6, 0].tolist()
+        offset += cut.start
+        kind = self._kinds.get(key) or self._learn(key)
+        payload, device = kind.payload, kind.device
+        clock = self._clocks.get(key >> SOURCE_SHIFT) or self._clock(key >> SOURCE_SHIFT)
+        time = clock.tick(stamp, int(arrivals[0])) * self._tick_ns
+        for _, step, by in clock.steps:
+            events.append(Step(offset, step, by * self._tick_ns, int(arrivals[0]), device))
+        if lost:
+            events.append(Gap(offset, lost, "sequence", int(arrivals[0]), time, device))
+        if cut.judged.other:
+            self._newer(cut, events)
+        if payload.trouble:
+            self._warn(sender, payload.message.name, payload.trouble, cut, 0, events)
+        gathered = np.ndarray((1, payload.width), np.uint8, bytearray(cut.data[body : body + payload.width]))
+        shown = Shown(payload, gathered, rows[MODE], kind.unverified, self._rotation)
+        offsets, times = np.array((offset,)), np.array((time,))
+        events.append(Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified))
 
     def _batch(self, cut: Cut, key: int, which: Ints | None, offsets: Ints, times: Ints, events: list[Event]) -> Batch:
         """The frames of one key; `which` None: all of them."""
@@ -176,7 +199,7 @@ class IdtpDecoder(Decoder):
         payload = kind.payload
         starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
         if which is None:
-            modes = modes if len(modes) == 1 else modes.copy()  # that memory is good until the next drain only
+            modes = modes.copy()  # that memory is good until the next drain only
         else:
             starts, modes, arrivals = starts[which], modes[which], arrivals[which]
             offsets, times = offsets[which], times[which]
@@ -217,14 +240,16 @@ class IdtpDecoder(Decoder):
         return times
 
     def _unwrap(self, source: int, raw: Ints, arrivals: Ints, offsets: Ints, events: list[Event]) -> Ints:
-        clock = self._clocks.get(source)
-        if clock is None:
-            clock = self._clocks[source] = Unwrap(WRAP, tick_ns=self._tick_ns)
+        clock = self._clocks.get(source) or self._clock(source)
         ticks = clock.ticks(raw, arrivals)
         for i, kind, by in clock.steps:
             device = str(source_of(source)[0])
             events.append(Step(int(offsets[i]), kind, by * self._tick_ns, int(arrivals[i]), device))
         return ticks * self._tick_ns
+
+    def _clock(self, source: int) -> Unwrap:
+        clock = self._clocks[source] = Unwrap(WRAP, tick_ns=self._tick_ns)
+        return clock
 
     @staticmethod
     def _gaps(cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
@@ -245,7 +270,7 @@ class IdtpDecoder(Decoder):
         values = {"device_id": device, "warning": words}
         events.append(Reply(WARNING, values, offset, size, int(cut.arrival_ns[row]), str(device)))
 
-    def _newer(self, cut: Cut, offsets: Ints, events: list[Event]) -> None:
+    def _newer(self, cut: Cut, events: list[Event]) -> None:
         """Versions other than the known one."""
         minors = cut.array[cut.table[OFFSET] + VERSION_AT].astype(np.int64) & 0xF
         for device, at in zip(*np.unique(cut.table[SENDER] << 4 | minors, return_index=True), strict=True):

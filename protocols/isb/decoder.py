@@ -113,11 +113,12 @@ class IsbDecoder(Decoder):
         else:
             form = self._forms.get(key) or self._form(key)
             begin = int(cut.table[BODY, 0])
-            payload = cut.data[begin : begin + form.layout.size]
+            width = form.layout.size
+            payload = cut.data[begin : begin + width]
             if not key >> 27 & 0x7FF:
                 self._whole[form.message.id] = payload
-            columns = form.layout.columns(np.frombuffer(payload, np.uint8).reshape(1, -1))
-            offset = cut.table[OFFSET] + cut.start
+            columns = form.layout.columns(np.ndarray((1, width), np.uint8, payload))
+            offset = np.array((cut.start + int(cut.table[OFFSET, 0]),))
             events.append(Batch(form.message, "", cut.arrival_ns, offset, out[TIME] if timed else None, columns))
 
     def _many(self, cut: Cut, out: Ints, events: list[Event]) -> None:

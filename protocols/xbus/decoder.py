@@ -42,6 +42,8 @@ from protocols.xbus.frames import (
     FINE,
     GOOD,
     MTDATA2,
+    PACKET_COUNTER,
+    SAMPLE_TIME_FINE,
     UTC_AT,
     WALKED,
     gather,
@@ -88,6 +90,19 @@ class DataLayout:
         names = [name for name in reversed(_CLOCKS) if name in places]
         clock = names[0] if names else ""
         self.message: Message = replace(MTDATA2_ROW, fields=fields, time=clock, tick_ns=TICK_NS if clock else 0)
+        # For a frame alone: which bytes are identifiers and sizes, what they are, and where counter and clock are.
+        mask = bytearray(size)
+        for _, at, _ in found:
+            mask[at - 3 : at] = b"\xff\xff\xff"
+        self._mask = int.from_bytes(mask, "big")
+        self._mark = int.from_bytes(payload[:size], "big") & self._mask
+        last = {(identifier, length): at for identifier, at, length in found}
+        self.counter_at, self.fine_at = last.get((PACKET_COUNTER, 2), 0), last.get((SAMPLE_TIME_FINE, 4), 0)
+        self.usual = bool(self.counter_at and self.fine_at and not self.bad)
+
+    def fits(self, payload: bytes) -> bool:
+        """Is this a payload of this layout? It has the right length already."""
+        return int.from_bytes(payload, "big") & self._mask == self._mark
 
 
 def _joined(place: Place, at: int, length: int) -> Place:
@@ -107,6 +122,7 @@ class XbusDecoder(Decoder):
         self.direction = direction
         self._stream = Stream()
         self._layouts: dict[bytes, DataLayout] = {}
+        self._newest: dict[int, DataLayout] = {}  # by the length of the payload
         self._counter = Counter(1 << 16)
         self._fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self._coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
@@ -131,7 +147,8 @@ class XbusDecoder(Decoder):
         cut = self._stream.drain(stalled=stalled)
         events: list[Event] = [*cut.rejects, *cut.texts]
         table, arrivals = cut.table, cut.arrival_ns
-        if not table.shape[1]:
+        n = table.shape[1]
+        if not n or (n == 1 and self._single(cut, events)):
             return sorted(events, key=_offset) if len(events) > 1 else events
         other = table[ID] != MTDATA2
         if other.any():
@@ -167,6 +184,29 @@ class XbusDecoder(Decoder):
                 self._fine.set_wrap(WRAP_DAY if day else WRAP)
 
     # -- data ----------------------------------------------------------------------------------------------------------
+
+    def _single(self, cut: Cut, events: list[Event]) -> bool:
+        """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
+        usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
+        offset, _, body, length, mid = cut.table[:5, 0].tolist()
+        layout = self._newest.get(length) if mid == MTDATA2 and self._clock in (0, _FINE) else None
+        if layout is None or not layout.usual:
+            return False
+        payload = cut.data[body : body + length]
+        if not layout.fits(payload):
+            return False
+        self._clock = _FINE
+        offset += cut.start
+        fine, counter = layout.fine_at, layout.counter_at
+        time = self._fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
+        for _, kind, by in self._fine.steps:
+            events.append(Step(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
+        number = int.from_bytes(payload[counter : counter + 2], "big")
+        if not self._counter.follows(number) and (missing := int(self._counter.missing(np.array((number,)))[0])):
+            events.append(Gap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
+        columns = layout.layout.columns(np.ndarray((1, length), np.uint8, payload))
+        events.append(Batch(layout.message, "", cut.arrival_ns, np.array((offset,)), np.array((time,)), columns))
+        return True
 
     def _data(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Batches, gaps and steps of MTData2 frames."""
@@ -211,6 +251,7 @@ class XbusDecoder(Decoder):
             if len(self._layouts) >= _LAYOUTS:
                 self._layouts.clear()
             layout = self._layouts[key] = DataLayout(payload)
+        self._newest[size] = layout
         return layout
 
     @staticmethod

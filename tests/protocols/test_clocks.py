@@ -133,6 +133,14 @@ def test_a_row_seen_again_loses_nothing() -> None:
     assert Counter(65536).missing(np.array([10, 11, 11, 12, 11, 13])).tolist() == [0] * 6
 
 
+def test_the_number_that_follows_is_taken_and_no_other() -> None:
+    counter = Counter(65536)
+    assert not counter.follows(65534)  # nothing is known yet
+    counter.missing(np.array([65534]))
+    assert [counter.follows(n) for n in (65535, 0, 0, 2, 1)] == [True, True, False, False, True]
+    assert counter.missing(np.array([3, 4])).tolist() == [1, 0]
+
+
 @given(st.sets(st.integers(0, 999)), st.integers(0, 65535), st.integers(1, 50))
 def test_what_is_missing_adds_up(lost: set[int], first: int, chunk: int) -> None:
     kept = np.array([n for n in range(1001) if n not in lost or n in (0, 1000)])

@@ -188,6 +188,14 @@ def test_one_byte_at_a_time(speaker: Speaker, data: st.DataObject) -> None:
 
 
 @speakers
+def test_a_frame_at_a_time(speaker: Speaker) -> None:
+    """A live stream has one frame in a drain, which is decoded with plain numbers; twice, so that each layout has been
+    seen when it comes again, with all that is lost and out of step between."""
+    frames = [*speaker.everything()] * 2
+    assert canonical(run(speaker, frames)) == canonical(run(speaker, [b"".join(frames)]))
+
+
+@speakers
 @given(noise=st.binary(max_size=3000), places=st.lists(st.integers(0, 3000), max_size=4))
 @example(noise=b"\xfa" * 300, places=[])
 @example(noise=b"\x00\x90" * 300, places=[7])
