@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from server import wire
+from server import codec, wire
 from server.channels import Piece
 from server.outbox import Frame, History, Outbox, Packet
 from server.ring import Ring
@@ -138,10 +138,10 @@ class Hub:
     def report_health(self, report: Iterable[wire.DeviceHealth]) -> None:
         """The figures of all devices; each browser is told its own `dropped`."""
         self.health = {health.device: health for health in report}
-        shared = wire.encode_text(wire.HealthReport(list(self.health.values())))
+        shared = codec.encode_text(wire.HealthReport(list(self.health.values())))
         for outbox in self.outboxes:
             own = self._health_for(outbox) if outbox.dropped_of else None
-            outbox.say_latest("health", shared if own is None else wire.encode_text(own))
+            outbox.say_latest("health", shared if own is None else codec.encode_text(own))
 
     def _health_for(self, outbox: Outbox) -> wire.HealthReport:
         dropped: dict[str, int] = {}
@@ -213,13 +213,13 @@ class Hub:
 
     def _tell(self, message: wire.ServerText) -> None:
         if self.outboxes:
-            text = wire.encode_text(message)
+            text = codec.encode_text(message)
             for outbox in self.outboxes:
                 outbox.say(text)
 
     def _tell_latest(self, kind: str, message: wire.ServerText) -> None:
         if self.outboxes:
-            text = wire.encode_text(message)
+            text = codec.encode_text(message)
             for outbox in self.outboxes:
                 outbox.say_latest(kind, text)
 
@@ -244,11 +244,11 @@ class Hub:
         self._flush_text()  # so that what is told now is not told again
         self.outboxes.add(outbox)
         hello = wire.Hello(VERSION, self.now(), platform.node(), self.run, self.history_s)
-        outbox.say(wire.encode_text(hello))
-        outbox.say(wire.encode_text(wire.Devices(list(self.devices.values()))))
-        outbox.say(wire.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
-        outbox.say(wire.encode_text(wire.Events(list(self.log)[-EVENTS_TO_LATE:])))
-        outbox.say(wire.encode_text(wire.HealthReport(list(self.health.values()))))
+        outbox.say(codec.encode_text(hello))
+        outbox.say(codec.encode_text(wire.Devices(list(self.devices.values()))))
+        outbox.say(codec.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
+        outbox.say(codec.encode_text(wire.Events(list(self.log)[-EVENTS_TO_LATE:])))
+        outbox.say(codec.encode_text(wire.HealthReport(list(self.health.values()))))
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""
@@ -263,4 +263,4 @@ class Hub:
             channel = self.channels[number]
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
-        outbox.subscribe(request.channels, History(spans), wire.encode_text(wire.Backfilled()))
+        outbox.subscribe(request.channels, History(spans), codec.encode_text(wire.Backfilled()))

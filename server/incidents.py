@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from protocols.events import Gap, Reject, Reply, Step, Text
+from server.codec import plain
 from server.hub import Hub
-from server.wire import EventKind, Level, plain
+from server.wire import EventKind, Level
 
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10

@@ -22,8 +22,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+from server.codec import with_dropped
 from server.ring import Ring
-from server.wire import with_dropped
 
 # A second of 2 kHz × 10 values is 120 kB. What waits longer than a few seconds is not live any more, so more memory
 # would only make a slow browser later, not more complete.

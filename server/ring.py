@@ -29,7 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.wire import HEADER, sample_header
+from server.codec import sample_header
+from server.wire import HEADER
 
 # Small enough that dropping one is unnoticed and a frame of a whole block goes out in one piece (64 KiB is what a
 # socket takes at once), large enough that Python's cost per block vanishes. The first block is small: many channels

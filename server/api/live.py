@@ -14,7 +14,7 @@ from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
-from server import wire
+from server import codec, wire
 from server.hub import Hub
 from server.outbox import Outbox
 
@@ -78,13 +78,15 @@ async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
         try:
             text = message.get("text")
             if text is None:
-                raise wire.WireError("A browser sends text frames only.", "Binary frames carry samples to the browser.")
-            request = wire.decode_text(text)
-        except wire.WireError as error:
-            outbox.say(wire.encode_text(wire.Problem("bad-request", str(error), error.hint)))
+                raise codec.WireError(
+                    "A browser sends text frames only.", "Binary frames carry samples to the browser."
+                )
+            request = codec.decode_text(text)
+        except codec.WireError as error:
+            outbox.say(codec.encode_text(wire.Problem("bad-request", str(error), error.hint)))
             continue
         if isinstance(request, wire.Ping):
-            outbox.say(wire.encode_text(wire.Pong(request.t, hub.now())))
+            outbox.say(codec.encode_text(wire.Pong(request.t, hub.now())))
         else:
             hub.subscribe(outbox, request)
 
@@ -104,7 +106,7 @@ async def live(socket: WebSocket) -> None:
         await socket.accept()
         hint = "Reload the page; it may be older or newer than this server."
         problem = wire.Problem("bad-subprotocol", f"This server speaks {wire.SUBPROTOCOL}.", hint)
-        await socket.send_text(wire.encode_text(problem))
+        await socket.send_text(codec.encode_text(problem))
         await socket.close(1002, "subprotocol")
         return
     await socket.accept(wire.SUBPROTOCOL)

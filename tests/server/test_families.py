@@ -15,7 +15,7 @@ from protocols.idtp.device import IdtpDevice
 from protocols.isb.device import IsbDevice
 from protocols.registry import PROTOCOLS
 from protocols.xbus.device import XbusDevice
-from server import wire
+from server import codec, wire
 from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
 from server.reading import Reading
@@ -83,7 +83,7 @@ def play(
         await asyncio.sleep(0.001)
         await test(stage)
         told = "".join(
-            wire.encode_text(wire.Events(list(stage.hub.log))) + wire.encode_text(wire.Devices([stage.info]))
+            codec.encode_text(wire.Events(list(stage.hub.log))) + codec.encode_text(wire.Devices([stage.info]))
         )
         assert KEY.hex() not in told
         await stage.session.close()

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import wire
+from server import codec, wire
 from server.channels import Piece
 from server.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
 from server.outbox import Outbox
@@ -49,7 +49,7 @@ class Browser:
             if isinstance(message, str):
                 self._text(json.loads(message))
                 continue
-            for samples in wire.decode_samples(message, self.dtypes):
+            for samples in codec.decode_samples(message, self.dtypes):
                 held = self.sequences.setdefault(samples.channel, [])
                 numbers = list(range(samples.sequence, samples.sequence + samples.n))
                 assert samples.columns[2].tolist() == numbers  # the value is the sequence number

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from server.codec import decode_samples, encode_samples
 from server.outbox import Frame, History, Outbox, Packet
 from server.ring import Ring
-from server.wire import decode_samples, encode_samples
 
 NOTHING = History({})
 

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from server.codec import decode_samples
 from server.ring import Ring
-from server.wire import decode_samples
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]
 
