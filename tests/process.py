@@ -1,4 +1,8 @@
-"""How do tests and benchmarks run the real server? As a process of its own, on a port the system chooses."""
+"""How do tests and benchmarks run the real server? As a process of its own, on a port the system chooses.
+
+It never outlives who started it, however that one ended: a server that is left behind goes on trying its serial port,
+and so takes the next run's pseudo-terminal, which has the same name, before the server of that run is there.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,22 @@ from pathlib import Path
 from types import TracebackType
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# Runs what follows it in its place, to be ended by Linux with the process whose number is given first. The signal is
+# PR_SET_PDEATHSIG (1) of prctl(2); it is kept over exec. (A preexec_fn would run Python between fork and exec.)
+_TIED = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, int(signal.SIGTERM))
+if os.getppid() != int(sys.argv[1]): sys.exit("who asked for this has ended")
+os.execv(sys.argv[2], sys.argv[2:])
+"""
+
+
+def tied(command: list[str]) -> list[str]:
+    """The command line that runs `command` (its first word a path) until it ends or this process does, even killed."""
+    if sys.platform != "linux":
+        return command
+    return [sys.executable, "-I", "-S", "-c", _TIED, str(os.getpid()), *command]
 
 
 class ServerProcess:
@@ -36,11 +56,11 @@ class ServerProcess:
         prefix: tuple[str, ...] = (),
         timeout_s: float = 60,
     ) -> None:
-        command = [*prefix, sys.executable, "-m", "server.cli", "serve", *sources]
+        command = [sys.executable, "-m", "server.cli", "serve", *sources]
         command += ["--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
         # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
         self.process = subprocess.Popen(
-            command,
+            [*prefix, *tied(command)],
             cwd=ROOT,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
             stdin=subprocess.DEVNULL,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import struct
 import subprocess
@@ -30,8 +31,9 @@ sys.path.insert(0, str(ROOT))
 
 from server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
+from tests.bench.feed import Feed, must_be_live  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 3.0
 
@@ -77,38 +79,28 @@ async def client(url: str, reader: Reader) -> None:
 
 async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
     """The server with `clients` readers for `seconds`."""
-    total = SETTLE_S + seconds + 2
-    feed = subprocess.Popen(
-        [sys.executable, ROOT / "tests/bench/feed.py", str(rate), str(total)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert feed.stdout
-    assert feed.stdin
-    terminal = feed.stdout.readline().strip()
     readers = [Reader() for _ in range(clients)]
-    with tempfile.TemporaryDirectory() as data:
-        source = f"serial://{terminal}?baud=2000000"
-        with ServerProcess(source, data=Path(data)) as server, feed:
-            tasks = [asyncio.create_task(client(server.url, reader)) for reader in readers]
-            await asyncio.sleep(1)
-            feed.stdin.write("go\n")
-            feed.stdin.flush()
-            await asyncio.sleep(SETTLE_S)
-            for reader in readers:
-                reader.measuring = True
-            used, began = seconds_of(server.process.pid), time.monotonic()
-            await asyncio.sleep(seconds)
-            used, elapsed = seconds_of(server.process.pid) - used, time.monotonic() - began
-            for reader in readers:
-                reader.measuring = False
-            broken = [task for task in tasks if task.done()]
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-            feed.stdin.close()
-            feed.terminate()
+    with (
+        tempfile.TemporaryDirectory() as data,
+        Feed(rate, SETTLE_S + seconds + 2) as feed,
+        ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)) as server,
+    ):
+        tasks = [asyncio.create_task(client(server.url, reader)) for reader in readers]
+        await asyncio.sleep(1)
+        feed.go()
+        await asyncio.sleep(SETTLE_S)
+        must_be_live(server.url)
+        for reader in readers:
+            reader.measuring = True
+        used, began = seconds_of(server.process.pid), time.monotonic()
+        await asyncio.sleep(seconds)
+        used, elapsed = seconds_of(server.process.pid) - used, time.monotonic() - began
+        for reader in readers:
+            reader.measuring = False
+        broken = [task for task in tasks if task.done()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
     samples = [max(reader.samples.values(), default=0) for reader in readers]
     delays = [delay for reader in readers for delay in reader.delays]
     messages = sum(reader.messages for reader in readers)
@@ -126,9 +118,8 @@ async def product(clients: int, rate: float, seconds: float) -> dict[str, Any]:
 
 async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[str, float]:
     """The yardstick: a relay that does nothing else, in a process of its own."""
-    relay = subprocess.Popen(
-        [sys.executable, ROOT / "tests/bench/relay.py"], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
-    )
+    command = tied([sys.executable, str(ROOT / "tests/bench/relay.py")])
+    relay = subprocess.Popen(command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True)
     assert relay.stdout
     address = f"ws://127.0.0.1:{relay.stdout.readline().strip()}/"
     delays: list[float] = []
@@ -138,7 +129,8 @@ async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[st
             delays.append(time.time() - struct.unpack_from("<d", data if isinstance(data, bytes) else data.encode())[0])
 
     options: dict[str, Any] = {"compression": None, "max_size": None}
-    with relay:
+    with relay, contextlib.ExitStack() as ending:
+        ending.callback(relay.terminate)  # also when something fails: leaving `with relay` waits for it
         sockets = [await connect(address, **options) for _ in range(clients)]
         tasks = [asyncio.create_task(listen(socket)) for socket in sockets]
         sender = await connect(address + "send", **options)
@@ -150,7 +142,6 @@ async def bare(clients: int, per_s: float, size: int, seconds: float) -> dict[st
         used, elapsed = seconds_of(relay.pid) - used, time.monotonic() - began
         for task in tasks:
             task.cancel()
-        relay.terminate()
     await asyncio.gather(*tasks, return_exceptions=True)
     return {
         "p50_ms": 1000 * percentile(delays, 0.5),

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import os
 import pty
 import select
@@ -36,7 +35,7 @@ sys.path.insert(0, str(ROOT))
 from tests import chromium  # noqa: E402
 from tests.bench import feed as feeding  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 4.0
 
@@ -84,19 +83,15 @@ def delays_ms(noted: list[tuple[float, int]], written: list[float], offset: floa
 
 def product(browser: Browser, pages: int, readers: int, rate: float, seconds: float) -> dict[str, Any]:
     """The whole way, with so many pages here and readers that stand for pages elsewhere."""
-    command = [sys.executable, str(ROOT / "tests/bench/feed.py"), str(rate), str(SETTLE_S + seconds)]
     with (
         tempfile.TemporaryDirectory() as data,
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as feed,
+        feeding.Feed(rate, SETTLE_S + seconds) as feed,
         contextlib.ExitStack() as contexts,
     ):
-        assert feed.stdin
-        assert feed.stdout
-        terminal = feed.stdout.readline().strip()
-        server = contexts.enter_context(ServerProcess(f"serial://{terminal}?baud=2000000", data=Path(data)))
+        server = contexts.enter_context(ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)))
         workers = []
         if readers:
-            reading = [sys.executable, str(ROOT / "tests/bench/readers.py"), server.url, str(readers)]
+            reading = tied([sys.executable, str(ROOT / "tests/bench/readers.py"), server.url, str(readers)])
             others = contexts.enter_context(subprocess.Popen(reading))
             contexts.callback(others.terminate)
         for _ in range(pages):
@@ -108,12 +103,12 @@ def product(browser: Browser, pages: int, readers: int, rate: float, seconds: fl
         for worker in workers:
             worker.evaluate(NOTE)
         offsets = [clock_offset_s(worker) for worker in workers]
-        feed.stdin.write("go\n")
-        feed.stdin.flush()
-        written = json.loads(feed.stdout.readline())["written"]
+        feed.go()
+        time.sleep(SETTLE_S / 2)
+        feeding.must_be_live(server.url)
+        written = feed.written()
         time.sleep(0.5)
         noted = [worker.evaluate("() => self.noted") for worker in workers]
-        feed.terminate()
     each = [delays_ms(rows, written, offset) for rows, offset in zip(noted, offsets, strict=True)]
     expected = sum(at >= written[0] + SETTLE_S for at in written)
     every = [delay for delays in each for delay in delays]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -240,6 +241,29 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
         device = stage.hub.devices["1"]
         assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
         assert stage.channel("Count").ring.total == 11
+
+    play(test, protocol="")
+
+
+def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is guessed, decoded or told again and again while no byte comes, and no time is lost when one does."""
+
+    async def test(stage: Stage) -> None:
+        guessed: list[int] = []
+        told: list[object] = []
+        guess = stage.session._speech.guess
+        monkeypatch.setattr(
+            stage.session, "_speech", replace(SPEECH, guess=lambda data: guessed.append(len(data)) or guess(data))
+        )
+        await stage.settle(1.0)
+        monkeypatch.setattr(stage.hub, "set_device", told.append)
+        monkeypatch.setattr(stage.hub, "request_flush", lambda: told.append("flush"))
+        await stage.settle(60.0)
+        assert (guessed, told, stage.link.opened) == ([], [], 1)
+        monkeypatch.undo()
+        await stage.send(*(sample(k % 250) for k in range(session_module.GUESS_BYTES // 4)), every=0.0005)
+        assert stage.status == "live"
+        assert stage.channel("Count").ring.total == session_module.GUESS_BYTES // 4
 
     play(test, protocol="")
 

@@ -235,22 +235,3 @@ def test_live_data_do_not_wait_for_history() -> None:
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
             assert np.median(delays) < 0.1
-
-
-def test_a_port_that_is_silent_at_first_is_live_as_soon_as_it_speaks(serve: Callable[..., ServerProcess]) -> None:
-    """Held because every benchmark of the stream begins like this: a port is opened first and fed later."""
-    with Feed(200, 3) as feed:
-        url = serve(f"serial://{feed.terminal}?baud=2000000").url
-        time.sleep(1.0)  # long enough to be told that nothing came, and to have guessed at nothing
-        (device,) = httpx.get(f"{url}/api/devices").json()
-        assert (device["status"], device["protocol"]) == ("connecting", "")
-        assert "0 B so far" in device["message"]
-        with connect(url.replace("http", "ws") + "/ws", subprotocols=PROTOCOLS) as connection:
-            reader = Reader(connection)
-            reader.subscribe()
-            feed.go()
-            counters = lambda reader: [n for n, one in reader.channels.items() if one["name"] == "PacketCounter"]  # noqa: E731
-            reader.read(20, until=lambda reader: any(reader.live[number] for number in counters(reader)))
-            (number,) = counters(reader)
-            first = (reader.history[number] + reader.live[number])[0]
-        assert first.columns[2].tolist()[0] == 0, "the first sample is not lost while the protocol is recognised"

@@ -1,0 +1,83 @@
+"""Nothing that a test or a benchmark starts outlives it, and a benchmark without its port says so."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+import tty
+
+import pytest
+
+from tests.bench import fanout, feed
+from tests.process import ROOT
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="ending with a parent is Linux's")
+
+STARTER = """
+import subprocess, sys
+from tests.process import tied
+child = subprocess.Popen(tied([sys.executable, "-c", "import time; time.sleep(600)"]), start_new_session=True)
+print(child.pid, flush=True)
+child.wait()
+"""
+
+
+def ended(pid: int) -> bool:
+    """Gone, or only waiting to be collected by whoever has become its parent."""
+    try:
+        with open(f"/proc/{pid}/stat") as stat:
+            return stat.read().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+@linux
+def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
+    """It went on trying its port, and took the next run's terminal, which has the same name: no benchmark finished."""
+    with subprocess.Popen([sys.executable, "-c", STARTER], cwd=ROOT, stdout=subprocess.PIPE, text=True) as starter:
+        assert starter.stdout
+        child = int(starter.stdout.readline())
+        assert not ended(child)
+        starter.send_signal(signal.SIGKILL)
+    deadline = time.monotonic() + 20
+    while not ended(child) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert ended(child)
+
+
+@linux
+def test_a_benchmark_whose_port_somebody_else_has_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It measured a server that heard nothing, and ended in "negative count" or never."""
+
+    class TakenFeed(feed.Feed):
+        def __enter__(self) -> feed.Feed:
+            self.taken = os.open(self.terminal, os.O_RDWR | os.O_NOCTTY)
+            fcntl.flock(self.taken, fcntl.LOCK_EX)
+            return super().__enter__()
+
+        def __exit__(self, *error: object) -> None:
+            os.close(self.taken)
+            super().__exit__(*error)
+
+    monkeypatch.setattr(fanout, "Feed", TakenFeed)
+    monkeypatch.setattr(fanout, "SETTLE_S", 0.5)
+    with pytest.raises(RuntimeError, match="is in use by"):
+        asyncio.run(fanout.product(1, 100, 0.1))
+
+
+def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waited for ever for a server that was gone, and whoever had started it waited for it."""
+    monkeypatch.setattr(feed, "STUCK_S", 0.05)
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    with pytest.raises(SystemExit, match="nobody has read"):
+        feed.put(master, bytes(1 << 20))
+    os.close(master)
+    os.close(slave)
