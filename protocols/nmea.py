@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import datetime
 import functools
-import operator
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,6 +37,8 @@ _BODY = re.compile(rb"[$!]([\x20\x22\x23\x25-\x7e]{0,188})(\r?\n)?")  # printabl
 _ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
 _SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
 _STARTS = re.compile(rb"[$!]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float takes "1_0" and "inf" too
+STARTS = re.compile(rb"[$!][A-Z]")  # of what is taken for a sentence, good or broken
 
 SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
 UNCHECKED = frozenset({"PRDID", "HEHDT"})  # printed without a checksum in that table; taken with and without
@@ -185,8 +187,13 @@ def _sentence(raw: bytes, offset: int) -> Found | None:
 
 
 def checksum(content: bytes) -> int:
-    """Exclusive-or of the bytes between start and asterisk."""
-    return functools.reduce(operator.xor, content, 0)
+    """Exclusive-or of the bytes between start and asterisk: as one long number, folded in half until a byte is left."""
+    total = int.from_bytes(content, "big")
+    shift = 8 << max(len(content) - 1, 1).bit_length()
+    while shift > 8:
+        shift >>= 1
+        total ^= total >> shift
+    return total & 0xFF
 
 
 def _own(name: str, content: bytes) -> dict[str, Any]:
@@ -201,10 +208,9 @@ def _own(name: str, content: bytes) -> dict[str, Any]:
 
 
 def _float(word: str) -> float | None:
-    try:
-        return float(word)
-    except ValueError:
-        return None
+    """The number of a word; None where it is none, or not finite ("nan" is no measurement)."""
+    value = float(word) if _NUMBER.fullmatch(word.strip()) else math.nan
+    return value if math.isfinite(value) else None
 
 
 def _standard(line: bytes, content: bytes) -> dict[str, Any]:
@@ -223,9 +229,11 @@ def _standard(line: bytes, content: bytes) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers and words only: times and dates as ISO 8601, an empty field as None."""
+    """Numbers and words only: times and dates as ISO 8601, an empty field or a number that is not finite as None."""
     if isinstance(value, datetime.time | datetime.date):
         return value.isoformat()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     return None if value == "" else value
 
 

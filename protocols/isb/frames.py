@@ -177,8 +177,9 @@ def build(kind: int, did: int = 0, payload: bytes = b"", *, offset: int | None =
     """
     if kind not in TYPES or not 0 <= did <= 0xFF or flags & TYPE_MASK or not 0 <= flags <= 0xF0:
         raise ValueError(f"type is 1 to 8, data set 0 to 255, flags a high nibble; given {kind}, {did}, {flags:#x}")
-    if offset or flags & WITH_OFFSET:
-        if kind not in (DATA, SET_DATA) or not 0 <= (offset or 0) <= 0xFFFF:
+    has_data = kind in (DATA, SET_DATA)
+    if offset or (flags & WITH_OFFSET and has_data):  # in any other packet that flag is a bit without a meaning
+        if not has_data or not 0 <= (offset or 0) <= 0xFFFF:
             raise ValueError(f"only DATA and SET_DATA have an offset, 0 to 65535; given {offset} with {TYPES[kind]}")
         flags |= WITH_OFFSET
         payload = struct.pack("<H", offset or 0) + payload

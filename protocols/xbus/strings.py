@@ -42,8 +42,8 @@ def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> 
 
     Args:
         final: nothing follows.
-        since: bytes between the last EM1000 record found before and the start of `data`. With it, a record that carries
-            on a run is believed at once; without, only by what follows it: the last two of a run are not reported.
+        since: bytes between the last EM1000 record found before and the start of `data`; None: there was none. A record
+            that carries on a run, of before or of these bytes, is believed at once; the first only by what follows it.
     Returns:
         what was found, in order, and from where bytes must be kept because a string there may still be incomplete.
     """
@@ -105,7 +105,7 @@ def _find_em1000(data: bytes, final: bool, since: int | None) -> tuple[list[Foun
         if not _is_em1000(data, at):
             at += 1
             continue
-        carries_on = since is not None and last_end is not None and at - last_end <= WINDOW
+        carries_on = last_end is not None and at - last_end <= WINDOW
         if not carries_on and not _followed(data, at):
             if not final and len(data) < at + EM1000.size + WINDOW:
                 return found, at

@@ -43,7 +43,7 @@ class Speaker:
     longest: int  # bytes that may be held back, but for an unfinished text
     preamble: bytes
     plain: Callable[[bytes], dict[str, Any]]
-    again: Callable[[dict[str, Any]], bytes]
+    again: Callable[..., bytes]  # of a listed line, and a key where there are keys
     expected: Callable[..., Expected]  # of bytes, and what a decoder can be told
     of_line: Callable[[dict[str, Any]], str]  # a listed line's values, as `expected` spells them
     everything: Callable[[], Iterable[bytes]]
@@ -71,10 +71,14 @@ def isb_expected(data: bytes) -> Expected:
     return [(one.offset, isb_values(one)) for one in found.packets], found.rejects
 
 
+def isb_steady(did: int) -> bool:
+    """Has this data set the same structure in every firmware?"""
+    return did in {4, 5, 13, 30, 39, 48, 52, 53, 58, 65, 66}
+
+
 def isb_values(one: isb_oracle.Packet) -> Any:
     row = isb_vectors.FORMATS.get(str(one.did))
-    steady = {4, 5, 13, 30, 39, 48, 52, 53, 58, 65, 66}
-    if one.kind != isb.DATA or one.part or one.did not in steady or not row or len(one.payload) != row["size"]:
+    if one.kind != isb.DATA or one.part or not isb_steady(one.did) or not row or len(one.payload) != row["size"]:
         return one.did
     return canonical_values(isb_oracle.values(row["fields"], one.payload))
 
@@ -204,7 +208,7 @@ SPEAKERS = {
         idtp.MAX_FRAME,
         b"IDTP",
         idtp_plain,
-        lambda record: idtp_frame_of(record, KEY),
+        lambda record, key=KEY: idtp_frame_of(record, key),
         idtp_expected,
         idtp_line,
         idtp_vectors.everything,

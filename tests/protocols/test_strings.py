@@ -47,7 +47,7 @@ def test_what_only_looks_like_tss2_is_not(wrong: bytes) -> None:
 
 def test_em1000_is_believed_when_two_more_follow() -> None:
     found, _ = find(EM1000 * 5, final=True)
-    assert [one.offset for one in found] == [0, 10, 20]
+    assert [one.offset for one in found] == [0, 10, 20, 30, 40]
     assert found[0].fields == {"roll": -1.5, "pitch": 2.5, "heave": 0.0, "heading": 123.45}
     assert (found[0].protocol, found[0].name, found[0].size) == ("em1000", "EM1000", 10)
     assert find(EM1000 * 2, final=True)[0] == []
@@ -81,13 +81,13 @@ def test_noise_holds_no_strings() -> None:
     assert find(data, final=True)[0] == []
 
 
-def pieces(data: bytes, cuts: list[int], stateful: bool) -> list[tuple[int, str]]:
+def pieces(data: bytes, cuts: list[int]) -> list[tuple[int, str]]:
     found: list[tuple[int, str]] = []
     start = end = 0
     last: int | None = None
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
-        since = start - last if stateful and last is not None else None
+        since = start - last if last is not None else None
         now, kept = find(data[start:end], final=end == len(data), since=since)
         for one in now:
             found.append((one.offset + start, one.name))
@@ -103,7 +103,7 @@ parts = st.binary(max_size=12) | st.sampled_from(
 
 @given(st.lists(parts, max_size=9).map(b"".join), st.lists(st.integers(0, 30), max_size=25))
 def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
-    assert pieces(data, cuts, stateful=False) == [(one.offset, one.name) for one in find(data, final=True)[0]]
+    assert pieces(data, cuts) == [(one.offset, one.name) for one in find(data, final=True)[0]]
 
 
 @given(st.binary(max_size=200), st.booleans(), st.none() | st.integers(0, 1000))
