@@ -17,7 +17,7 @@ from server.hub import Hub
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.reading import Reading
-from server.session import Speech
+from server.recognition import Speech
 from server.sessions import OpenLink, Sessions
 from server.version import VERSION
 

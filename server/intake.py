@@ -112,6 +112,7 @@ class Intake:
         channels: of the device; go on over reconnections, so that a channel keeps its id.
         identify: called when an answer told who the device is, or its frames how they are protected.
         about: what is known of the protocol.
+        on_events: called with all that the decoder gave, after the hub has it.
     """
 
     def __init__(
@@ -128,8 +129,10 @@ class Intake:
         link_kind: str = "",
         capacity: float | None = None,
         about: About = About(),
+        on_events: Callable[[Sequence[Event]], None] = lambda events: None,
     ) -> None:
         self._hub = hub
+        self._on_events = on_events
         self._decoder = decoder
         self._figures = figures
         self._channels = channels
@@ -181,6 +184,7 @@ class Intake:
         if self._about.protection is not None:
             self._trust(batches, self._about.protection)
         self._tell(events, batches, times)
+        self._on_events(events)
 
     def _trust(self, batches: Sequence[Batch], protection: Callable[[Batch], str]) -> None:
         """Count what is verified; who sends, and how well that is protected, is told when it changes."""

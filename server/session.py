@@ -19,21 +19,22 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol as Shape
+from collections.abc import Callable, Sequence
+from typing import Literal
 
-from protocols.events import Decoder
+from protocols.events import Event
 from server import wire
 from server.advice import Advice
 from server.channels import Channels
 from server.health import Figures
 from server.hub import Hub
 from server.incidents import Incidents
-from server.intake import About, Identity, Intake
+from server.intake import Intake
 from server.links.base import Chunk, Link, LinkError
+from server.listeners import Listeners
+from server.portrait import Portrait, health, short
 from server.reading import Reading
+from server.recognition import Speech, Unknown
 
 log = logging.getLogger("imuscope.session")
 
@@ -45,34 +46,8 @@ FEW_CHUNKS = 3  # with fewer than these its usual interval is not known, and it 
 FEW_CHUNKS_S = 3.0
 SLOWEST_S = 10.0
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
-GUESS_BYTES = 1024
-GUESS_S = 0.4  # with fewer bytes than that, after so long
-GUESS_SCORE = 0.5
-UNKNOWN_BYTES = 16 * 1024  # kept while the protocol is unknown
-TRIES_KEPT = 12
-_MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
-
-class Guess(Shape):
-    """What `protocols.registry.guess` gives, best first."""
-
-    @property
-    def protocol(self) -> str: ...
-    @property
-    def score(self) -> float: ...
-    @property
-    def why(self) -> str: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Speech:
-    """The protocols a session can speak: usually those of protocols/registry.py."""
-
-    decoder: Callable[[str, Reading, str], Decoder]  # protocol, what was said about the source, kind of its link
-    guess: Callable[[bytes], Sequence[Guess]]
-    title: Callable[[str], str]
-    about: Callable[[str], About] = lambda protocol: About()
-    messages_in: Callable[[bytes], Mapping[str, int]] = lambda data: {}
+Direction = Literal["rx", "tx"]
 
 
 class Session:
@@ -92,15 +67,17 @@ class Session:
         speech: Speech,
         reading: Reading = Reading(),  # noqa: B008 - frozen
     ) -> None:
-        self.info = wire.DeviceInfo(
+        info = wire.DeviceInfo(
             id=device,
-            name=_short(link.source),
+            name=short(link.source),
             source=link.source,
             link=link.kind,
             status="connecting",
             protocol=reading.protocol,
             message=f"Opening {link.source}.",
         )
+        self._portrait = Portrait(hub, info, speech.title)
+        self._set = self._portrait.set
         self._link = link
         self._hub = hub
         self._speech = speech
@@ -112,8 +89,7 @@ class Session:
         self._incidents = Incidents(hub, device)
         self._advice = Advice(self._incidents, speech.messages_in, speech.title)
         self._intake: Intake | None = None
-        self._unknown: list[Chunk] = []
-        self._unknown_since = 0.0
+        self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
         self._interval = 0.0  # the usual time between chunks of this device, s
@@ -124,7 +100,15 @@ class Session:
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._off_flush = hub.on_flush(self._drain)
-        hub.set_device(self.info)
+        self._events: Listeners[[Event]] = Listeners()
+        self._chunk_listeners: Listeners[[bytes, int, Direction]] = Listeners()
+        self._sent: Listeners[[bytes, int]] = Listeners()
+        self._sending = asyncio.Lock()
+
+    @property
+    def info(self) -> wire.DeviceInfo:
+        """The device as the page knows it."""
+        return self._portrait.info
 
     # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -168,26 +152,15 @@ class Session:
 
     async def _connect(self) -> None:
         self._set(next_try=None)  # what went wrong before stays readable while it is tried again
-        await self._link.open(self._tried)
+        await self._link.open(self._portrait.tried)
         self._opened_at = self._hub.now()
-        self._unknown, self._unknown_since = [], 0.0
+        self._unknown = Unknown(self._speech.guess)
         self._intake = None
         self._greeted = False
         if self._reading.protocol:
             self._begin(self._reading.protocol)
-        self._set(
-            message=f"{self._link.source} is open, no byte yet.",
-            hint="",
-            baud=self._link.baud,
-            notices=self._notices,
-        )
-
-    def _tried(self, attempt: wire.Try) -> None:
-        """Keep the last tries; one that repeats takes the place of its predecessor."""
-        tries = self.info.tries
-        if tries and (tries[-1].what, tries[-1].outcome) == (attempt.what, attempt.outcome):
-            tries = tries[:-1]
-        self._set(tries=[*tries, attempt][-TRIES_KEPT:])
+        message = f"{self._link.source} is open, no byte yet."
+        self._set(message=message, hint="", baud=self._link.baud, notices=self._notices)
 
     def _explain(self, error: LinkError) -> float | None:
         """Show why the link is not there; how long to wait before the next try, None for as long as nobody asks."""
@@ -209,7 +182,7 @@ class Session:
         if changed:
             level: wire.Level = "caution" if status == "connecting" else "fault"
             self._incidents.say("link", level, error.message, data={"kind": error.kind, "hint": error.hint})
-        self._tried(wire.Try(self._link.source, error.message, self._hub.now()))
+        self._portrait.tried(wire.Try(self._link.source, error.message, self._hub.now()))
         self._set(status=status, message=error.message, hint=error.hint, next_try=self._hub.now() + wait)
         return wait
 
@@ -218,6 +191,39 @@ class Session:
             await asyncio.wait_for(self._retry_now.wait(), seconds)
         except TimeoutError:
             return
+
+    # ── for others in the server ─────────────────────────────────────────────────────────────────────────────────────
+
+    async def send(self, data: bytes) -> None:
+        """Write to the device, one caller after another, and tell who listens what was sent.
+
+        Raises:
+            LinkError: it could not be sent whole, or the link has no way back (a file).
+        """
+        async with self._sending:
+            began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its question
+            await self._link.write(data)
+            self._sent.tell(data, began_ns)
+            self._chunk_listeners.tell(data, began_ns, "tx")
+
+    def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
+        """Call `callback(data, time)` with all that is sent; returns what takes it off."""
+        return self._sent.add(callback)
+
+    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Call `callback` with every event of the decoder, in its order; returns what takes it off. It is called in the
+        event loop, so it must be quick. Goes on over reconnections, after which offsets count from 0 again."""
+        return self._events.add(callback)
+
+    def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
+        """Call `callback(data, time, direction)` with every chunk that came ("rx") or was sent ("tx"), once each;
+        time in ns since the Unix epoch. Returns what takes it off."""
+        return self._chunk_listeners.add(callback)
+
+    def _heard(self, events: Sequence[Event]) -> None:
+        if self._events:
+            for event in events:
+                self._events.tell(event)
 
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -232,8 +238,10 @@ class Session:
             self._chunks += 1
             figures.heard(len(chunk.data), arrival)
             self._advice.hear(chunk.data)
+            if self._chunk_listeners:
+                self._chunk_listeners.tell(chunk.data, chunk.arrival_ns, "rx")
             if self._intake is None:
-                self._unknown.append(chunk)
+                self._unknown.chunks.append(chunk)
             else:
                 self._intake.feed(chunk)
         self._stalled = False
@@ -250,16 +258,17 @@ class Session:
             figures=self._figures,
             channels=self._channels,
             incidents=self._incidents,
-            identify=self._identified,
+            identify=self._portrait.identified,
             byte_time_ns=10e9 / baud if baud else 0,
             link_kind=self._link.kind,
             capacity=self._link.capacity,
             about=self._speech.about(protocol),
+            on_events=self._heard,
         )
-        self._set(protocol=protocol, name=self._name(self.info.product, protocol))
-        for chunk in self._unknown:
+        self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol))
+        for chunk in self._unknown.chunks:
             self._intake.feed(chunk)
-        self._unknown = []
+        self._unknown.chunks = []
 
     def _drain(self, *, final: bool = False) -> None:
         """Decode what has come. Called by the hub before each flush; a fault here is this device's alone."""
@@ -284,26 +293,22 @@ class Session:
 
     def _recognise(self, *, final: bool) -> None:
         """Guess the protocol from what has been kept."""
-        if not self._unknown:
+        if not self._unknown.chunks:
             return
-        now = self._hub.now()
-        self._unknown_since = self._unknown_since or now
-        size = sum(len(chunk.data) for chunk in self._unknown)
-        if size < GUESS_BYTES and now - self._unknown_since < GUESS_S and not final:
+        if not self._unknown.is_due(self._hub.now(), final=final):
             self._dirty = True  # look again when the time is over
             return
-        guesses = self._speech.guess(b"".join(chunk.data for chunk in self._unknown))
-        if guesses and guesses[0].score >= GUESS_SCORE:
-            self._incidents.say("device", "info", f"{self.info.source}: {guesses[0].why}")
-            self._begin(guesses[0].protocol)
+        size = self._unknown.size
+        guess, why = self._unknown.look()
+        if guess is not None:
+            self._incidents.say("device", "info", f"{self.info.source}: {why}")
+            self._begin(guess.protocol)
             return
-        words = f", at best: {guesses[0].why}" if guesses and guesses[0].score > 0 else ""
+        words = f", at best: {why}" if why else ""
         self._set(
             message=f"{size} B from {self.info.source} look like no known protocol{words}.",
             hint="Is the baud rate right? Give the protocol if you know it.",
         )
-        while size > UNKNOWN_BYTES:
-            size -= len(self._unknown.pop(0).data)
 
     def _came_alive(self) -> None:
         back = self.info.status == "lost"
@@ -346,7 +351,7 @@ class Session:
 
         async def ask() -> None:
             with contextlib.suppress(LinkError):  # no way back, or nobody there any more: reading finds that out
-                await link.write(greeting)
+                await self.send(greeting)
 
         if greeting:
             self._greeting = asyncio.get_running_loop().create_task(ask(), name=f"greeting {self.info.source}")
@@ -358,7 +363,7 @@ class Session:
             if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
                 self._set(notices=self._notices)
             quiet = now - max(last or 0.0, self._opened_at)
-            if self._intake is None and self._unknown:
+            if self._intake is None and self._unknown.chunks:
                 self._dirty = True
                 self._hub.request_flush()
             if quiet > STALL_S and not self._stalled and self._intake is not None and self._intake.buffered:
@@ -389,58 +394,5 @@ class Session:
 
     def health(self, now: float) -> wire.DeviceHealth:
         """The figures for the page."""
-        figures = self._figures
-        messages = figures.report(now)
         clock = self._intake.clock if self._intake is not None else None
-        known = clock is not None and clock.uncertainty_ns < float("inf")
-        return wire.DeviceHealth(
-            device=self.info.id,
-            time=now,
-            rate=max((message.rate for message in messages), default=0.0),
-            messages=messages,
-            gaps=figures.gaps,
-            lost=figures.lost,
-            rejects=figures.rejects,
-            rejects_by=dict(figures.rejects_by),
-            verified=figures.verified,
-            unverified=figures.unverified,
-            bytes=figures.bytes.total,
-            bytes_per_s=figures.bytes.rate(now),
-            capacity=self._link.capacity,
-            jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known else None,
-            last_arrival=figures.last_arrival,
-            drift_ppm=clock.drift_ppm if clock is not None and known else None,
-            uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
-        )
-
-    # ── state ────────────────────────────────────────────────────────────────────────────────────────────────────────
-
-    def _identified(self, identity: Identity) -> None:
-        self._set(
-            product=identity.product or self.info.product,
-            serial_number=identity.serial_number or self.info.serial_number,
-            firmware=identity.firmware or self.info.firmware,
-            protection=identity.protection or self.info.protection,
-            name=identity.name or self._name(identity.product, self.info.protocol),
-        )
-
-    def _name(self, product: str, protocol: str) -> str:
-        """What people call it: the model in its product code (MTi-630 of MTi-630-8A1G6), else protocol or link."""
-        product = product or self.info.product
-        model = _MODEL.match(product)
-        if product:
-            return model.group() if model else product
-        return self._speech.title(protocol) if protocol else _short(self.info.source)
-
-    def _set(self, **changes: object) -> None:
-        new = replace(self.info, **changes)  # type: ignore[arg-type]
-        if new != self.info:
-            self.info = new
-            self._hub.set_device(new)
-
-
-def _short(source: str) -> str:
-    """/dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file by its name."""
-    bare = source.partition("?")[0].rstrip("/")
-    device = re.search("(?:^|//)/dev/(.+)", bare)
-    return (device[1] if device else bare.rsplit("/", 1)[-1]) or source
+        return health(self.info.id, self._figures, clock, self._link.capacity, now)

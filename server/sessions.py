@@ -11,7 +11,8 @@ from server import wire
 from server.hub import Hub
 from server.links.base import Link, LinkError, LinkSettings
 from server.reading import OPTIONS, Reading, ReadingError, taken_from
-from server.session import Session, Speech
+from server.recognition import Speech
+from server.session import Session
 
 TICK_S = 0.1
 HEALTH_EVERY = 5  # ticks

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from protocols.events import Decoder
 from server.intake import About
 from server.reading import Reading
-from server.session import Guess, Speech
+from server.recognition import Guess, Speech
 
 
 def protocols() -> dict[str, str]:

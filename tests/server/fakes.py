@@ -13,7 +13,7 @@ from protocols.schema import Field, Message
 from protocols.xbus.identity import identity
 from server.intake import About
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
-from server.session import Speech
+from server.recognition import Speech
 
 NOW_NS = 1_700_000_000_000_000_000
 
@@ -35,7 +35,7 @@ class Clock:
 
 
 class FakeLink(Link):
-    """Bytes, and the end of them, come from the test."""
+    """Bytes, and the end of them, come from the test; `sent` keeps what is written while it `listens`."""
 
     kind = "serial"
 
@@ -45,6 +45,8 @@ class FakeLink(Link):
         self.capacity = 11_520.0
         self.refuses: list[LinkError] = []
         self.opened = 0
+        self.listens = False
+        self.sent: list[bytes] = []
         self._queue: asyncio.Queue[Chunk | Exception] = asyncio.Queue()
 
     async def open(self, progress: Progress | None = None) -> None:
@@ -61,7 +63,9 @@ class FakeLink(Link):
         return [item]
 
     async def write(self, data: bytes) -> None:
-        raise LinkError("gone", "nobody listens")
+        if not self.listens:
+            raise LinkError("gone", "nobody listens")
+        self.sent.append(data)
 
     async def close(self) -> None:
         return

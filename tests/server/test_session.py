@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from server import session as session_module
+from protocols.events import Batch, Event, Reject, Reply
+from server import portrait, recognition
 from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
 from server.reading import Reading
@@ -167,7 +168,7 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
         assert stage.status == "denied"
         (event,) = stage.events("link")  # said once, not at every retry
         assert event.level == "fault"
-        assert len(stage.hub.devices["1"].tries) <= session_module.TRIES_KEPT
+        assert len(stage.hub.devices["1"].tries) <= portrait.TRIES_KEPT
 
     async def run() -> None:
         stage = Stage()
@@ -236,7 +237,7 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
     async def test(stage: Stage) -> None:
         await stage.send(*(sample(k) for k in range(10)))
         assert stage.status == "connecting"
-        stage.clock.move(session_module.GUESS_S)
+        stage.clock.move(recognition.GUESS_S)
         await stage.send(sample(10))
         device = stage.hub.devices["1"]
         assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
@@ -261,9 +262,9 @@ def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypa
         await stage.settle(60.0)
         assert (guessed, told, stage.link.opened) == ([], [], 1)
         monkeypatch.undo()
-        await stage.send(*(sample(k % 250) for k in range(session_module.GUESS_BYTES // 4)), every=0.0005)
+        await stage.send(*(sample(k % 250) for k in range(recognition.GUESS_BYTES // 4)), every=0.0005)
         assert stage.status == "live"
-        assert stage.channel("Count").ring.total == session_module.GUESS_BYTES // 4
+        assert stage.channel("Count").ring.total == recognition.GUESS_BYTES // 4
 
     play(test, protocol="")
 
@@ -276,7 +277,7 @@ def test_bytes_that_mean_nothing_are_described() -> None:
         assert device.status == "connecting"
         assert "look like no known protocol" in device.message
         assert device.hint
-        assert sum(len(chunk.data) for chunk in stage.session._unknown) <= session_module.UNKNOWN_BYTES + 1200
+        assert stage.session._unknown.size <= recognition.UNKNOWN_BYTES + 1200
 
     play(test, protocol="")
 
@@ -373,3 +374,79 @@ def test_one_source_is_opened_once() -> None:
         await sessions.close()
 
     asyncio.run(run())
+
+
+def test_what_comes_and_what_is_sent_is_told_to_who_listens() -> None:
+    """On these three hooks stand device commands and recordings: each chunk once, each event once, both directions."""
+
+    async def test(stage: Stage) -> None:
+        chunks: list[tuple[bytes, int, str]] = []
+        events: list[Event] = []
+        sent: list[tuple[bytes, int]] = []
+        session, link = stage.session, stage.link
+        offs = [
+            session.chunks(lambda *chunk: chunks.append(chunk)),
+            session.listen(events.append),
+            session.on_sent(lambda data, time: sent.append((data, time))),
+        ]
+        await stage.send(sample(0), sample(1) + b"?", b"W")
+        link.listens = True
+        await session.send(b"hello")
+        assert [(data, direction) for data, _, direction in chunks] == [
+            *((sample(0), "rx"), (sample(1) + b"?", "rx"), (b"W", "rx"), (b"hello", "tx"))
+        ]
+        times = [time for _, time, _ in chunks]
+        assert times == sorted(times)
+        assert times[-1] == stage.clock.ns
+        assert sent == [(b"hello", stage.clock.ns)]
+        assert link.sent == [b"hello"]
+        assert [type(event) for event in events] == [Batch, Batch, Reject, Reply]
+        link.listens = False
+        with pytest.raises(LinkError):
+            await session.send(b"lost")
+        assert len(sent) == 1, "what was not sent is not told"
+        link.die(LinkError("gone", "gone"))
+        await stage.settle()
+        session.retry()
+        await stage.send(sample(2))
+        assert isinstance(events[-1], Batch), "it goes on over a reconnection"
+        for off in offs:
+            off()
+            off()
+        await stage.send(sample(3))
+        assert (len(chunks), len(events)) == (5, 5)
+
+    play(test)
+
+
+def test_a_listener_that_fails_harms_nobody(caplog: pytest.LogCaptureFixture) -> None:
+    async def test(stage: Stage) -> None:
+        heard: list[object] = []
+
+        def broken(*news: object) -> None:
+            raise RuntimeError("a listener that breaks")
+
+        stage.session.listen(broken)
+        stage.session.chunks(broken)
+        stage.session.listen(heard.append)
+        await stage.send(sample(0), sample(1))
+        assert len(heard) == 2
+        assert stage.status == "live"
+        assert stage.events("device") == []
+
+    play(test)
+    assert caplog.text.count("RuntimeError: a listener that breaks") == 2
+
+
+def test_two_who_send_at_once_do_not_mix_their_bytes() -> None:
+    async def test(stage: Stage) -> None:
+        async def slow(data: bytes) -> None:
+            for byte in data:
+                await asyncio.sleep(0)
+                stage.link.sent.append(bytes([byte]))
+
+        stage.link.write = slow  # type: ignore[method-assign]
+        await asyncio.gather(stage.session.send(b"aaaa"), stage.session.send(b"bbbb"))
+        assert b"".join(stage.link.sent) == b"aaaabbbb"
+
+    play(test)
