@@ -13,8 +13,11 @@ itself, so a test plays it with a list and the server plays it on a link:
     yield Relink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
 
 What a device refuses is a `RefusedError`, what it never answers a `SilentError`; both say what was asked, so that the
-page can show it. A runner that is stopped closes the generator: its `finally` blocks may still yield `Send`, which the
-runner must write (GoToMeasurement after a browser has gone), and nothing else.
+page can show it. A runner that is stopped calls `stop(dialogue)` and writes the frames that it returns (GoToMeasurement
+after a browser has gone). Not `close()`: a generator that is being closed may not yield any more.
+
+A body that is given to `Driver.within` runs in the state in which settings are read and written, unless it says
+otherwise (`InState`): some commands make sense only while the device measures.
 
 `Driver` is what a protocol knows about configuring its devices; protocols/registry.py has one for each.
 """
@@ -83,6 +86,44 @@ class SilentError(Exception):
     def __init__(self, what: str, tries: int, timeout_s: float) -> None:
         super().__init__(f"No answer to {what} ({tries} tries of {timeout_s:g} s).")
         self.what, self.tries, self.timeout_s = what, tries, timeout_s
+
+
+class StoppedError(Exception):
+    """Thrown into a dialogue that is stopped: it may still yield `Send` for what must not be left undone."""
+
+
+def stop(dialogue: Dialogue[Any]) -> list[Send]:
+    """End a dialogue before its time.
+
+    Returns:
+        What the runner still has to write, in order; waits and expectations are skipped.
+    """
+    last: list[Send] = []
+    try:
+        act = dialogue.throw(StoppedError())
+        while True:
+            if isinstance(act, Send):
+                last.append(act)
+            act = dialogue.send(None)
+    except (StopIteration, StoppedError, RefusedError, SilentError):
+        return last
+
+
+class InState(Generator[Act, Any, T]):
+    """A dialogue that says in which state the device must be: "config", "measuring", or "any".
+
+    `Driver.within` looks at it; for anything else it is the dialogue itself.
+    """
+
+    def __init__(self, dialogue: Dialogue[T], state: Literal["config", "measuring", "any"]) -> None:
+        self._dialogue = dialogue
+        self.state = state
+
+    def send(self, value: Any, /) -> Act:
+        return self._dialogue.send(value)
+
+    def throw(self, *args: Any) -> Act:
+        return self._dialogue.throw(*args)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,162 @@
+"""May these values be sent? What the rows of a table say about the range of their fields, applied.
+
+    Field.low, high      the range of a number, where it is narrower than its type
+    Field.choices        an enumeration: one of these numbers
+    Field.most           the greatest number of elements of a list, of characters of a text, of bytes
+    Field.dtype, shape   everything else
+
+Whatever a device has sent can be composed again (protocols/layouts.py); what a person sends is checked here first. A
+form shows all problems at once, each at its field; a caller that just wants to send gets the first as an error.
+
+Paths: names and places in lists joined by dots, "outputs.3.output_frequency".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from protocols.layouts import EncodeError, is_open
+from protocols.schema import Field
+
+_FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What is wrong with one value: `message` names the field, the value and what is allowed."""
+
+    path: str
+    message: str
+
+
+def check(fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False) -> None:
+    """Raise the first problem.
+
+    Raises:
+        EncodeError: with its path.
+    """
+    for problem in problems(fields, values, partial=partial):
+        raise EncodeError(problem.message, problem.path)
+
+
+def problems(
+    fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False, at: str = ""
+) -> Iterator[Problem]:
+    """Everything that is wrong with `values`.
+
+    Args:
+        partial: fields may be left out.
+        at: path of the record that `values` are.
+    """
+    names = [field.name for field in fields]
+    for name in values:
+        if name not in names:
+            there = f"there are: {', '.join(names)}" if names else "there are none"
+            yield Problem(_join(at, name), f"no field is called {name!r}; {there}")
+    for field in fields:
+        path = _join(at, field.name)
+        if field.name in values:
+            yield from _of(field, values[field.name], path)
+        elif not partial:
+            yield Problem(path, f"{field.name} is missing")
+
+
+def _join(at: str, name: str | int) -> str:
+    return f"{at}.{name}" if at else str(name)
+
+
+def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
+    """Problems of one field."""
+    if field.dtype in ("bytes", "ascii"):
+        yield from _of_text(field, value, path)
+    elif not field.shape:
+        yield from _of_element(field, value, path)
+    elif not isinstance(value, (list, tuple)):
+        yield Problem(path, f"{field.name} is a list, given {value!r}")
+    else:
+        count = math.prod(field.shape)
+        if is_open(field) and field.most and len(value) > field.most:
+            yield Problem(path, f"{field.name} has at most {field.most} entries, given {len(value)}")
+        elif not is_open(field) and len(value) != count:
+            yield Problem(path, f"{field.name} has {count} values, given {len(value)}")
+        for place, one in enumerate(value):
+            yield from _of_element(field, one, _join(path, place))
+
+
+def _of_element(field: Field, value: Any, path: str) -> Iterator[Problem]:
+    if not field.fields:
+        problem = _of_number(field, value)
+        if problem:
+            yield Problem(path, problem)
+    elif isinstance(value, Mapping):
+        yield from problems(field.fields, value, at=path)
+    else:
+        yield Problem(path, f"{field.name} is a record of {', '.join(f.name for f in field.fields)}, given {value!r}")
+
+
+def _of_text(field: Field, value: Any, path: str) -> Iterator[Problem]:
+    """Text, or bytes as hex."""
+    unit = "bytes" if field.dtype == "bytes" else "characters"
+    try:
+        raw = bytes.fromhex(value) if field.dtype == "bytes" else str(value).encode("ascii")
+    except (TypeError, ValueError):
+        yield Problem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r}")
+        return
+    most = field.most if is_open(field) else math.prod(field.shape)
+    least = int(field.low or 0)
+    if most and len(raw) > most:
+        yield Problem(path, f"{field.name} has at most {most} {unit}, given {len(raw)}")
+    elif len(raw) < least:
+        yield Problem(path, f"{field.name} has at least {least} {unit}, given {len(raw)}")
+    elif unit == "bytes" and not is_open(field) and len(raw) != most:
+        yield Problem(path, f"{field.name} has {most} bytes, given {len(raw)}")
+
+
+def _of_number(field: Field, value: Any) -> str:
+    """What is wrong with one number; "" when nothing is."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return f"{field.name} is a number, given {value!r}"
+    low, high = bounds(field)
+    whole = is_whole(field)
+    if whole and int(value if math.isfinite(value) else 0) != value:
+        return f"{field.name} is a whole number, given {value!r}"
+    if not low <= value <= high:  # not a number fails too
+        return f"{field.name} lies between {_shown(low)} and {_shown(high)}{_unit(field)}, given {value!r}"
+    if field.choices and value not in field.choices:
+        return f"{field.name} is one of {_listed(field)}, given {value!r}"
+    return ""
+
+
+def is_whole(field: Field) -> bool:
+    """Does the field hold whole numbers?"""
+    return field.dtype not in _FIXED and np.dtype(field.dtype).kind in "iu"
+
+
+def bounds(field: Field) -> tuple[float, float]:
+    """The least and the greatest wire value that may be sent."""
+    if field.dtype in _FIXED:
+        least, greatest = -_FIXED[field.dtype], math.nextafter(_FIXED[field.dtype], 0)
+    elif is_whole(field):
+        limits = np.iinfo(np.dtype(field.dtype))
+        least, greatest = int(limits.min), int(limits.max)
+    else:
+        greatest = float(np.finfo(np.dtype(field.dtype)).max)
+        least = -greatest
+    return least if field.low is None else field.low, greatest if field.high is None else field.high
+
+
+def _shown(number: float) -> str:
+    return f"{number:g}" if isinstance(number, float) else str(number)
+
+
+def _unit(field: Field) -> str:
+    return f" {field.unit}" if field.unit and field.scale == 1 else ""
+
+
+def _listed(field: Field) -> str:
+    return ", ".join(f"{number} ({meaning})" for number, meaning in field.choices.items())
