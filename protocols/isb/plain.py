@@ -208,7 +208,8 @@ def _did(name: str, kind: int, given: Any) -> int:
 
 
 def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version: str | None) -> tuple[Place, ...]:
-    variant = int(fields.get("dataType", 0)) if did in RAW_SETS and not offset else 0
+    raw = did in RAW_SETS and not offset and "buf" not in fields  # bytes of a type that is not known, or none at all
+    variant = int(fields.get("dataType", 0)) if raw else 0
     return places(did, offset, size, version=version if version in VERSIONS else None, variant=variant)
 
 

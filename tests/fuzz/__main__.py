@@ -1,0 +1,99 @@
+"""Run a fuzz target: `python -m tests.fuzz PROTOCOL [--minutes M | --cases N] [--seed S]`. See the package.
+
+What breaks an invariant is minimised and kept under findings/; the exit status is 1 then. With --keep-account the run
+is noted in runs.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import faulthandler
+import json
+import os
+import platform
+import sys
+import time
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from tests.fuzz.cases import write
+from tests.fuzz.search import Search, minimised
+from tests.fuzz.targets import TARGETS
+
+RUNS = Path(__file__).parent / "runs.json"
+HANG_S = 60  # no case takes a second; one that takes so long does not end
+_MOST_FINDINGS = 12
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("protocol", choices=TARGETS)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--cases", type=int, default=0, help="stop after so many cases instead")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--without-captures", action="store_true", help="start from what is in the project alone")
+    parser.add_argument("--keep-account", action="store_true", help="note the run in runs.json")
+    given = parser.parse_args()
+    search = Search(given.protocol, given.seed, captures=not given.without_captures)
+    begin = time.monotonic()
+    shown = begin
+    kinds: dict[str, int] = {}
+    while (search.cases < given.cases) if given.cases else (time.monotonic() - begin < 60 * given.minutes):
+        faulthandler.dump_traceback_later(HANG_S, exit=True)  # says where; the same seed leads there again
+        found = search.step()
+        if found is not None:
+            case, broken = found
+            kinds[broken.kind] = kinds.get(broken.kind, 0) + 1
+            if kinds[broken.kind] <= 3 and sum(kinds.values()) <= _MOST_FINDINGS:
+                faulthandler.cancel_dump_traceback_later()
+                small, broken = minimised(given.protocol, case, broken)
+                about = f"{broken.kind} · seed {given.seed} · case {search.cases}"
+                path = write(
+                    given.protocol, small, str(broken)[:400], about, f"{broken.kind}_{given.seed}_{search.cases}"
+                )
+                print(f"\n{path}\n  {len(case.data)} → {len(small.data)} bytes: {str(broken)[:600]}", flush=True)
+        if time.monotonic() - shown > 30:
+            shown = time.monotonic()
+            print(_state(search, shown - begin, sum(kinds.values())), flush=True)
+    faulthandler.cancel_dump_traceback_later()
+    seconds = time.monotonic() - begin
+    print(_state(search, seconds, sum(kinds.values())))
+    if given.keep_account:
+        _note(given, search, seconds, kinds)
+    return 1 if kinds else 0
+
+
+def _state(search: Search, seconds: float, broken: int) -> str:
+    return (
+        f"{seconds:6.0f} s  {search.cases} cases  {search.bytes / 1e6:.1f} MB  corpus {len(search.corpus)}  "
+        f"features {len(search.seen)}  broken {broken}"
+    )
+
+
+def _note(given: argparse.Namespace, search: Search, seconds: float, kinds: dict[str, int]) -> None:
+    runs = json.loads(RUNS.read_text()) if RUNS.exists() else []
+    runs.append(
+        {
+            "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+            "protocol": given.protocol,
+            "seed": given.seed,
+            "compiled": os.environ.get("NUMBA_DISABLE_JIT", "0") != "1",
+            "minutes": round(seconds / 60, 1),
+            "cases": search.cases,
+            "bytes": search.bytes,
+            "frames": search.frames,
+            "corpus": len(search.corpus),
+            "features": len(search.seen),
+            "broken": kinds,
+            "versions": {
+                "python": platform.python_version(),
+                **{name: version(name) for name in ("numpy", "numba", "pynmeagps")},
+            },
+        }
+    )
+    RUNS.write_text("[\n" + ",\n".join(json.dumps(run) for run in runs) + "\n]\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,132 @@
+"""The search: from which case next, and what is left of one that broke something.
+
+A step takes an entry of the corpus (often one of the newest), joins it with parts of others, spoils it, and checks it.
+All that is random comes from one generator, so a seed gives the same steps everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+
+from tests.fuzz.cases import BrokenError, Case
+from tests.fuzz.invariants import Features, check
+from tests.fuzz.mutations import Pieces, spoil
+from tests.fuzz.targets import TARGETS
+
+_MOST_BYTES = 4000
+_MOST_BYTES_SOMETIMES = 20_000
+_MOST_CORPUS = 3000
+_GUESS_EVERY = 25
+
+
+class Search:
+    """One target with its corpus.
+
+    Args:
+        captures: begin also from recordings that lie beside the project, where there are any.
+    Attributes:
+        cases, bytes, frames: how many so far.
+        seen: what has been shown.
+    """
+
+    def __init__(self, protocol: str, seed: int, *, captures: bool = True) -> None:
+        self.target = TARGETS[protocol]
+        self.random = Random(f"{protocol} {seed}")
+        self.corpus: list[Pieces] = self.target.seeds(captures=captures)
+        self.seen: set[tuple[object, ...]] = set()
+        self.cases = self.bytes = self.frames = 0
+
+    def step(self) -> tuple[Case, BrokenError] | None:
+        """Check one case more. Returns it where it broke something."""
+        pieces = self._pieces()
+        case = self._case(pieces)
+        self.cases += 1
+        self.bytes += len(case.data)
+        try:
+            shown = check(self.target.speaker, case, guessing=self.cases % _GUESS_EVERY == 0)
+        except BrokenError as broken:
+            return case, broken
+        self.frames += len(pieces)
+        self._learn(pieces, shown)
+        return None
+
+    def _pieces(self) -> Pieces:
+        random, corpus = self.random, self.corpus
+        recent = random.random() < 0.4
+        entry = corpus[random.randrange(max(0, len(corpus) - 100) if recent else 0, len(corpus))]
+        pieces = list(entry)
+        for _ in range(random.choice((0, 0, 1, 2))):
+            other = random.choice(corpus)
+            if other:
+                start = random.randrange(len(other))
+                pieces[random.randint(0, len(pieces)) : 0] = other[start : start + random.randint(1, 4)]
+        spoil(pieces, self.target, random)
+        most = _MOST_BYTES_SOMETIMES if random.random() < 0.03 else _MOST_BYTES
+        while len(pieces) > 1 and sum(map(len, pieces)) > most:
+            del pieces[random.randrange(len(pieces))]
+        return pieces
+
+    def _case(self, pieces: Pieces) -> Case:
+        random = self.random
+        data = b"".join(pieces)[:_MOST_BYTES_SOMETIMES]
+        style = random.random()
+        count = 1 if style < 0.3 else random.randint(2, 12) if style < 0.8 else min(len(data), 80)
+        if style > 0.97 and len(data) < 600:
+            cuts = tuple(range(1, len(data)))  # one byte at a time
+        else:
+            cuts = tuple(sorted(random.randrange(len(data) + 1) for _ in range(count)))
+        return Case(data, cuts, self.target.settings(random))
+
+    def _learn(self, pieces: Pieces, shown: Features) -> None:
+        if shown <= self.seen:
+            return
+        self.seen |= shown
+        if len(self.corpus) >= _MOST_CORPUS:
+            del self.corpus[self.random.randrange(len(self.corpus))]
+        self.corpus.append(pieces)
+
+
+def minimised(protocol: str, case: Case, broken: BrokenError, *, tries: int = 1500) -> tuple[Case, BrokenError]:
+    """A smaller case that breaks the same invariant: fewer bytes, fewer cuts, nothing told that need not be."""
+    speaker = TARGETS[protocol].speaker
+    last = broken
+    left = tries
+
+    def breaks(one: Case) -> bool:
+        nonlocal last, left
+        left -= 1
+        try:
+            check(speaker, one, guessing=broken.kind == "guess")
+        except BrokenError as problem:
+            if problem.kind == broken.kind:
+                last = problem
+                return True
+        return False
+
+    if case.settings and breaks(plain := Case(case.data, case.cuts)):
+        case = plain
+    size = max(len(case.data) // 2, 1)
+    while size >= 1 and left > 0:
+        case, shrunk = _without(case, size, breaks, lambda: left > 0)
+        size = size if shrunk and size < len(case.data) else size // 2
+    for cut in case.cuts:
+        fewer = Case(case.data, tuple(at for at in case.cuts if at != cut), case.settings)
+        if left > 0 and breaks(fewer):
+            case = fewer
+    breaks(case)
+    return case, last
+
+
+def _without(case: Case, size: int, breaks: Callable[[Case], bool], goes_on: Callable[[], bool]) -> tuple[Case, bool]:
+    """The case without any stretch of `size` bytes that it can do without."""
+    shrunk = False
+    at = 0
+    while at < len(case.data) and goes_on():
+        cuts = tuple(cut if cut <= at else max(at, cut - size) for cut in case.cuts)
+        smaller = Case(case.data[:at] + case.data[at + size :], cuts, case.settings)
+        if breaks(smaller):
+            case, shrunk = smaller, True
+        else:
+            at += size
+    return case, shrunk

@@ -1,0 +1,357 @@
+"""What the fuzz target must know of each protocol: what a frame is made of, where cases begin, what can be told.
+
+A protocol is one more class here, and one more row of TARGETS.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.isb.tables import SETS
+from protocols.xbus.device import XbusDevice
+from tests.fuzz.mutations import Pieces
+from tests.oracles import idtp as idtp_oracle
+from tests.oracles import isb as isb_oracle
+from tests.oracles import xbus as xbus_oracle
+from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
+from tests.protocols.speakers import KEY, SPEAKERS, Speaker
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+CAPTURES = Path(__file__).parents[3] / "shared"
+_A_CASE = 8  # frames that a seed of the corpus has
+_WINDOW = 1500  # bytes of a capture or of a twin in one
+_LENGTHS = (0, 1, 2, 3, 254, 255, 256, 972, 973, 1024, 1025, 2040, 2041, 2048, 8185, 8186, 0x8000, 0xFFFF)
+_FLOATS = tuple(
+    struct.pack(order + kind, value)
+    for value in (float("nan"), float("inf"), -float("inf"), -0.0, 1e300 * 1e-265, 3.4e38, 1.0)
+    for order, kind in (("<", "f"), (">", "f"), ("<", "d"))
+)
+
+
+class Target:
+    """One protocol."""
+
+    speaker: Speaker
+    words: Sequence[bytes]
+    captures: Sequence[str] = ()  # under the shared folder
+
+    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
+        """See mutations.Frames, as the four below."""
+        raise NotImplementedError
+
+    def lie(self, frame: bytes, random: Random) -> bytes:
+        raise NotImplementedError
+
+    def make(self, random: Random) -> bytes:
+        raise NotImplementedError
+
+    def body(self, frame: bytes) -> tuple[int, int]:
+        raise NotImplementedError
+
+    def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
+        """Begin and size of the frames in `data`, by the oracle."""
+        raise NotImplementedError
+
+    def twin(self, seed: int) -> bytes:
+        """What a twin sends in its first moments, with faults."""
+        raise NotImplementedError
+
+    def settings(self, random: Random) -> dict[str, Any]:
+        """What the decoder is told in a case."""
+        return {}
+
+    def pieces(self, data: bytes) -> Pieces:
+        """Frames, and what is between them."""
+        found: Pieces = []
+        at = 0
+        for begin, size in self.frames(data):
+            found += [data[at:begin]] * (begin > at) + [data[begin : begin + size]]
+            at = begin + size
+        return found + [data[at:]] * (at < len(data))
+
+    def seeds(self, *, captures: bool) -> list[Pieces]:
+        """Where the search begins: golden vectors, the twin and, with `captures`, recordings beside the project."""
+        vectors = list(self.speaker.everything())
+        seeds = [vectors[at : at + _A_CASE] for at in range(0, len(vectors), _A_CASE)]
+        streams = [self.twin(seed) for seed in range(3)]
+        for name in self.captures if captures else ():
+            streams += [path.read_bytes() for path in sorted(CAPTURES.glob(name))]
+        for stream in streams:
+            starts = range(0, len(stream), max(_WINDOW, len(stream) // 12))
+            seeds += [self.pieces(stream[at : at + _WINDOW]) for at in starts]
+        return seeds
+
+
+class Xbus(Target):
+    speaker = SPEAKERS["xbus"]
+    captures = ("captures/xbus/*.bin", "vectors/xbus/*.mtb")
+    words = (
+        *(
+            b"\xfa",
+            b"\xfa\xff",
+            b"\xfa\xff\x36",
+            b"\xfa\xff\x36\xff",
+            b"\xfa\x00\x00",
+            b"\x00\x00",
+            b"\xff\xff",
+            b"\xff",
+        ),
+        *(
+            b"\x10\x20\x02",
+            b"\x10\x60\x04",
+            b"\x10\x70\x04",
+            b"\x10\x10\x0c",
+            b"\xe0\x20\x04",
+            b"\xa0\x80\xff",
+            b"\x70\x20",
+        ),
+        *(b"\x00\x90", b":", b"$", b"\r\n", b"\x20\x10\x10", b"\x20\x1f\x10", b"\x1f\xf9", *_FLOATS),
+    )
+
+    def body(self, frame: bytes) -> tuple[int, int]:
+        begin = 6 if frame[3:4] == b"\xff" else 4
+        return (begin, len(frame) - 1) if frame[:1] == b"\xfa" and len(frame) > begin else (0, len(frame))
+
+    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
+        begin, end = self.body(frame)
+        if not begin:
+            return frame
+        if length:
+            payload = frame[begin:end]
+            long = len(payload) > 254 or begin == 6
+            size = b"\xff" + (len(payload) & 0xFFFF).to_bytes(2, "big") if long else bytes([len(payload)])
+            frame = frame[:3] + size + payload + b"\0"
+        return frame[:-1] + bytes([-sum(frame[1:-1]) % 256])
+
+    def lie(self, frame: bytes, random: Random) -> bytes:
+        if not self.body(frame)[0]:
+            return frame
+        length = random.choice((*_LENGTHS, random.randrange(300)))
+        if random.random() < 0.5:
+            return frame[:3] + bytes([length & 0xFF]) + frame[4:]
+        return frame[:3] + b"\xff" + length.to_bytes(2, "big") + frame[4:]
+
+    def make(self, random: Random) -> bytes:
+        if random.random() < 0.3:
+            payload = random.randbytes(random.choice((0, 1, 2, 3, 4, 8, 20, 44, 118, 260)))
+            return xbus_oracle.build(random.randrange(1, 256), payload, random.choice((0xFF, 0xFF, 0, 1)))
+        payload = b""
+        for _ in range(random.randint(0, 6)):
+            item = xbus_vectors.frame(random.choice(xbus_vectors.COMPUTED["items"]))[4:-1]
+            if random.random() < 0.3:
+                item = item[:2] + bytes([random.randrange(30)]) + item[3:]
+            if random.random() < 0.3:
+                identifier = int.from_bytes(item[:2], "big") ^ random.choice((1, 2, 3, 4, 8, 12, 0x10, 0x8000))
+                item = identifier.to_bytes(2, "big") + item[2:]
+            payload += item
+        if random.random() < 0.1:
+            blob = b"\xa0\x80\xff" + random.randbytes(255)
+            payload += blob * random.randint(1, 3) + b"\xa0\x80\x03abc"
+        counter = b"\x10\x20\x02" + random.choice((0, 1, 2, 65535, random.randrange(65536))).to_bytes(2, "big")
+        ticks = random.choice((0, 100, 200, 863_999_999, 864_000_000, 2**32 - 1, random.randrange(2**32)))
+        clock = random.choice(
+            (b"", b"\x10\x60\x04" + ticks.to_bytes(4, "big"), b"\x10\x70\x04" + ticks.to_bytes(4, "big"))
+        )
+        return xbus_oracle.build(0x36, counter * (random.random() < 0.7) + clock + payload)
+
+    def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
+        return ((one.offset, one.size) for one in xbus_oracle.scan(data, final=True).frames)
+
+    def twin(self, seed: int) -> bytes:
+        product = ("MTi-630", "MTi-680G", "MTi-G-710")[seed % 3]
+        device = XbusDevice(product, seed=seed, drop=0.05, corrupt=0.05)
+        return device.advance(10**9) + device.receive(b"\xfa\xff\x30\x00\xd1\xfa\xff\x00\x00\x01", 1_010_000_000)
+
+
+class Isb(Target):
+    speaker = SPEAKERS["isb"]
+    captures = ("vectors/isb/logs/*.raw", "vectors/isb/logs/*.dat")
+    words = (
+        *(
+            b"\xef\x49",
+            b"\xef",
+            b"\x49",
+            b"\xef\x49\x04\x04",
+            b"\xef\x49\x24\x04",
+            b"\xef\x49\x04\x45",
+            b"\x00\x00",
+            b"\xff\xff",
+        ),
+        *(
+            b"\x58\x09\x00\x00",
+            b"\x00\x00\x00\x00",
+            b"\x08\x00",
+            b"\x01\x00\x00\x00",
+            b"\x02\x07\x01\x00",
+            b"\x02\x00\x03\x00",
+        ),
+        *(b"\xb5\x62", b"\xd3", b"$", b"\r\n", b"\x00\x80", *_FLOATS),
+    )
+
+    def body(self, frame: bytes) -> tuple[int, int]:
+        return (6, len(frame) - 2) if frame[:2] == b"\xef\x49" and len(frame) >= 8 else (0, len(frame))
+
+    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
+        begin, end = self.body(frame)
+        if not begin:
+            return frame
+        head = frame[:end]
+        if length:
+            head = head[:4] + ((end - begin) & 0xFFFF).to_bytes(2, "little") + head[6:]
+        low = high = 0
+        for byte in head:
+            low = (low + byte) % 256
+            high = (high + low) % 256
+        return head + bytes([low, high])
+
+    def lie(self, frame: bytes, random: Random) -> bytes:
+        if not self.body(frame)[0]:
+            return frame
+        return frame[:4] + random.choice((*_LENGTHS, random.randrange(300))).to_bytes(2, "little") + frame[6:]
+
+    def make(self, random: Random) -> bytes:
+        kind = random.choice((4, 4, 4, 4, 4, 5, 3, 1, 2, 6, 7, 8))
+        if kind not in (4, 5):
+            body = random.choice(
+                (b"", bytes(9), bytes([4, 0, 0, 0, 0, 0, 1, 0]), random.randbytes(random.randrange(14)))
+            )
+            return isb_oracle.build(kind | random.choice((0, 0, 0x10, 0x80)), random.randrange(256) * (kind == 7), body)
+        did = random.choice((*SETS, 4, 4, 13, 13, 58, 58, 15, 30, 69, 1, 200))
+        body = self._payload(did, random)
+        change = random.random()
+        if change < 0.2:
+            body = body[: random.randint(0, len(body))]
+        elif change < 0.3:
+            body += random.randbytes(random.choice((1, 4, 40)))
+        if random.random() < 0.3:
+            offset = random.choice((0, 1, 4, 8, 20, len(body) // 2, 1022, 1024, 2000, 0xFFFF))
+            body = body[offset : offset + random.choice((1, 4, 12, 40))] or body[:4]
+            return isb_oracle.build(kind | 0x20, did, offset.to_bytes(2, "little") + body)
+        return isb_oracle.build(kind, did, body)
+
+    def _payload(self, did: int, random: Random) -> bytes:
+        """A set with random contents, or nearly empty, and a clock that makes sense or not."""
+        row = SETS.get(did)
+        size = row.struct.size if row and row.struct else random.randrange(60)
+        body = bytearray(random.randbytes(size) if random.random() < 0.5 else size)
+        up, week = random.choice((0.5, 1.0, 1.25, 2.0, 500.0, 1e9, -1.0)), random.choice((0, 2392, 2392, 2393, 7, 9000))
+        tow = random.choice((1.0, 432_000.0, 432_000.2, 604_799.9, 0.0))
+        clock = {
+            "week+timeOfWeek": struct.pack("<Id", week, tow),
+            "week+timeOfWeekMs": struct.pack("<II", week, int(tow * 1000)),
+            "timeOfWeekMs": struct.pack("<I", int(tow * 1000)),
+            "timeOfWeek": struct.pack("<d", tow),
+            "time": struct.pack("<d", up),
+        }.get(row.clock if row else "", b"")
+        body[: len(clock)] = clock[:size]
+        if did == 13 and size >= 88:
+            body[80:88] = struct.pack("<d", random.choice((431_999.0, 431_000.0, 0.0, -5.0)))
+        if did in (15, 16, 69, 60, 70) and size > 8:
+            body[0:4] = random.choice((bytes(body[:4]), bytes([1, random.randrange(8), random.randrange(16), 0])))
+            body[4:8] = random.choice((0, 1, 3, 50, 51, 255, 2**32 - 1)).to_bytes(4, "little")
+        return bytes(body)
+
+    def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
+        return ((one.offset, one.size) for one in isb_oracle.scan(data, final=True).packets)
+
+    def twin(self, seed: int) -> bytes:
+        device = IsbDevice(seed=seed, drop=0.05, corrupt=0.05)
+        return device.advance(1_500_000_000) + device.receive(
+            isb_vectors.packet(isb_vectors.COMMANDS[0]), 1_510_000_000
+        )
+
+
+class Idtp(Target):
+    speaker = SPEAKERS["idtp"]
+    words = (
+        *(
+            b"IDTP",
+            b"IDTP",
+            b"INDT",
+            b"ID",
+            b"I",
+            b"\x21\x00\x06",
+            b"\x21\x01\x00",
+            b"\x21\x02\x05",
+            b"\x00\x00\x00\x00",
+        ),
+        *(b"\xff\xff\xff\xff", b"\xff\xff", b"\xcc\x03", b"\xcd\x03", b"\x20", b"\x22", b"\x31", *_FLOATS),
+    )
+
+    def body(self, frame: bytes) -> tuple[int, int]:
+        if frame[:4] != b"IDTP" or len(frame) < 20:
+            return 0, len(frame)
+        trailer = {0: 0, 1: 4, 2: 32}.get(frame[17], 0)
+        return 20, max(20, len(frame) - trailer)
+
+    def mend(self, frame: bytes, random: Random, *, length: bool) -> bytes:
+        begin, end = self.body(frame)
+        if not begin:
+            return frame
+        head, payload, mode = frame[:19], frame[20:end], frame[17]
+        if length:
+            head = head[:14] + (len(payload) & 0xFFFF).to_bytes(2, "little") + head[16:]
+        return self._sealed(head, payload, mode, random)
+
+    @staticmethod
+    def _sealed(head: bytes, payload: bytes, mode: int, random: Random) -> bytes:
+        frame = head + bytes([idtp_oracle.crc8(head)]) + payload
+        if mode == idtp_oracle.SAFETY:
+            return frame + struct.pack("<I", idtp_oracle.crc32(frame))
+        if mode == idtp_oracle.SECURE:
+            key = KEY if random.random() < 0.9 else b"another"
+            return frame + idtp_oracle.hmac.digest(key, frame, "sha256")
+        return frame
+
+    def lie(self, frame: bytes, random: Random) -> bytes:
+        if not self.body(frame)[0]:
+            return frame
+        return frame[:14] + random.choice((*_LENGTHS, random.randrange(80))).to_bytes(2, "little") + frame[16:]
+
+    def make(self, random: Random) -> bytes:
+        kind = random.choice((0, 1, 2, 3, 4, 5, 6, 6, 7, 0x7F, 0x80, 0x91, 0xFF))
+        size = 4 * len(idtp_oracle.TYPES.get(kind, ())) or random.choice((0, 1, 12, 200, 972, 973))
+        size = max(0, size + random.choice((0, 0, 0, 0, -1, -4, 1, 4)))
+        payload = b"".join(random.choice(_FLOATS[::3]) for _ in range(size // 4 + 1))[:size]
+        if random.random() < 0.5:
+            payload = random.randbytes(size)
+        mode = random.choice((0, 0, 1, 1, 2))
+        near = random.choice((0, 1, 2, 3, 5, 100, 65_537, 70_000, 70_001, 2**31, 2**31 + 1, 2**32 - 1))
+        sequence = near if random.random() < 0.8 else random.randrange(2**32)
+        head = struct.pack(
+            "<4sIIHHBBB",
+            b"IDTP" if random.random() < 0.95 else b"INDT",
+            random.choice((0, 1000, 2000, 2**31, 2**32 - 1, random.randrange(2**32))),
+            sequence,
+            random.choice((1, 1, 2, 0xFFFF)),
+            size,
+            random.choice((0x21, 0x21, 0x21, 0x21, 0x20, 0x22, 0x2F, 0x11, 0x30)),
+            mode if random.random() < 0.95 else 3,
+            kind,
+        )
+        return self._sealed(head, payload, mode, random)
+
+    def frames(self, data: bytes) -> Iterator[tuple[int, int]]:
+        return ((one.offset, one.size) for one in idtp_oracle.scan(data, final=True, key=KEY).frames)
+
+    def twin(self, seed: int) -> bytes:
+        return IdtpDevice(7, seed=seed, mode=seed % 3, key=KEY, drop=0.05, corrupt=0.05).advance(250_000_000)
+
+    def settings(self, random: Random) -> dict[str, Any]:
+        choices: tuple[dict[str, Any], ...] = (
+            *({}, {}, {"key": KEY, "min_mode": 0}, {"key": KEY, "min_mode": 0}, {"key": KEY}, {"min_mode": 1}),
+            *({"key": KEY, "min_mode": 1, "replay_check": False}, {"replay_check": False}, {"show_unverified": True}),
+            {"key": b"another", "min_mode": 0},
+        )
+        return dict(random.choice(choices))
+
+
+TARGETS: dict[str, Target] = {"xbus": Xbus(), "isb": Isb(), "idtp": Idtp()}
+assert set(TARGETS) == set(SPEAKERS)
+assert idtp_vectors.KEY == KEY
