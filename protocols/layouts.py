@@ -45,7 +45,15 @@ _FIXED_POINT = {"fp1220": (20, 4), "fp1632": (32, 6)}  # fraction bits, bytes
 
 
 class EncodeError(ValueError):
-    """A value that does not fit its field. The text names the field, what was given and what is allowed."""
+    """A value that does not fit its field. The text names the field, what was given and what is allowed.
+
+    Args:
+        path: of the field within what was given ("outputs.3.output_frequency"), "" where it is not known.
+    """
+
+    def __init__(self, message: str, path: str = "") -> None:
+        super().__init__(message)
+        self.path = path
 
 
 # -- sizes -------------------------------------------------------------------------------------------------------------
