@@ -1,0 +1,342 @@
+"""Reading a recording quickly: where are its messages, and what is told about it?
+
+A recording of an hour has hundreds of thousands of chunks; one Python object for each would take longer than decoding
+their bytes. So records are found by a compiled loop that writes a table, a block of records at a time: a block is an
+MCAP chunk, or, in a file that is being recorded or was torn off, a few thousand of its records.
+
+    file     [magic][header][channel][message][message]···[message][mess        torn: the last record is not whole
+    block                    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    table    one column a message: channel, time, where its data begin, how many bytes
+
+Damage never raises: `Recording.damage` says where the file stops making sense and why, and everything before is given.
+A chunk whose checksum fails is left out and told; what comes after it is read.
+
+Source: MCAP specification, "Records".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.records import Channel, ChunkIndex, Metadata, Schema
+
+from protocols.framing import Bytes, Ints
+from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
+from recordings.container import RecordingError
+
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
+CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
+LARGEST_CHUNK = 256 << 20  # bytes; a chunk that claims to be larger is damage
+_RECORD = 9  # opcode, length
+TORN, FULL, AT_END = -1, -2, -3
+_COLUMNS = 1 << 15
+
+
+@compiled(INT, BYTES, INT)
+def _u8(data: Bytes, at: int) -> int:
+    low = int(data[at]) | int(data[at + 1]) << 8 | int(data[at + 2]) << 16 | int(data[at + 3]) << 24
+    high = int(data[at + 4]) | int(data[at + 5]) << 8 | int(data[at + 6]) << 16 | (int(data[at + 7]) & 0x7F) << 24
+    return low | high << 32
+
+
+@compiled(FOUR, BYTES, INT, TABLE)
+def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
+    """Walk over records from `at`: (messages written, where it stopped, opcode there, its length).
+
+    Stops before a record that is no message (its opcode is given), before one that is not whole (TORN), at the end
+    (AT_END), or when the table is full (FULL).
+    """
+    n = 0
+    end = len(data)
+    while at < end:
+        if end - at < 9:
+            return n, at, TORN, 0
+        opcode = int(data[at])
+        length = _u8(data, at + 1)
+        if opcode != 5:
+            return n, at, opcode, length
+        if length < 22 or length > end - at - 9:
+            return n, at, TORN, length
+        if n == table.shape[1]:
+            return n, at, FULL, 0
+        body = at + 9
+        table[0, n] = int(data[body]) | int(data[body + 1]) << 8
+        table[1, n] = _u8(data, body + 6)
+        table[2, n] = body + 22
+        table[3, n] = length - 22
+        n += 1
+        at = body + length
+    return n, at, AT_END, 0
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Messages that lie together.
+
+    Args:
+        data: the bytes that `table` points into.
+        table: (4, n) int64: CHANNEL_ID, TIME (ns), DATA (offset in `data`), LENGTH; in the order of the file.
+        done: bytes of the file up to here, for a progress bar.
+    """
+
+    data: memoryview
+    table: Ints
+    done: int
+
+    def of(self, channel: int) -> Ints:
+        """The columns of one channel."""
+        return np.ascontiguousarray(self.table[:, self.table[CHANNEL_ID] == channel])
+
+    def joined(self, rows: Ints) -> tuple[bytes, Ints]:
+        """The data of these messages one after the other, and where each ends: (n,) int64."""
+        starts, sizes = rows[DATA].tolist(), rows[LENGTH]
+        pieces = [self.data[at : at + size] for at, size in zip(starts, sizes.tolist(), strict=True)]
+        return b"".join(pieces), np.cumsum(sizes)
+
+
+@dataclass(slots=True)
+class Topic:
+    """One channel of the file."""
+
+    id: int
+    name: str
+    encoding: str
+    schema: str = ""
+    schema_encoding: str = ""
+    schema_data: bytes = field(default=b"", repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """From where the file, or a chunk of it, makes no sense."""
+
+    offset: int
+    words: str
+
+
+class Recording:
+    """One MCAP file, ours or another's. Cheap to make: nothing is read before it is asked for.
+
+    Args:
+        path: of the file.
+    Raises:
+        RecordingError: it cannot be read, or is no MCAP file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            with path.open("rb") as file:
+                self.size = file.seek(0, 2)
+                file.seek(0)
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise RecordingError(f"{path.name} is no MCAP file.", "It does not begin as one.")
+                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.") from None
+        self.topics: dict[int, Topic] = {}
+        self.metadata: list[tuple[str, dict[str, str]]] = []
+        self.damage: list[Damage] = []
+        self.whole = False  # its end is there
+        self._schemas: dict[int, Schema] = {}
+        self.chunks = self._summary()
+
+    def close(self) -> None:
+        """Let go of the file; blocks that are still held keep it until they go."""
+        with contextlib.suppress(BufferError):
+            self._map.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- reading -------------------------------------------------------------------------------------------------------
+
+    def blocks(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Block]:
+        """The messages, block by block in the order of the file.
+
+        Args:
+            start_ns, stop_ns: blocks that lie wholly outside are left out where an index tells; what is given may
+                still hold messages outside.
+        """
+        if not self.chunks:
+            yield from self._walk(memoryview(self._map), len(MAGIC))
+            return
+        for index in self.chunks:
+            before = start_ns is not None and index.message_end_time < start_ns
+            after = stop_ns is not None and index.message_start_time >= stop_ns
+            if not before and not after:
+                yield from self._chunk(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length)
+
+    def meta(self, name: str) -> dict[str, str]:
+        """The last metadata of that name; empty where there is none. Complete after `blocks` in a file without end."""
+        return next((values for found, values in reversed(self.metadata) if found == name), {})
+
+    def topic(self, name: str) -> Topic | None:
+        """The channel of that name."""
+        return next((topic for topic in self.topics.values() if topic.name == name), None)
+
+    # -- records -------------------------------------------------------------------------------------------------------
+
+    def _summary(self) -> list[ChunkIndex]:
+        """Chunk indexes, channels and metadata out of the summary at the end, where the file has one."""
+        footer = self.size - len(MAGIC) - _RECORD - 20
+        if footer < len(MAGIC) or self._map[-len(MAGIC) :] != MAGIC or self._map[footer] != FOOTER:
+            return []
+        self.whole = True
+        start, _, told = struct.unpack_from("<QQI", self._map, footer + _RECORD)
+        if not len(MAGIC) <= start < footer:
+            return []
+        if told and zlib.crc32(self._map[start : footer + _RECORD + 16]) != told:
+            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            return []
+        found: list[ChunkIndex] = []
+        at = start
+        while at < footer:
+            opcode, length = struct.unpack_from("<BQ", self._map, at)
+            body = self._map[at + _RECORD : at + _RECORD + length]
+            if opcode == CHUNK_INDEX:
+                found.append(ChunkIndex.read(_stream(body)))
+            elif opcode == METADATA_INDEX:
+                (where,) = struct.unpack_from("<Q", body)
+                self._told(METADATA, where)
+            else:
+                self._learn(opcode, body)
+            at += _RECORD + length
+        return found
+
+    def _told(self, opcode: int, at: int) -> None:
+        if at + _RECORD <= self.size and self._map[at] == opcode:
+            (length,) = struct.unpack_from("<Q", self._map, at + 1)
+            self._learn(opcode, self._map[at + _RECORD : at + _RECORD + length])
+
+    def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[Block]:
+        """From record to record: a file without an index, or the inside of a chunk (`done` is then where that ends)."""
+        array = np.frombuffer(data, np.uint8)
+        end = len(array)
+        while at < end:
+            table = np.empty((4, _COLUMNS), np.int64)
+            n, at, opcode, length = _messages(array, at, table)
+            if n:
+                yield Block(data, table[:, :n], at if done is None else done)
+            if opcode in (AT_END, FULL):
+                continue
+            if opcode in (DATA_END, FOOTER) and done is None:
+                return
+            whole = at + _RECORD + length
+            if opcode <= 0 or whole > end:
+                self.damage.append(_torn(at) if done is None else _cut(done))
+                return
+            if opcode == CHUNK and done is None:
+                yield from self._chunk(at, whole)
+            else:
+                self._learn(opcode, bytes(data[at + _RECORD : whole]))
+            at = whole
+
+    def _chunk(self, at: int, end: int) -> Iterator[Block]:
+        """The messages of one MCAP chunk."""
+        data = self._unpacked(at, end)
+        if data is not None:
+            yield from self._walk(memoryview(data), 0, end)
+
+    def _unpacked(self, at: int, end: int) -> bytes | None:
+        try:
+            head = struct.unpack_from("<QQQI", self._map, at + _RECORD)
+            size, told = head[2], head[3]
+            where = at + _RECORD + 28
+            (named,) = struct.unpack_from("<I", self._map, where)
+            packing = self._map[where + 4 : where + 4 + named].decode()
+            where += 4 + named
+            (packed,) = struct.unpack_from("<Q", self._map, where)
+            body = self._map[where + 8 : min(where + 8 + packed, end)]
+            if size > LARGEST_CHUNK:
+                raise ValueError(f"it claims {size} bytes")
+            data = _unpack(packing, body, size)
+            if len(data) != size or (told and zlib.crc32(data) != told):
+                raise ValueError("its checksum is wrong")
+        except (ValueError, struct.error, zstandard.ZstdError, RuntimeError) as error:
+            words = f"The chunk at byte {at:,} cannot be read: {error}.".replace(",", " ")
+            self.damage.append(Damage(at, words))
+            return None
+        return data
+
+    def _learn(self, opcode: int, body: bytes) -> None:
+        """Keep what a schema, channel or metadata record says; one that is garbled says nothing."""
+        try:
+            if opcode == SCHEMA:
+                schema = Schema.read(_stream(body))
+                self._schemas[schema.id] = schema
+            elif opcode == CHANNEL:
+                channel = Channel.read(_stream(body))
+                of = self._schemas.get(channel.schema_id)
+                self.topics[channel.id] = Topic(
+                    channel.id,
+                    channel.topic,
+                    channel.message_encoding,
+                    of.name if of else "",
+                    of.encoding if of else "",
+                    of.data if of else b"",
+                )
+            elif opcode == METADATA:
+                told = Metadata.read(_stream(body))
+                if (told.name, told.metadata) in self.metadata:
+                    self.metadata.remove((told.name, told.metadata))  # said again: now it is the last
+                self.metadata.append((told.name, told.metadata))
+        except Exception as error:  # whatever a garbled record does to its reader
+            self.damage.append(Damage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
+
+
+def json_messages(recording: Recording, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Time and body of every JSON message of a channel ("events", "notes", "snapshot/…")."""
+    for block in recording.blocks():
+        found = recording.topic(topic)
+        if found is None:
+            continue
+        rows = block.of(found.id)
+        for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
+            try:
+                body = json.loads(bytes(block.data[at : at + size]))
+            except ValueError:
+                continue
+            if isinstance(body, dict):
+                yield time, body
+
+
+def _unpack(packing: str, body: bytes, size: int) -> bytes:
+    match packing:
+        case "":
+            return body
+        case "zstd":
+            return zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
+        case "lz4":
+            return bytes(lz4.frame.decompress(body))
+    raise ValueError(f"its compression {packing!r} is not known")
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(body))
+
+
+def _torn(at: int) -> Damage:
+    return Damage(at, f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " "))
+
+
+def _cut(end: int) -> Damage:
+    return Damage(end, f"The chunk before byte {end:,} does not end with a whole record.".replace(",", " "))

@@ -1,0 +1,244 @@
+"""A closed recording is rewritten: chunks of about a megabyte, compressed and indexed, so that it is small and any
+moment of it is found at once.
+
+The records of a message are copied as they stand; only where they lie changes. So packing runs at the speed of the
+compression, in little memory, and what is read from the packed file is what was read from the other, message by
+message (a test compares). The new file is written beside the old one and takes its name when it is whole and on disk.
+
+    magic, header
+    [chunk: schemas, channels, messages][one message index a channel]   …again and again
+    metadata                                                            what was told last of each name
+    data end
+    summary: schemas, channels, statistics, chunk indexes, metadata indexes, summary offsets
+    footer, magic
+
+Source: MCAP specification, "Chunk", "Message Index", "Summary Section".
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from protocols.framing import Ints
+from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MAGIC, MESSAGE_INDEX, TIME, Recording
+from recordings.container import PROFILE, RecordingError, problem
+
+CHUNK_BYTES = 1 << 20
+_HEAD = 9 + 22  # of a message record, before its data
+_LEVEL = 3
+
+
+def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callable[[float], None] | None = None) -> None:
+    """Rewrite a recording in place.
+
+    Args:
+        path: of an MCAP file, torn or whole.
+        edit: metadata "edit" to write into it.
+        progress: called with 0..1.
+    Raises:
+        RecordingError: the disk failed; the file is as it was.
+    """
+    aside = path.with_name(f".{path.name}.packing")
+    try:
+        with Recording(path) as source, aside.open("wb") as out:
+            packed(source, out, edit=edit, progress=progress)
+            out.flush()
+            os.fsync(out.fileno())
+        stamp = path.stat()
+        os.utime(aside, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+        os.replace(aside, path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        aside.unlink(missing_ok=True)
+        raise problem(error, path) from None
+    except RecordingError:
+        aside.unlink(missing_ok=True)
+        raise
+
+
+def packed(
+    source: Recording,
+    out: BinaryIO,
+    *,
+    edit: Mapping[str, str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Write `source`, chunked and indexed, to `out`: a download is this, too."""
+    target = _Target(out)
+    for block in source.blocks():
+        target.learn(source)
+        rows = block.table
+        ends = np.cumsum(rows[LENGTH] + _HEAD)
+        cuts = np.searchsorted(ends, np.arange(CHUNK_BYTES, int(ends[-1]) + CHUNK_BYTES, CHUNK_BYTES), "right")
+        start = 0
+        for stop in np.unique(np.append(np.minimum(cuts + 1, len(ends)), len(ends))).tolist():
+            if stop > start:
+                target.chunk(block.data, rows[:, start:stop])
+                start = stop
+        if progress is not None:
+            progress(block.done / max(source.size, 1))
+    target.learn(source)
+    kept = {name: values for name, values in source.metadata}  # noqa: C416 - the last of each name holds
+    if edit is not None:
+        kept["edit"] = dict(edit)
+    target.end(kept)
+
+
+class _Target:
+    """The file that is written."""
+
+    def __init__(self, out: BinaryIO) -> None:
+        self._out = out
+        self._at = 0
+        self._schemas: dict[str, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._new: list[McapRecord] = []  # told within the next chunk
+        self._indexes: list[ChunkIndex] = []
+        self._counts: dict[int, int] = {}
+        self._first, self._last = 0, 0
+        self._zstd = zstandard.ZstdCompressor(level=_LEVEL)
+        self._put(MAGIC + _bytes(Header(PROFILE, "imuscope")))
+
+    def _put(self, data: bytes) -> int:
+        at = self._at
+        self._out.write(data)
+        self._at += len(data)
+        return at
+
+    def learn(self, source: Recording) -> None:
+        """Channels that the source has told of since the last time."""
+        for topic in source.topics.values():
+            if topic.id in self._channels:
+                continue
+            number = 0
+            if topic.schema:
+                schema = self._schemas.get(topic.schema)
+                if schema is None:
+                    number = len(self._schemas) + 1
+                    schema = Schema(
+                        id=number, data=topic.schema_data, encoding=topic.schema_encoding, name=topic.schema
+                    )
+                    self._schemas[topic.schema] = schema
+                    self._new.append(schema)
+                number = schema.id
+            channel = Channel(
+                id=topic.id, topic=topic.name, message_encoding=topic.encoding, metadata={}, schema_id=number
+            )
+            self._channels[topic.id] = channel
+            self._new.append(channel)
+
+    def chunk(self, data: memoryview, rows: Ints) -> None:
+        """One chunk of these messages, and its indexes."""
+        head = b"".join(_bytes(record) for record in self._new)
+        self._new.clear()
+        sizes = rows[LENGTH] + _HEAD
+        offsets = len(head) + np.cumsum(sizes) - sizes
+        starts, ends = (rows[DATA] - _HEAD).tolist(), (rows[DATA] + rows[LENGTH]).tolist()
+        if ends[-1] - starts[0] == int(sizes.sum()):  # they lie one after the other
+            body = head + bytes(data[starts[0] : ends[-1]])
+        else:
+            body = head + b"".join(data[start:end] for start, end in zip(starts, ends, strict=True))
+        small = self._zstd.compress(body)
+        first, last = int(rows[TIME].min()), int(rows[TIME].max())
+        fixed = struct.pack("<QQQI", first, last, len(body), zlib.crc32(body))
+        record = fixed + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(small)) + small
+        at = self._put(struct.pack("<BQ", Opcode.CHUNK, len(record)) + record)
+        index = ChunkIndex(
+            message_start_time=first,
+            message_end_time=last,
+            chunk_start_offset=at,
+            chunk_length=self._at - at,
+            message_index_offsets={},
+            message_index_length=0,
+            compression="zstd",
+            compressed_size=len(small),
+            uncompressed_size=len(body),
+        )
+        begin = self._at
+        for channel in np.unique(rows[CHANNEL_ID]).tolist():
+            mine = rows[CHANNEL_ID] == channel
+            pairs = np.column_stack((rows[TIME][mine], offsets[mine])).astype("<u8").tobytes()
+            told = struct.pack("<HI", channel, len(pairs)) + pairs
+            index.message_index_offsets[channel] = self._put(struct.pack("<BQ", MESSAGE_INDEX, len(told)) + told)
+            self._counts[channel] = self._counts.get(channel, 0) + int(mine.sum())
+        index.message_index_length = self._at - begin
+        self._first = min(self._first, first) if self._indexes else first
+        self._last = max(self._last, last)
+        self._indexes.append(index)
+
+    def end(self, metadata: Mapping[str, Mapping[str, str]]) -> None:
+        """Metadata, data end, summary, footer."""
+        told = []
+        for name, values in metadata.items():
+            record = _bytes(Metadata(name=name, metadata=dict(values)))
+            told.append(MetadataIndex(offset=self._put(record), length=len(record), name=name))
+        self._put(_bytes(DataEnd(0)))
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._indexes),
+            message_count=sum(self._counts.values()),
+            metadata_count=len(told),
+            message_start_time=self._first,
+            message_end_time=self._last,
+            schema_count=len(self._schemas),
+        )
+        groups: list[tuple[int, list[McapRecord]]] = [
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels.values())),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, list(self._indexes)),
+            (Opcode.METADATA_INDEX, list(told)),
+        ]
+        start, summary, offsets = self._at, b"", b""
+        for opcode, records in groups:
+            group = b"".join(_bytes(record) for record in records)
+            if group:
+                where = start + len(summary)
+                offsets += _bytes(SummaryOffset(group_opcode=opcode, group_start=where, group_length=len(group)))
+            summary += group
+        told_at = start + len(summary)
+        summary += offsets
+        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, told_at)
+        self._put(summary)
+        self._put(_bytes(Footer(summary_start=start, summary_offset_start=told_at, summary_crc=zlib.crc32(checked))))
+        self._put(MAGIC)
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def _sync_folder(folder: Path) -> None:
+    """The new name is on disk, too."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
