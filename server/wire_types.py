@@ -1,7 +1,10 @@
-"""How does the page know the wire? `python -m server.wire_types` writes web/src/wire/types.ts from server/wire.py.
+"""How does the page know the wire and the forms? `python -m server.wire_types` writes their types for TypeScript.
 
-server/wire.py is the only place where a field of the wire is added. This file reads its *source*, so that what a reader
-sees there (the order, the docstrings, the comment behind a field) is what stands in the TypeScript, and turns
+    server/wire.py   ─> web/src/wire/types.ts    what the WebSocket carries
+    server/forms.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
+
+Those two are the only places where a field is added. This file reads their *source*, so that what a reader sees there
+(the order, the docstrings, the comment behind a field) is what stands in the TypeScript, and turns
 
     X = Literal["a", "b"]              into   export type X = "a" | "b";
     X = A | B                          into   export type X = A | B;
@@ -10,8 +13,8 @@ sees there (the order, the docstrings, the comment behind a field) is what stand
 The binary header becomes constants: the offset of each field, the size of each dtype. Anything that this small table of
 types does not know is an error here rather than a guess there.
 
-    python -m server.wire_types            write the file
-    python -m server.wire_types --check    exit status 1 when it is stale
+    python -m server.wire_types            write the files
+    python -m server.wire_types --check    exit status 1 when one is stale
 """
 
 from __future__ import annotations
@@ -20,14 +23,33 @@ import ast
 import struct
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
-from server import wire
+from server import forms, wire
 
-TARGET = Path(__file__).resolve().parent.parent / "web" / "src" / "wire" / "types.ts"
+_PAGE = Path(__file__).resolve().parent.parent / "web" / "src"
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
-HEAD = """/** Types of the wire. Generated from server/wire.py by `python -m server.wire_types`; do not edit. */
-"""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One file of types.
+
+    Args:
+        module: the source.
+        path: what is written.
+        about: what the types are of.
+        roots: names that are wanted with all that they are made of; (): every dataclass.
+        constants: stands before the types.
+    """
+
+    module: ModuleType
+    path: Path
+    about: str
+    roots: tuple[str, ...] = ()
+    constants: str = ""
 
 
 def typescript_type(node: ast.expr) -> str:
@@ -95,10 +117,10 @@ def _is_alias(node: ast.Assign, known: set[str]) -> bool:
     return bool(names) and isinstance(node.value, ast.BinOp | ast.Subscript) and names <= known | {"Literal"}
 
 
-def _reachable(nodes: dict[str, ast.stmt]) -> set[str]:
-    """The names that the two directions of the wire are made of; the rest of wire.py is for Python only."""
+def _reachable(nodes: dict[str, ast.stmt], roots: tuple[str, ...]) -> set[str]:
+    """The names that `roots` are made of; the rest is for Python only."""
     found: set[str] = set()
-    todo = ["ServerText", "BrowserText"]
+    todo = list(roots)
     while todo:
         name = todo.pop()
         if name in nodes and name not in found:
@@ -107,15 +129,25 @@ def _reachable(nodes: dict[str, ast.stmt]) -> set[str]:
     return found
 
 
-def _declarations(source: str) -> Iterator[str]:
+def _imports(tree: ast.Module) -> Iterator[str]:
+    """What one file of types takes from the other."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module == "server.wire":
+            names = ", ".join(alias.name for alias in node.names)
+            yield f'import type {{ {names} }} from "../wire/types";\n'
+
+
+def _declarations(source: str, roots: tuple[str, ...]) -> Iterator[str]:
     lines = source.splitlines()
+    tree = ast.parse(source)
+    yield from _imports(tree)
     nodes: dict[str, ast.stmt] = {}
-    for node in ast.parse(source).body:
+    for node in tree.body:
         if isinstance(node, ast.ClassDef) and _is_dataclass(node):
             nodes[node.name] = node
         elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _is_alias(node, set(nodes)):
             nodes[node.targets[0].id] = node
-    wanted = _reachable(nodes)
+    wanted = _reachable(nodes, roots or tuple(nodes))
     for name, node in nodes.items():
         if name in wanted and isinstance(node, ast.ClassDef):
             yield _interface(node, lines)
@@ -145,23 +177,32 @@ def _constants() -> str:
     )
 
 
-def generate() -> str:
-    """The whole of types.ts."""
-    source = Path(wire.__file__).read_text(encoding="utf-8")
-    return "\n".join([HEAD, _constants(), *_declarations(source)])
+TARGETS = (
+    Target(wire, _PAGE / "wire" / "types.ts", "the wire", ("ServerText", "BrowserText"), _constants()),
+    Target(forms, _PAGE / "forms" / "types.ts", "the forms"),
+)
+
+
+def generate(target: Target) -> str:
+    """The whole of one types.ts."""
+    source = Path(str(target.module.__file__)).read_text(encoding="utf-8")
+    name = target.module.__name__.replace(".", "/")
+    made = f"/** Types of {target.about}. Generated from {name}.py by `python -m server.wire_types`; do not edit. */\n"
+    return "\n".join([made, *([target.constants] if target.constants else []), *_declarations(source, target.roots)])
 
 
 def main(arguments: list[str]) -> int:
-    text = generate()
-    if "--check" in arguments:
-        if TARGET.exists() and TARGET.read_text(encoding="utf-8") == text:
-            return 0
-        print(f"{TARGET} is stale: run python -m server.wire_types", file=sys.stderr)
-        return 1
-    TARGET.parent.mkdir(parents=True, exist_ok=True)
-    TARGET.write_text(text, encoding="utf-8")
-    print(TARGET)
-    return 0
+    stale = 0
+    for target in TARGETS:
+        text = generate(target)
+        if "--check" not in arguments:
+            target.path.parent.mkdir(parents=True, exist_ok=True)
+            target.path.write_text(text, encoding="utf-8")
+            print(target.path)
+        elif not target.path.exists() or target.path.read_text(encoding="utf-8") != text:
+            print(f"{target.path} is stale: run python -m server.wire_types", file=sys.stderr)
+            stale = 1
+    return stale
 
 
 if __name__ == "__main__":

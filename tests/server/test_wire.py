@@ -118,9 +118,10 @@ def test_any_text_is_a_request_or_refused(text: str) -> None:
         return
 
 
-def test_types_of_the_page_are_not_stale() -> None:
+@pytest.mark.parametrize("target", wire_types.TARGETS, ids=lambda target: target.about)
+def test_types_of_the_page_are_not_stale(target: wire_types.Target) -> None:
     """Run `python -m server.wire_types` when this fails."""
-    assert wire_types.TARGET.read_text(encoding="utf-8") == wire_types.generate()
+    assert target.path.read_text(encoding="utf-8") == wire_types.generate(target)
 
 
 def test_the_generator_refuses_what_it_does_not_know() -> None:
