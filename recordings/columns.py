@@ -1,0 +1,360 @@
+"""Decoded columns on disk: any stretch of any channel, exact or as min/max buckets, at once, however long it is.
+
+A file of hours is decoded once, from front to back, into a store; every plot at every zoom is then one query of it. A
+store is two files, mapped into memory, and a manifest:
+
+    columns.bin    block after block; a block is up to 65 536 rows of one channel, column by column:
+                   key │ arrival │ time │ own columns … │ level 16 │ level 256 │ level 4096
+    blocks.npy     one row a block: channel, rows, offset, first and last key, first and last arrival
+    manifest.json  what the channels are, and whatever the maker adds; written last, so a store without one is none
+
+A *level* summarises every 16 (256, 4096) rows by the first key and arrival, and for each own column the least and the
+greatest value, NaN left out; of a status word the bits that were set in any row and those that were set in all of them,
+so that a fault of one sample is seen at every zoom. A query reads the coarsest level that still has eight summaries for
+each bucket asked for: it touches a few hundred kilobytes, never the whole column.
+
+`key` is what a query searches by in the device base: device time mapped to host time, or the arrival where there is
+none, made non-decreasing, because a sample may carry a time older than its neighbours'.
+
+Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+Floats = NDArray[np.float64]
+Base = Literal["device", "arrival"]
+
+VERSION = 1
+BLOCK_ROWS = 1 << 16
+LEVELS = (16, 256, 4096)
+PER_BUCKET = 8  # summaries that a bucket is at least made of
+INDEX = np.dtype(
+    [
+        *(("channel", "<u4"), ("rows", "<u4"), ("offset", "<u8")),
+        *(("key0", "<f8"), ("key1", "<f8"), ("arrival0", "<f8"), ("arrival1", "<f8")),
+    ]
+)
+_ALIGN = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """The own columns of a channel.
+
+    Args:
+        dtypes: as on the wire ("f4", "u2").
+        status: of each, whether it is a word of flags, summarised by its bits.
+    """
+
+    dtypes: tuple[str, ...]
+    status: tuple[bool, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Exact:
+    """Rows as they are: (n,) each."""
+
+    arrival: Floats
+    time: Floats
+    columns: list[Array]
+
+    def __len__(self) -> int:
+        return len(self.arrival)
+
+
+@dataclass(frozen=True, slots=True)
+class Buckets:
+    """Rows summarised: (m,) each; a bucket without rows is left out.
+
+    Args:
+        t: the first key (or arrival) in the bucket, unix s.
+        n: rows in it.
+        low, high: of each column the least and greatest value; of a status word the bits of any row, and of all.
+    """
+
+    t: Floats
+    n: NDArray[np.int64]
+    low: list[Array]
+    high: list[Array]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+class ColumnsWriter:
+    """A store that is being made.
+
+    Args:
+        folder: where it will be; nothing is there before `finish`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._aside = folder.with_name(f".{folder.name}.{os.getpid()}.making")
+        shutil.rmtree(self._aside, ignore_errors=True)
+        self._aside.mkdir(parents=True)
+        self._file = (self._aside / "columns.bin").open("wb", buffering=1 << 20)
+        self._at = 0
+        self._shapes: dict[int, Shape] = {}
+        self._waiting: dict[int, list[Sequence[Array]]] = {}
+        self._rows: dict[int, int] = {}
+        self._newest: dict[int, float] = {}  # key of the last row written
+        self._index: list[tuple[float, ...]] = []
+
+    def channel(self, number: int, shape: Shape) -> None:
+        """A channel, before its first rows."""
+        self._shapes[number] = shape
+        self._waiting[number] = []
+        self._rows[number] = 0
+
+    def append(self, number: int, columns: Sequence[Array]) -> None:
+        """Rows: `arrival`, `time` (unix s; NaN where there is no clock), then the channel's own columns."""
+        if len(columns[0]) == 0:
+            return
+        self._waiting[number].append(columns)
+        self._rows[number] += len(columns[0])
+        if self._rows[number] >= BLOCK_ROWS:
+            self._write(number, everything=False)
+
+    def finish(self, manifest: Mapping[str, Any]) -> Columns:
+        """Write what waits, and the manifest; the store is there afterwards.
+
+        Raises:
+            OSError: the disk failed; nothing is left behind.
+        """
+        try:
+            for number in self._shapes:
+                self._write(number, everything=True)
+            self._file.close()
+            index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
+            np.save(self._aside / "blocks.npy", index)
+            shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
+            body = json.dumps({**manifest, "version": VERSION, "shapes": shapes}, ensure_ascii=False)
+            (self._aside / "manifest.json").write_text(body, encoding="utf-8")
+            shutil.rmtree(self._folder, ignore_errors=True)
+            os.replace(self._aside, self._folder)
+        except OSError:
+            self.abandon()
+            raise
+        return Columns(self._folder)
+
+    def abandon(self) -> None:
+        """Leave nothing behind."""
+        self._file.close()
+        shutil.rmtree(self._aside, ignore_errors=True)
+
+    def _write(self, number: int, *, everything: bool) -> None:
+        """Whole blocks of what waits; the rest, too, when it is everything."""
+        parts, shape = self._waiting[number], self._shapes[number]
+        if not parts:
+            return
+        joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        rows, start = len(joined[0]), 0
+        while rows - start >= BLOCK_ROWS or (everything and start < rows):
+            stop = min(start + BLOCK_ROWS, rows)
+            self._block(number, shape, [column[start:stop] for column in joined])
+            start = stop
+        self._waiting[number] = [[column[start:] for column in joined]] if start < rows else []
+        self._rows[number] = rows - start
+
+    def _block(self, number: int, shape: Shape, columns: list[Array]) -> None:
+        arrival = np.ascontiguousarray(columns[0], np.float64)
+        time = np.ascontiguousarray(columns[1], np.float64)
+        key = np.where(np.isnan(time), arrival, time)
+        key[0] = max(key[0], self._newest.get(number, -np.inf))
+        key = np.maximum.accumulate(key)
+        own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[2:], shape.dtypes, strict=True)]
+        offset = self._at
+        for array in (key, arrival, time, *own):
+            self._put(array)
+        low, high, step = own, own, 1
+        for level in LEVELS:
+            cuts = np.arange(0, len(low[0]) if low else -(-len(key) // step), level // step)
+            low = [_summary(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
+            high = [_summary(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
+            step = level
+            for array in (key[::level], arrival[::level], *low, *high):
+                self._put(np.ascontiguousarray(array))
+        ends = (float(key[0]), float(key[-1]), float(arrival.min()), float(arrival.max()))
+        self._index.append((number, len(key), offset, *ends))
+        self._newest[number] = float(key[-1])
+
+    def _put(self, array: Array) -> None:
+        self._file.write(array.data)
+        self._file.write(bytes(-array.nbytes % _ALIGN))
+        self._at += array.nbytes + -array.nbytes % _ALIGN
+
+
+class Columns:
+    """A store, for queries. Threads may share it.
+
+    Args:
+        folder: as ColumnsWriter made it.
+    Raises:
+        OSError, ValueError: it is not there, or of another version: make it again.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.manifest: dict[str, Any] = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+        if self.manifest.get("version") != VERSION:
+            raise ValueError(f"columns of version {self.manifest.get('version')}, not {VERSION}")
+        shapes = self.manifest["shapes"]
+        self.shapes = {int(number): Shape(tuple(d), tuple(s)) for number, (d, s) in shapes.items()}
+        index = np.load(folder / "blocks.npy")
+        size = (folder / "columns.bin").stat().st_size
+        self._data = np.memmap(folder / "columns.bin", np.uint8, "r") if size else np.empty(0, np.uint8)
+        self._blocks = {number: index[index["channel"] == number] for number in self.shapes}
+        self._firsts = {number: np.cumsum(mine["rows"]) - mine["rows"] for number, mine in self._blocks.items()}
+
+    def rows(self, channel: int) -> int:
+        """How many rows a channel has."""
+        return int(self._blocks[channel]["rows"].sum())
+
+    def span(self, channel: int | None = None, base: Base = "device") -> tuple[float, float] | None:
+        """First and last time of a channel, or of all; None when there is nothing."""
+        name = "key" if base == "device" else "arrival"
+        parts = [self._blocks[channel]] if channel is not None else list(self._blocks.values())
+        ends = [(mine[f"{name}0"].min(), mine[f"{name}1"].max()) for mine in parts if len(mine)]
+        return (float(min(a for a, _ in ends)), float(max(b for _, b in ends))) if ends else None
+
+    def query(
+        self,
+        channel: int,
+        t0: float,
+        t1: float,
+        width: int = 0,
+        *,
+        columns: Sequence[int] | None = None,
+        base: Base = "device",
+    ) -> Exact | Buckets:
+        """The rows with t0 ≤ t ≤ t1.
+
+        Args:
+            width: how many buckets are wanted; rows are given as they are when there are at most twice as many, and
+                always with 0.
+            columns: which of the channel's own columns, by position; None for all.
+            base: which time `t` is.
+        """
+        wanted = range(len(self.shapes[channel].dtypes)) if columns is None else columns
+        lo, hi = self._row(channel, t0, "left", base), self._row(channel, t1, "right", base)
+        if width <= 0 or hi - lo <= 2 * width:
+            return self.exact(channel, lo, hi, columns=wanted)
+        return self._buckets(channel, lo, hi, (t0, t1, width), wanted, base)
+
+    def exact(self, channel: int, lo: int, hi: int, *, columns: Sequence[int] | None = None) -> Exact:
+        """Rows lo ≤ row < hi, in the order of the stream."""
+        wanted = range(len(self.shapes[channel].dtypes)) if columns is None else columns
+        names: list[Any] = ["arrival", "time", *wanted]
+        parts: list[list[Array]] = [[] for _ in names]
+        for block, a, b in self._within(channel, lo, hi):
+            for part, name in zip(parts, names, strict=True):
+                part.append(self._column(channel, block, name)[a:b])
+        dtypes = ["f8", "f8", *(self.shapes[channel].dtypes[i] for i in wanted)]
+        whole = [np.concatenate(p) if p else np.empty(0, "<" + d) for p, d in zip(parts, dtypes, strict=True)]
+        return Exact(whole[0], whole[1], whole[2:])
+
+    def row_at(self, channel: int, t: float, base: Base = "device") -> int:
+        """The last row with time ≤ t; −1 when there is none."""
+        return self._row(channel, t, "right", base) - 1
+
+    # -- finding rows --------------------------------------------------------------------------------------------------
+
+    def _row(self, channel: int, t: float, side: Literal["left", "right"], base: Base) -> int:
+        blocks = self._blocks[channel]
+        if not len(blocks):
+            return 0
+        name: Literal["key", "arrival"] = "key" if base == "device" else "arrival"
+        at = int(np.searchsorted(blocks[f"{name}1"], t, side))
+        if at == len(blocks):
+            return self.rows(channel)
+        values = self._column(channel, at, name)
+        return int(self._firsts[channel][at]) + int(np.searchsorted(values, t, side))
+
+    def _within(self, channel: int, lo: int, hi: int) -> list[tuple[int, int, int]]:
+        """(block, first, past the last) of the rows lo ≤ row < hi."""
+        firsts, rows = self._firsts[channel], self._blocks[channel]["rows"]
+        start = max(int(np.searchsorted(firsts, lo, "right")) - 1, 0)
+        found = []
+        for block in range(start, len(firsts)):
+            first, n = int(firsts[block]), int(rows[block])
+            if first >= hi:
+                break
+            if first + n > lo:
+                found.append((block, max(lo - first, 0), min(hi - first, n)))
+        return found
+
+    def _buckets(
+        self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], wanted: Sequence[int], base: Base
+    ) -> Buckets:
+        t0, t1, width = grid
+        step = max((level for level in (1, *LEVELS) if (hi - lo) // level >= PER_BUCKET * width), default=1)
+        status = self.shapes[channel].status
+        name: Literal["key", "arrival"] = "key" if base == "device" else "arrival"
+        times: list[Array] = []
+        counts: list[Array] = []
+        lows: list[list[Array]] = [[] for _ in wanted]
+        highs: list[list[Array]] = [[] for _ in wanted]
+        for block, a, b in self._within(channel, lo, hi):
+            rows = int(self._blocks[channel]["rows"][block])
+            first, past = a // step, -(-b // step)  # summaries that reach over an end are in: nothing is hidden
+            times.append(self._column(channel, block, name, step)[first:past])
+            n = np.full(past - first, step, np.int64)
+            if past * step > rows and past > first:
+                n[-1] = rows - (past - 1) * step
+            counts.append(n)
+            for i, column in enumerate(wanted):
+                lows[i].append(self._column(channel, block, column, step, 0)[first:past])
+                highs[i].append(self._column(channel, block, column, step, 1)[first:past])
+        t = np.concatenate(times)
+        place = np.clip(((t - t0) * (width / (t1 - t0))).astype(np.int64), 0, width - 1)
+        cuts = np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
+        return Buckets(
+            t[cuts],
+            np.add.reduceat(np.concatenate(counts), cuts),
+            [_summary(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
+            [_summary(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
+        )
+
+    # -- where a column of a block is ----------------------------------------------------------------------------------
+
+    def _column(
+        self, channel: int, block: int, name: Literal["key", "arrival", "time"] | int, step: int = 1, which: int = 0
+    ) -> Array:
+        """One column of a block: of its rows (step 1), or of a level: `which` 0 the least, 1 the greatest."""
+        row = self._blocks[channel][block]
+        dtypes = self.shapes[channel].dtypes
+        at, rows = int(row["offset"]), int(row["rows"])
+        own = [np.dtype("<" + dtype) for dtype in dtypes]
+        clock = np.dtype("<f8")
+        for level in (1, *LEVELS):
+            n = -(-rows // level)
+            columns: list[tuple[Any, int, np.dtype[Any]]] = [("key", 0, clock), ("arrival", 0, clock)]
+            columns += [("time", 0, clock)] if level == 1 else []
+            columns += [(i, 0, dtype) for i, dtype in enumerate(own)]
+            columns += [(i, 1, dtype) for i, dtype in enumerate(own)] if level > 1 else []
+            for found, side, dtype in columns:
+                if level == step and found == name and (side == which or step == 1):
+                    return self._data[at : at + n * dtype.itemsize].view(dtype)
+                size = n * dtype.itemsize
+                at += size + -size % _ALIGN
+        raise KeyError(name)
+
+
+def _summary(column: Array, cuts: NDArray[np.int64], flags: bool, which: int) -> Array:
+    """Each stretch between `cuts` as one value: least or greatest, or of flags the bits of any and of all."""
+    if flags:
+        return np.bitwise_or.reduceat(column, cuts) if which == 0 else np.bitwise_and.reduceat(column, cuts)
+    return np.fmin.reduceat(column, cuts) if which == 0 else np.fmax.reduceat(column, cuts)
