@@ -47,6 +47,8 @@ from server.links.sources import Source
 log = logging.getLogger(__name__)
 
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
+LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, so that its line is not full for that
+HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 OPTIONS = (
@@ -221,6 +223,7 @@ class Bench(threading.Thread):
         tty.setraw(self._slave_fd)
         os.set_blocking(self._master, False)
         self.slave = os.ttyname(self._slave_fd)
+        self._held = b""  # bytes that the pseudo-terminal, which has room for 4 kB, did not take yet
         self._stopped = False
 
     def run(self) -> None:
@@ -234,7 +237,7 @@ class Bench(threading.Thread):
     def _live(self) -> None:
         """Until it is stopped or unplugged."""
         options = self._options
-        born_ns = powered_ns = self._now_ns()
+        born_ns = powered_ns = told_ns = self._now_ns()
         device = self._make(powered_ns)
         baud = device.baud
         poll = select.poll()
@@ -246,7 +249,9 @@ class Bench(threading.Thread):
                 break
             if options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9:
                 powered_ns, device = now_ns, self._make(now_ns)
-            self._to_host.send(device.advance(now_ns), now_ns)
+            for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
+                self._to_host.send(device.advance(at_ns), at_ns)
+            told_ns = now_ns
             heard = self._to_device.arrived(now_ns, self._host_baud())
             if heard:
                 self._to_host.send(device.receive(heard, now_ns), now_ns)
@@ -268,13 +273,23 @@ class Bench(threading.Thread):
                         raise
 
     def _put(self, data: bytes) -> None:
-        """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads."""
-        if data:
-            try:
-                lost = len(data) - os.write(self._master, data)
-            except BlockingIOError:
-                lost = len(data)
-            self._to_host.overflowed += lost
+        """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads.
+
+        A pseudo-terminal holds far less than a real port does, and its reader shares a process with this thread: both
+        are held up together when something is compiled. So the rest of what a real port would hold is held here.
+        """
+        self._held += data
+        if not self._held:
+            return
+        try:
+            taken = os.write(self._master, self._held)
+        except BlockingIOError:
+            taken = 0
+        is_open = self._slave_fd < 0
+        most = HELD_BYTES if is_open else 0  # nobody waits for what came before the port was open
+        rest = self._held[taken:]
+        self._to_host.overflowed += max(0, len(rest) - most)
+        self._held = rest[:most]
 
     def _host_baud(self) -> int | None:
         """The rate that the host has set, as the terminal knows it."""
@@ -346,10 +361,14 @@ class TwinLink(Link):
         except OSError as error:
             hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
             raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
-        self._bench.start()
         self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
         try:
-            await self._serial.open(progress)
+            if self._open_baud is None:
+                self._bench.start()  # there must be something to listen to
+                await self._serial.open(progress)
+            else:
+                await self._serial.open(progress)  # opening clears the port: its first frames would be lost, or cut
+                self._bench.start()
         except BaseException:
             await self.close()
             raise
