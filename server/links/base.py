@@ -48,10 +48,14 @@ def steady_clock() -> Callable[[], int]:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes as the link gave them, and the host time (ns since the Unix epoch) at which they arrived."""
+    """Bytes as the link gave them, and the host time (ns since the Unix epoch) at which they arrived.
+
+    `anew`: what is played begins again with them, so that nothing before belongs with them: no clock, no counter.
+    """
 
     data: bytes
     arrival_ns: int
+    anew: bool = False
 
 
 class LinkError(Exception):

@@ -1,7 +1,8 @@
 """A capture (raw bytes of any protocol we know) played as if the device were there.
 
 The pace comes from the device's own clock, see `server.links.pace`. `speed=4` plays four times as fast; `loop=1` begins
-again at the end, which the session sees as what it is: a device clock that starts anew.
+again at the end, and says so with the first bytes of each turn (`Chunk.anew`): clocks and counters begin again by our
+doing, and a jump of the device's clock or a loss it is not.
 """
 
 from __future__ import annotations
@@ -76,9 +77,11 @@ class FileLink(Link):
 
     def _run(self, inbox: Inbox) -> None:
         """The thread: play, as often as asked."""
+        turns = 0
         try:
             while not self._stop.is_set():
-                self._play_once(inbox)
+                self._play_once(inbox, anew=turns > 0)
+                turns += 1
                 if not self.loop:
                     ended = f"{self.path.name} has been played to its end."
                     inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))
@@ -88,14 +91,15 @@ class FileLink(Link):
                 LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Is the disk there?")
             )
 
-    def _play_once(self, inbox: Inbox) -> None:
+    def _play_once(self, inbox: Inbox, *, anew: bool) -> None:
         from protocols import registry
 
         decoder: Decoder | None = registry.lenient(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
             pace = Pace(file, decoder)
             for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
-                inbox.put(Chunk(piece.data, self.settings.now_ns()))
+                inbox.put(Chunk(piece.data, self.settings.now_ns(), anew))
+                anew = False
                 inbox.flush()
                 while inbox.backlog > FULL_BYTES and not self._stop.wait(0.005):
                     inbox.flush()

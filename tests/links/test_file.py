@@ -168,8 +168,11 @@ def test_loop_begins_again(capture: Path) -> None:
     async def check() -> None:
         size = capture.stat().st_size
         async with opened(open_link(f"{capture}?speed=100&loop=1", settings())) as link:
-            data = joined(await gather(link, 3 * size))
-            assert data[: 2 * size] == 2 * capture.read_bytes()
+            chunks = await gather(link, 3 * size)
+            assert joined(chunks)[: 2 * size] == 2 * capture.read_bytes()
+            sizes = np.array([len(chunk.data) for chunk in chunks])
+            turns = (np.cumsum(sizes) - sizes)[[chunk.anew for chunk in chunks]]
+            assert turns.tolist()[:2] == [size, 2 * size], "each turn but the first says that it begins again"
 
     run(check())
 
