@@ -10,8 +10,11 @@ writes web/src/wire/types.ts; a test fails when that file is stale), so a field 
     devices    every device with its link and state; the whole list, sent on every change
     channels   channels that the browser has not been told of yet (ids are never reused within a server run)
     health     figures of every device, twice a second; an older one not yet sent is replaced
+    raws       payloads that nobody has described, as bytes, where there are any: with health, replaced likewise
     events     what happened, in order of `seq`; never dropped
     control    what is done to each device: its queue, the job that runs, a trial; the whole, sent on every change
+    recorder   what is being recorded, once a second while it is; library: which recordings there are has changed;
+               exports: every export that runs or waits to be fetched, on every change
     exchange   frames sent to devices, what they answered, and what was done about it, in order of `seq`; never dropped
     backfilled the answer to `subscribe`: everything older has been sent
     pong       the answer to `ping`: the browser estimates the server's clock from it
@@ -150,7 +153,7 @@ class Try:
 class DeviceInfo:
     """A device and the link it is on."""
 
-    id: str  # stable for this server run: "1"
+    id: str  # stable for this server run: "1"; of a further device on the link of "1": "1.102"
     name: str  # what the rail shows: "MTi-630"
     source: str  # as given: "/dev/ttyUSB0", "twin:xbus"
     link: Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
@@ -167,6 +170,7 @@ class DeviceInfo:
     next_try: float | None = None  # unix seconds of the next attempt
     last_arrival: float | None = None
     notices: list[str] = field(default_factory=list)  # standing remarks: a high USB latency timer and its fix
+    parent: str = ""  # the first device on the same link, where that has several; link, retry and removal are its own
 
 
 @dataclass(slots=True)
@@ -200,6 +204,23 @@ class DeviceHealth:
     verified: int | None = None  # samples whose frames passed every check; null where a protocol does not tell
     unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser
+
+
+@dataclass(slots=True)
+class RawPayload:
+    """The newest payload of a kind that nobody has described: a vendor's own type, a number newer than the tables."""
+
+    device: str
+    name: str  # "0x80", "0x4FF0", "DID_RTK_DEBUG_2"
+    id: int  # its number in the protocol
+    message: str  # the message it came in, for a person
+    count: int  # since the session began
+    rate: float  # per second
+    size: int  # bytes of the payload
+    hex: str  # its bytes, at most the first 1024
+    arrival: float  # of this one, unix seconds
+    doc: str = ""
+    verified: bool = True
 
 
 @dataclass(slots=True)
@@ -244,6 +265,12 @@ class Channels:
 class HealthReport:
     devices: list[DeviceHealth]
     op: Literal["health"] = "health"
+
+
+@dataclass(slots=True)
+class Raws:
+    payloads: list[RawPayload]
+    op: Literal["raws"] = "raws"
 
 
 @dataclass(slots=True)
@@ -322,6 +349,51 @@ class ControlState:
 
 
 @dataclass(slots=True)
+class RecorderState:
+    """What is being recorded."""
+
+    running: bool
+    id: str = ""  # RecordingInfo.id of the file that is written now
+    title: str = ""
+    devices: list[str] = field(default_factory=list)
+    started: float | None = None  # unix seconds
+    bytes: int = 0  # of this recording, over all its parts
+    behind_s: float = 0.0  # age of the oldest byte that is not on its way to the disk
+    free: int | None = None  # bytes left on the disk
+    seconds_left: float | None = None  # until it is full at this rate
+    message: str = ""  # why it stopped by itself; "" otherwise
+    hint: str = ""
+    op: Literal["recorder"] = "recorder"
+
+
+@dataclass(slots=True)
+class LibraryChanged:
+    op: Literal["library"] = "library"
+
+
+@dataclass(slots=True)
+class ExportJob:
+    """One export."""
+
+    id: int
+    recording: str
+    format: str
+    title: str  # what it is, in words: "CSV, 12.5 s, 3 channels"
+    state: Literal["waiting", "running", "done", "failed", "cancelled"]
+    progress: float = 0.0  # 0..1
+    size: int = 0
+    file: str = ""
+    message: str = ""
+    hint: str = ""
+
+
+@dataclass(slots=True)
+class Exports:
+    jobs: list[ExportJob]
+    op: Literal["exports"] = "exports"
+
+
+@dataclass(slots=True)
 class Control:
     devices: list[ControlState]
     op: Literal["control"] = "control"
@@ -371,5 +443,20 @@ class Ping:
     op: Literal["ping"] = "ping"
 
 
-ServerText = Hello | Devices | Channels | HealthReport | Events | Control | Exchange | Backfilled | Pong | Problem
+ServerText = (
+    Hello
+    | Devices
+    | Channels
+    | HealthReport
+    | Raws
+    | Events
+    | Control
+    | Exchange
+    | RecorderState
+    | LibraryChanged
+    | Exports
+    | Backfilled
+    | Pong
+    | Problem
+)
 BrowserText = Subscribe | Ping

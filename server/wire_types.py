@@ -2,8 +2,9 @@
 
     server/wire.py   ─> web/src/wire/types.ts    what the WebSocket carries
     server/forms.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
+    server/recorded.py ─> web/src/recordings/types.ts   and that of the Recordings page
 
-Those two are the only places where a field is added. This file reads their *source*, so that what a reader sees there
+These are the only places where a field is added. This file reads their *source*, so that what a reader sees there
 (the order, the docstrings, the comment behind a field) is what stands in the TypeScript, and turns
 
     X = Literal["a", "b"]              into   export type X = "a" | "b";
@@ -27,7 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from server import forms, wire
+from server import forms, recorded, wire
 
 _PAGE = Path(__file__).resolve().parent.parent / "web" / "src"
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}
@@ -69,7 +70,8 @@ def typescript_type(node: ast.expr) -> str:
             return " | ".join(_literal(value) for value in _elements(values))
         case ast.Subscript(value=ast.Name(id="list"), slice=item):
             inner = typescript_type(item)
-            return f"readonly ({inner})[]" if " | " in inner else f"readonly {inner}[]"
+            compound = " | " in inner or inner.startswith("readonly ")
+            return f"readonly ({inner})[]" if compound else f"readonly {inner}[]"
         case ast.Subscript(value=ast.Name(id="dict"), slice=ast.Tuple(elts=[key, value])):
             return f"Readonly<Record<{typescript_type(key)}, {typescript_type(value)}>>"
     raise ValueError(f"no TypeScript for {ast.unparse(node)!r}")
@@ -180,6 +182,7 @@ def _constants() -> str:
 TARGETS = (
     Target(wire, _PAGE / "wire" / "types.ts", "the wire", ("ServerText", "BrowserText"), _constants()),
     Target(forms, _PAGE / "forms" / "types.ts", "the forms"),
+    Target(recorded, _PAGE / "recordings" / "types.ts", "the recordings"),
 )
 
 

@@ -108,7 +108,7 @@ export interface Try {
 
 /** A device and the link it is on. */
 export interface DeviceInfo {
-  /** stable for this server run: "1" */
+  /** stable for this server run: "1"; of a further device on the link of "1": "1.102" */
   readonly id: string;
   /** what the rail shows: "MTi-630" */
   readonly name: string;
@@ -135,6 +135,8 @@ export interface DeviceInfo {
   readonly last_arrival: number | null;
   /** standing remarks: a high USB latency timer and its fix */
   readonly notices: readonly string[];
+  /** the first device on the same link, where that has several; link, retry and removal are its own */
+  readonly parent: string;
 }
 
 /** Figures of one message of one device. */
@@ -178,6 +180,29 @@ export interface DeviceHealth {
   readonly dropped: number;
 }
 
+/** The newest payload of a kind that nobody has described: a vendor's own type, a number newer than the tables. */
+export interface RawPayload {
+  readonly device: string;
+  /** "0x80", "0x4FF0", "DID_RTK_DEBUG_2" */
+  readonly name: string;
+  /** its number in the protocol */
+  readonly id: number;
+  /** the message it came in, for a person */
+  readonly message: string;
+  /** since the session began */
+  readonly count: number;
+  /** per second */
+  readonly rate: number;
+  /** bytes of the payload */
+  readonly size: number;
+  /** its bytes, at most the first 1024 */
+  readonly hex: string;
+  /** of this one, unix seconds */
+  readonly arrival: number;
+  readonly doc: string;
+  readonly verified: boolean;
+}
+
 /** Something that happened. `t0`..`t1` (host time) is the span it concerns: a gap is hatched there. */
 export interface EventInfo {
   readonly seq: number;
@@ -217,6 +242,11 @@ export interface Channels {
 export interface HealthReport {
   readonly devices: readonly DeviceHealth[];
   readonly op: "health";
+}
+
+export interface Raws {
+  readonly payloads: readonly RawPayload[];
+  readonly op: "raws";
 }
 
 export interface Events {
@@ -297,6 +327,54 @@ export interface ControlState {
   readonly trial: Trial | null;
 }
 
+/** What is being recorded. */
+export interface RecorderState {
+  readonly running: boolean;
+  /** RecordingInfo.id of the file that is written now */
+  readonly id: string;
+  readonly title: string;
+  readonly devices: readonly string[];
+  /** unix seconds */
+  readonly started: number | null;
+  /** of this recording, over all its parts */
+  readonly bytes: number;
+  /** age of the oldest byte that is not on its way to the disk */
+  readonly behind_s: number;
+  /** bytes left on the disk */
+  readonly free: number | null;
+  /** until it is full at this rate */
+  readonly seconds_left: number | null;
+  /** why it stopped by itself; "" otherwise */
+  readonly message: string;
+  readonly hint: string;
+  readonly op: "recorder";
+}
+
+export interface LibraryChanged {
+  readonly op: "library";
+}
+
+/** One export. */
+export interface ExportJob {
+  readonly id: number;
+  readonly recording: string;
+  readonly format: string;
+  /** what it is, in words: "CSV, 12.5 s, 3 channels" */
+  readonly title: string;
+  readonly state: "waiting" | "running" | "done" | "failed" | "cancelled";
+  /** 0..1 */
+  readonly progress: number;
+  readonly size: number;
+  readonly file: string;
+  readonly message: string;
+  readonly hint: string;
+}
+
+export interface Exports {
+  readonly jobs: readonly ExportJob[];
+  readonly op: "exports";
+}
+
 export interface Control {
   readonly devices: readonly ControlState[];
   readonly op: "control";
@@ -342,6 +420,6 @@ export interface Ping {
   readonly op: "ping";
 }
 
-export type ServerText = Hello | Devices | Channels | HealthReport | Events | Control | Exchange | Backfilled | Pong | Problem;
+export type ServerText = Hello | Devices | Channels | HealthReport | Raws | Events | Control | Exchange | RecorderState | LibraryChanged | Exports | Backfilled | Pong | Problem;
 
 export type BrowserText = Subscribe | Ping;
