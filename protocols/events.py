@@ -84,9 +84,9 @@ class Batch:
         return len(self.arrival_ns)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: see Batch
 class Reply:
-    """One answer, indication or (when listening to the host's side) command: values by field name."""
+    """One answer, indication or (when listening to the host's side) command: values by field name. To be read only."""
 
     message: Message
     values: Mapping[str, Any]

@@ -17,6 +17,7 @@ from dataclasses import replace
 from protocols import nmea, rtcm, ubx
 from protocols.nmea import Found
 
+STARTS = re.compile(nmea.STARTS.pattern + b"|" + re.escape(ubx.SYNC) + b"|" + rtcm.SYNC + b"[\x00-\x03]")
 _STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")
 
 

@@ -44,6 +44,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.jit import INT, STRIDED, compiled
+
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
@@ -162,6 +164,21 @@ class Room:
             # the odd width keeps the beginnings of the rows out of each other's way in the cache
             kept = self._kept[rows] = np.empty((rows, max(columns, _KEPT_COLUMNS) + 56), np.int64)
         return kept
+
+
+@compiled(INT, STRIDED)
+def drop_failed(table: Ints) -> int:
+    """Move the accepted candidates of a scan's table to its first columns, in their order; returns how many there are.
+
+    In place, because a mask of numpy's costs several times the scan.
+    """
+    kept = 0
+    for k in range(table.shape[1]):
+        if table[STATUS, k] == FRAME:
+            for row in range(QUANTITIES):
+                table[row, kept] = table[row, k]
+            kept += 1
+    return kept
 
 
 def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: Room | None = None) -> Scanned:

@@ -114,7 +114,7 @@ SENTENCES: Mapping[str, Message] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Found:
     """One sentence in a stretch of bytes.
 

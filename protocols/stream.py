@@ -10,13 +10,14 @@ frame was found; one that is cut by the end of the data waits for its rest, and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from protocols.events import Reject, Text
-from protocols.framing import FRAME, OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, Scan, scan_all
+from protocols.framing import OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, Scan, drop_failed, scan_all
 from protocols.nmea import Found
 
 Find = Callable[..., tuple[list[Found], int]]
@@ -50,11 +51,14 @@ class Stream:
     Args:
         scan: finds frames.
         find: finds other messages between them.
+        starts: what each of these messages begins with; a stretch without it, to which nothing will be added, need not
+            be searched.
     """
 
-    def __init__(self, scan: Scan, find: Find) -> None:
+    def __init__(self, scan: Scan, find: Find, starts: re.Pattern[bytes]) -> None:
         self._scan = scan
         self._find = find
+        self._starts = starts
         self._buffer = Buffer()
         self._room = Room()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
@@ -86,7 +90,7 @@ class Stream:
         rejects: list[Reject] = []
         if scanned.failed:
             rejects = self._rejects(table, start)
-            table = np.ascontiguousarray(table[:, table[STATUS] == FRAME])
+            table = table[:, : drop_failed(table)]
         if table.shape[1] == 1:  # the usual case of a live stream
             offset, size = table[:2, 0].tolist()
             arrivals = np.array((buffer.arrival(start + offset + size - 1),))
@@ -105,7 +109,7 @@ class Stream:
 
     def _rejects(self, table: Ints, start: int) -> list[Reject]:
         """The failed candidates of a scan. One that is cut short has the size that is there."""
-        failed = table[:, table[STATUS] != FRAME]
+        failed = table[:, np.flatnonzero(table[STATUS])]
         end = start + len(self._buffer)
         rejects = []
         for offset, size, status in zip(*(failed[row].tolist() for row in (OFFSET, SIZE, STATUS)), strict=True):
@@ -120,9 +124,12 @@ class Stream:
         """Look through the stretches between the frames."""
         begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
         stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
-        for i in np.flatnonzero(begins < stops).tolist():
-            at, stop = int(begins[i]), int(stops[i])
+        which = np.flatnonzero(begins < stops)
+        for i, at, stop in zip(which.tolist(), begins[which].tolist(), stops[which].tolist(), strict=True):
             final = stalled or i < table.shape[1]
+            if final and not self._starts.search(data, at - start, stop - start):
+                self._find_at = stop
+                continue
             found, kept = self._find(data[at - start : stop - start], final=final)
             for one in found:
                 self._report(one, at + one.offset, texts, rejects)

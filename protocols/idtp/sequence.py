@@ -57,24 +57,25 @@ def _u4(data: Bytes, at: Any) -> Any:
 
 
 @inlined
-def _agrees(state: Ints, sequence: int) -> bool:
+def _agrees(candidate: int, sequence: int) -> bool:
     """Does this number go on from one that jumped far ahead?"""
-    return bool(state[CANDIDATE] >= 0 and 0 < (sequence - state[CANDIDATE]) & MASK <= FAR)
+    return bool(candidate >= 0 and 0 < (sequence - candidate) & MASK <= FAR)
 
 
-@compiled(INT, INTS, INT, INT, INT)
-def _verdict(state: Ints, sequence: int, mode: int, arrival: int) -> int:
-    """Of one frame of a known device, with the device's row of the state."""
-    ahead = (sequence - state[LAST]) & MASK
+@compiled(INT, TABLE, INT, INT, INT, INT)
+def _verdict(states: Ints, sender: int, sequence: int, mode: int, arrival: int) -> int:
+    """Of one frame of a known device."""
+    device = unsigned(sender)
+    ahead = (sequence - states[device, LAST]) & MASK
     if 0 < ahead < HALF and (mode == SECURE or ahead <= FAR):
         return FRAME
-    if mode < SECURE and _agrees(state, sequence):
+    if mode < SECURE and _agrees(states[device, CANDIDATE], sequence):
         return FRAME
     if 0 < ahead < HALF:
-        state[CANDIDATE] = sequence
+        states[device, CANDIDATE] = sequence
         return FAR_AHEAD
-    silent = arrival - state[ACCEPTED_NS] >= SILENCE_NS
-    return FRAME if silent and mode < SECURE and state[LAST_MODE] < SECURE else STALE
+    silent = arrival - states[device, ACCEPTED_NS] >= SILENCE_NS
+    return FRAME if silent and mode < SECURE and states[device, LAST_MODE] < SECURE else STALE
 
 
 @compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, STRIDED)
@@ -115,22 +116,24 @@ def judge(
         mixed += int(source != out[KEY, 0] >> SOURCE_SHIFT)
         if unverified:
             continue
-        state = states[unsigned(table[SENDER, f])]
-        if state[KNOWN]:
-            ahead = (sequence - state[LAST]) & MASK
-            verdict = _verdict(state, sequence, mode, arrival[f]) if check and ahead != 1 else FRAME
+        device = unsigned(table[SENDER, f])  # not a row of its own: a view costs more than all of this
+        if states[device, KNOWN]:
+            ahead = (sequence - states[device, LAST]) & MASK
+            verdict = FRAME
+            if check and ahead != 1:
+                verdict = _verdict(states, table[SENDER, f], sequence, mode, arrival[f])
             if verdict != FRAME:
                 out[LOST, f] = -verdict
                 dropped += 1
                 continue
-            if ahead > 1 and (check or ahead <= FAR) and (ahead < HALF or _agrees(state, sequence)):
+            if ahead > 1 and (check or ahead <= FAR) and (ahead < HALF or _agrees(states[device, CANDIDATE], sequence)):
                 out[LOST, f] = ahead - 1
                 gaps += 1
-        state[KNOWN] = 1
-        state[LAST] = sequence
-        state[ACCEPTED_NS] = arrival[f]
-        state[LAST_MODE] = mode
-        state[CANDIDATE] = -1
+        states[device, KNOWN] = 1
+        states[device, LAST] = sequence
+        states[device, ACCEPTED_NS] = arrival[f]
+        states[device, LAST_MODE] = mode
+        states[device, CANDIDATE] = -1
     return dropped, gaps, other, mixed
 
 

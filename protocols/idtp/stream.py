@@ -9,6 +9,7 @@ from one into the next, so each is searched on its own: what is incomplete at it
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -43,6 +44,9 @@ class Cut:
     rejects: list[Reject]
 
 
+_NEVER = re.compile(rb"(?!)")
+
+
 def _nothing(data: bytes, *, final: bool) -> tuple[list[Found], int]:
     """No other protocol shares a port with this one."""
     return [], len(data)
@@ -74,7 +78,7 @@ class IdtpStream:
             min_mode = LITE if key is None else SECURE
         if min_mode not in (0, 1, 2):
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
-        self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing)
+        self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
         self.sequences = Sequences(check=replay_check, keyed=key is not None)
         self._datagrams = datagrams
         self._waiting: list[tuple[bytes, int]] = []

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from protocols.events import Batch, Decoder, Event, Late, Reply, Step
-from protocols.foreign import find
+from protocols.foreign import STARTS, find
 from protocols.framing import BODY, OFFSET, Ints, Room
 from protocols.grouping import group
 from protocols.isb import messages
@@ -65,7 +65,7 @@ class IsbDecoder(Decoder):
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
-        self._stream = Stream(scan, find)
+        self._stream = Stream(scan, find, STARTS)
         self._room = Room()
         self._forms: dict[int, messages.Form] = {}
         self._memory = np.array(remember(), np.int64)
@@ -174,18 +174,18 @@ class IsbDecoder(Decoder):
     # -- replies -------------------------------------------------------------------------------------------------------
 
     def _replies(self, cut: Cut, which: Any, keys: Ints, events: list[Event]) -> None:
-        for i in which.tolist():
-            offset, size, body, length, did, flags = cut.table[:6, i].tolist()
+        arrivals, told_by = cut.arrival_ns[which].tolist(), keys[which].tolist()
+        for i, (offset, size, body, length, did, flags) in enumerate(cut.table[:6, which].T.tolist()):
             kind = flags & TYPE_MASK
             payload = cut.data[body : body + length]
             part = int.from_bytes(cut.data[body - 2 : body], "little") if flags & WITH_OFFSET and kind in (4, 5) else 0
             message = self._row(kind, did)
             if kind == 4:
                 part, payload = self._merged(did, part, payload)
-            told = -1 - int(keys[i])
+            told = -1 - told_by[i]
             version = None if told == UNTOLD else VERSIONS[told]
             values = Late(partial(values_of, kind, did, payload, part, version))
-            events.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
+            events.append(Reply(message, values, cut.start + offset, size, arrivals[i]))
 
     @staticmethod
     def _row(kind: int, did: int) -> Message:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-from protocols.foreign import find
+from protocols.foreign import STARTS, find
 from protocols.framing import ID, SIZE
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, TYPES, scan
 from protocols.isb.messages import ROWS
@@ -27,7 +27,7 @@ def likeness(data: bytes) -> tuple[float, str]:
     """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"
-    stream = Stream(scan, find)
+    stream = Stream(scan, find, STARTS)
     stream.feed(data, 0)
     cuts = [stream.drain()]
     waiting = stream.buffered

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from protocols.events import Text
-from protocols.foreign import find
+from protocols.foreign import STARTS, find
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET, scan
 from protocols.isb.messages import DEVICE_INFOS, rules, version_numbers
@@ -28,7 +28,7 @@ class IsbListing:
     """Chunks in, lines out."""
 
     def __init__(self) -> None:
-        self._stream = Stream(scan, find)
+        self._stream = Stream(scan, find, STARTS)
         self._versions: dict[int, str] = {}  # of each family of devices
 
     def feed(self, data: bytes) -> None:

@@ -6,7 +6,8 @@
 
 The cutting is that of every port (protocols/stream.py). An MTi's own is that two kinds are looked for between frames,
 NMEA sentences and binary strings, each from where it last stopped: a sentence that is cut by the end of the data waits
-for its rest, and does not hold up the strings after it.
+for its rest. A string is believed when the sentences up to its end are decided, and none of them, which have checksums,
+holds some of its bytes (a TSS2 string in the words of a sentence is no string).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 
 from protocols.events import Reject, Text
 from protocols.framing import OFFSET, SIZE, Ints
-from protocols.nmea import Found
+from protocols.nmea import STARTS, Found
 from protocols.nmea import find as find_sentences
 from protocols.stream import Cut
 from protocols.stream import Stream as AnyStream
@@ -29,10 +30,12 @@ class Stream(AnyStream):
     """Cuts a stream of bytes, given in chunks, into frames, texts and rejects."""
 
     def __init__(self) -> None:
-        super().__init__(scan, find_sentences)
+        super().__init__(scan, find_sentences, STARTS)
         self._nmea_at = 0  # positions in the stream: from where to look for sentences …
         self._strings_at = 0  # … and for binary strings
         self._em1000_end: int | None = None
+        self._pending: list[tuple[int, Found]] = []  # strings with their positions, until the sentences are decided
+        self._sentences: list[tuple[int, int]] = []  # begin and end of those that a string yet to be found may touch
 
     def _stretches(
         self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
@@ -54,17 +57,30 @@ class Stream(AnyStream):
         self._nmea_at = at = max(begin, self._nmea_at)
         if at < stop:
             found, kept = find_sentences(data[at - start : stop - start], final=final)
-            self._report_all(found, at, texts, rejects)
+            for one in found:
+                self._report(one, at + one.offset, texts, rejects)
+            self._sentences += [(at + one.offset, at + one.offset + one.size) for one in found if one.name]
             self._nmea_at = at + kept
         self._strings_at = at = max(begin, self._strings_at)
         if at < stop:
             since = None if self._em1000_end is None else at - self._em1000_end
             found, kept = find_strings(data[at - start : stop - start], final=final, since=since)
-            self._report_all(found, at, texts, rejects)
+            self._pending += [(at + one.offset, one) for one in found]
+            for one in found:
+                if one.name == "EM1000":
+                    self._em1000_end = at + one.offset + one.size
             self._strings_at = at + kept
+        self._believe(texts, rejects)
 
-    def _report_all(self, found: list[Found], at: int, texts: list[Text], rejects: list[Reject]) -> None:
-        for one in found:
-            self._report(one, at + one.offset, texts, rejects)
-            if one.name == "EM1000":
-                self._em1000_end = at + one.offset + one.size
+    def _believe(self, texts: list[Text], rejects: list[Reject]) -> None:
+        """Report the strings before which all sentences are decided, but for those that a sentence covers."""
+        waiting: list[tuple[int, Found]] = []
+        for at, one in self._pending:
+            end = at + one.size
+            if end > self._nmea_at:
+                waiting.append((at, one))
+            elif not any(first < end and at < last for first, last in self._sentences):
+                self._report(one, at, texts, rejects)
+        self._pending = waiting
+        oldest = min((at for at, _ in waiting), default=self._strings_at)
+        self._sentences = [span for span in self._sentences if span[1] > min(oldest, self._strings_at)]

@@ -48,6 +48,26 @@ def test_columns_have_shown_units_and_native_order() -> None:
     assert columns["n"] is columns["n"]
 
 
+WIRES = (">f4", "<f8", "<i2", "u1", "fp1220", "fp1632", "ascii", "bytes")
+
+
+@pytest.mark.parametrize("dtype", WIRES)
+@pytest.mark.parametrize("shape", [(), (2,), (3,), (16,), (17,), (3, 3)])
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_many_rows_are_what_each_row_is_alone(dtype: str, shape: tuple[int, ...], scale: float) -> None:
+    if dtype == "bytes" and len(shape) != 1:
+        return
+    fields = (Field("before", "u1"), Field("x", dtype, shape, scale=scale if dtype not in ("ascii", "bytes") else 1.0))
+    layout = Layout.of(fields)
+    rows = np.random.default_rng(1).integers(0, 256, (200, layout.size), np.uint8)
+    many = layout.columns(rows)["x"]
+    alone = np.concatenate([layout.columns(rows[k : k + 1])["x"] for k in range(200)])
+    assert many.dtype == alone.dtype
+    assert many.shape == (200, *shape)
+    assert many.tobytes() == alone.tobytes()
+    assert dtype == "bytes" or many.flags.c_contiguous
+
+
 def test_matrix_by_columns() -> None:
     field = Field("m", ">f8", (3, 3), column_major=True)
     rows = np.arange(9, dtype=">f8").view(np.uint8).reshape(1, -1)
