@@ -15,6 +15,8 @@ and kept as a plan, because the same layouts come thousands of times.
 People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit
 of the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
 
+Bytes that nobody has described are no numbers: they are shown as they are (server/raws.py).
+
 A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
 that share channels. `split` puts the pieces of each channel back into the order of the stream.
 """
@@ -30,6 +32,7 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Bits, Field, Message
+from server.raws import described
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 Array = NDArray[Any]
@@ -47,7 +50,6 @@ SHOWN: Mapping[str, tuple[str, float, int]] = {
     "mm/s": ("m/s", 1e-3, -3),
 }
 _MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
-_MOST_BYTES = 64  # an unknown item is shown byte by byte up to this size
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +82,7 @@ class Channels:
     def __init__(self, device: str, advertise: Advertise) -> None:
         self._device = device
         self._advertise = advertise
-        self._plans: dict[tuple[int, str, bool], tuple[Message, list[_Cut]]] = {}
-        self._first: str | None = None  # the first sender heard in the stream: its channels carry no name of it
+        self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
         self._ids: dict[str, int] = {}
 
     def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[Piece]:
@@ -103,9 +104,7 @@ class Channels:
         return [Piece(channel, _merged(parts)) for channel, parts in found.items()]
 
     def _plan(self, batch: Batch) -> list[_Cut]:
-        if self._first is None:
-            self._first = batch.device
-        key = (id(batch.message), batch.device, batch.verified)
+        key = (id(batch.message), batch.verified)
         known = self._plans.get(key)
         if known is not None and known[0] is batch.message:
             return known[1]
@@ -117,9 +116,9 @@ class Channels:
 
     def _cuts(self, batch: Batch) -> list[_Cut]:
         message = batch.message
-        last = {
-            field.name: field for field in message.fields if field.name in batch.columns
-        }  # of duplicates, the second
+        last = described(batch.columns, message.fields)  # the others go to server/raws.py
+        if not last:
+            return []
         if message.split:
             groups = [(field.name, [field]) for field in last.values()]
         else:
@@ -133,9 +132,7 @@ class Channels:
             if info is not None:
                 used = tuple(field.name for field in fields)
                 factors = _in_shown_units(info)
-                if batch.device != self._first:  # several senders share the stream: never two in one trace
-                    info.name, info.title = f"{info.name}@{batch.device}", f"{info.title} · {batch.device}"
-                if not batch.verified:  # nor what is verified and what is not
+                if not batch.verified:  # never what is verified and what is not in one trace
                     info.name = f"{info.name}?"  # a name of its own; its title is the same, and `verified` marks it
                     info.verified = False
                 cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
@@ -191,12 +188,8 @@ def _flat(array: Array) -> list[Array]:
     """(n, …) → one (n,) array per element; of a structured array, per element of each of its fields, in order."""
     if array.dtype.names:
         return [column for name in array.dtype.names for column in _flat(array[name])]
-    if array.dtype.kind in "SV":
-        if array.dtype.itemsize == 0 or array.dtype.itemsize > _MOST_BYTES:
-            return []
-        return _flat(np.ascontiguousarray(array).view("u1").reshape(len(array), -1))
     if array.dtype.kind not in "fiub":
-        return []
+        return []  # text
     if array.ndim == 1:
         return [array]
     flat = array.reshape(len(array), -1)
@@ -335,8 +328,6 @@ def _element_names(field: Field, shape: tuple[int, ...], count: int) -> list[str
         return list(field.axes)
     if len(shape) == 2:
         return [f"m{i + 1}{j + 1}" for i in range(shape[0]) for j in range(shape[1])]
-    if field.dtype in ("bytes", "ascii"):
-        return [f"b{i}" for i in range(count)]
     return [str(i) for i in range(count)]
 
 

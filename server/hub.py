@@ -64,6 +64,7 @@ class Hub:
         self.channels: dict[int, Channel] = {}
         self.devices: dict[str, wire.DeviceInfo] = {}
         self.health: dict[str, wire.DeviceHealth] = {}
+        self.raws: list[wire.RawPayload] = []
         self.log: deque[wire.EventInfo] = deque(maxlen=EVENTS_KEPT)
         self.outboxes: set[Outbox] = set()
         self._next_channel = 1
@@ -142,6 +143,12 @@ class Hub:
         for outbox in self.outboxes:
             own = self._health_for(outbox) if outbox.dropped_of else None
             outbox.say_latest("health", shared if own is None else codec.encode_text(own))
+
+    def report_raws(self, payloads: list[wire.RawPayload]) -> None:
+        """What nobody has described, of all devices; told while there is any, and once when there is none any more."""
+        if payloads or self.raws:
+            self.raws = payloads
+            self._tell_latest("raws", wire.Raws(payloads))
 
     def _health_for(self, outbox: Outbox) -> wire.HealthReport:
         dropped: dict[str, int] = {}

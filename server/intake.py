@@ -1,12 +1,12 @@
-"""How do the bytes of one device become channels, events and figures?
+"""How does what one device sent become channels, events and figures?
 
-    chunks ─feed─> decoder ─drain─> Batch ──> device time → host time ──> channels ──> hub
-                                    Text  ──> its numbers are a channel too (an NMEA sentence)
-                                    Reply ──> an event, and who the device is
-                                    Gap, Step, Reject ──> sentences (server/incidents.py) and counts
+    server/senders.py ─take─> Batch ──> device time → host time ──> channels ──> hub
+                              Text  ──> its numbers are a channel too (an NMEA sentence)
+                              Reply ──> an event, and who the device is
+                              Gap, Step, Reject ──> sentences (server/incidents.py) and counts
+                              bytes that nobody has described ──> server/raws.py
 
-`feed` only appends, so that the reader of a 2 kHz device costs little; `drain` decodes what has come, once per flush of
-the hub. All batches of a drain are mapped to host time together. A gap lies between the frame before and the frame
+All batches of a drain are mapped to host time together. A gap lies between the frame before and the frame
 after it *in the stream*, whichever layouts those two have, so their times are looked up by offset.
 """
 
@@ -21,20 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.clocks import HostClock
-from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step, Text
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
 from protocols.sentences import Sentences
 from server.channels import Channels
 from server.health import Figures
 from server.hub import Hub
 from server.incidents import Blame, Incidents
-from server.links.base import Chunk
+from server.raws import Raws
 
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
 TOLD_ONCE = ("no_key",)  # by server/advice.py: that every frame is refused again is no news
-MOST_SENDERS = 16  # named; more in one stream are noise, or nobody's to remember
+MOST_PROTECTIONS = 8  # named of one device
 _WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
 _ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
 
@@ -68,7 +68,7 @@ class Identity:
     serial_number: str = ""
     firmware: str = ""
     protection: str = ""
-    _protections: dict[str, str] = field(default_factory=dict)  # by sender
+    _protections: dict[str, None] = field(default_factory=dict)  # in the order in which they were met
 
     def learn(self, reply: Reply) -> bool:
         """Take what an answer tells; True when something is new."""
@@ -82,18 +82,16 @@ class Identity:
         return before != (self.product, self.serial_number, self.firmware)
 
     def heard(self, sender: str, protection: str) -> bool:
-        """Somebody sent frames that are protected in some way; True when something is new."""
-        known = self._protections.get(sender)
-        if known is not None and protection in (known, ""):
+        """It sent frames that are protected in some way; True when something is new."""
+        if self.serial_number == sender and (protection == "" or protection in self._protections):
             return False
-        if known is None and len(self._protections) >= MOST_SENDERS:
-            return False
-        self._protections[sender] = protection
-        self.protection = "; ".join(dict.fromkeys(words for words in self._protections.values() if words))
+        if protection and len(self._protections) < MOST_PROTECTIONS:
+            self._protections[protection] = None
+        before = (self.serial_number, self.product, self.protection)
+        self.protection = "; ".join(self._protections)
         if self.sender:
-            self.serial_number = ", ".join(sorted(self._protections, key=lambda name: (len(name), name)))
-            self.product = self.sender + "s" * (len(self._protections) > 1)
-        return True
+            self.serial_number, self.product = sender, self.sender
+        return before != (self.serial_number, self.product, self.protection)
 
     @property
     def name(self) -> str:
@@ -101,77 +99,66 @@ class Identity:
         return f"{self.product} {self.serial_number}" if self.sender and self.product else ""
 
 
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What is known of the link that a device is on.
+
+    Args:
+        byte_time_ns: how long a byte takes on it, 0 where that is not known.
+        kind: of the link (wire.DeviceInfo.link).
+        capacity: bytes/s that it can carry, None where that is not known.
+    """
+
+    byte_time_ns: float = 0
+    kind: str = ""
+    capacity: float | None = None
+
+
 class Intake:
-    """The data side of a session.
+    """One device during one connection.
 
     Args:
         hub: where samples and events go.
-        device: DeviceInfo.id.
-        decoder: of the stream's protocol, fresh.
-        figures: counts that go on over reconnections.
-        channels: of the device; go on over reconnections, so that a channel keeps its id.
+        figures, channels, incidents, raws: of the device; they go on over reconnections.
         identify: called when an answer told who the device is, or its frames how they are protected.
-        about: what is known of the protocol.
-        on_events: called with all that the decoder gave, after the hub has it.
+        line, about: what is known of its link and of its protocol.
+        counts_rejects: it answers for what was refused on the link; nobody knows who sent that.
     """
 
     def __init__(
         self,
         hub: Hub,
-        device: str,
-        decoder: Decoder,
         *,
         figures: Figures,
         channels: Channels,
         incidents: Incidents,
+        raws: Raws,
         identify: Callable[[Identity], None] = lambda identity: None,
-        byte_time_ns: float = 0,
-        link_kind: str = "",
-        capacity: float | None = None,
+        line: Line = Line(),
         about: About = About(),
-        on_events: Callable[[Sequence[Event]], None] = lambda events: None,
+        counts_rejects: bool = True,
     ) -> None:
         self._hub = hub
-        self._on_events = on_events
-        self._decoder = decoder
         self._figures = figures
         self._channels = channels
         self._incidents = incidents
+        self._raws = raws
         self._identify = identify
-        self._link_kind = link_kind
-        self._capacity = capacity
-        self._has_size = byte_time_ns > 0
+        self._line = line
+        self._counts_rejects = counts_rejects
         self._sizes: dict[int, tuple[Message, int]] = {}
         self._sentences = Sentences()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
-        self._fed = False
         self._rejects_before = 0  # since the last frame that was good
-        self._byte_time_ns = byte_time_ns
-        self._clocks: dict[str, HostClock] = {}  # by sender: each has a clock of its own
-        self.clock = HostClock(byte_time_ns)  # of the first sender: what the health figures tell
-        self._restarts = 0  # of all clocks' mappings, as far as they have been told
-        self._quiet_until = 0.0  # until when a step of a clock is no news, unix s
+        self.clock = HostClock(line.byte_time_ns)
+        self._restarts = 0  # of the clock's mapping, as far as they have been told
+        self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
         self.identity = Identity(about.identity, about.sender)
         self.samples = 0
 
-    @property
-    def buffered(self) -> int:
-        return self._decoder.buffered
-
-    def feed(self, chunk: Chunk) -> None:
-        """Append bytes."""
-        self._decoder.feed(chunk.data, chunk.arrival_ns)
-        self._fed = True
-
-    def drain(self, *, stalled: bool = False) -> None:
-        """Decode all that is complete and hand it to the hub."""
-        if not (self._fed or stalled):
-            return
-        self._fed = False
-        events = self._decoder.drain(stalled=stalled)
-        if not events:
-            return
+    def take(self, events: Sequence[Event]) -> None:
+        """What the decoder gave of this device, in the order of the stream."""
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
         times = self._host_times(batches)
         texts = [event for event in events if isinstance(event, Text)]
@@ -180,11 +167,11 @@ class Intake:
         for batch in batches:
             self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
+            self._raws.batch(batch)
         self.samples += len(texts)  # a device that speaks in sentences alone is alive as well
         if self._about.protection is not None:
             self._trust(batches, self._about.protection)
         self._tell(events, batches, times)
-        self._on_events(events)
 
     def _trust(self, batches: Sequence[Batch], protection: Callable[[Batch], str]) -> None:
         """Count what is verified; who sends, and how well that is protected, is told when it changes."""
@@ -197,35 +184,30 @@ class Intake:
 
     def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
         """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock."""
-        for sender in dict.fromkeys(batch.device for batch in batches):
-            if sender not in self._clocks:
-                self._clocks[sender] = HostClock(self._byte_time_ns) if self._clocks else self.clock
-            timed = [
-                (batch, batch.time_ns) for batch in batches if batch.time_ns is not None and batch.device == sender
-            ]
-            self._learn(self._clocks[sender], timed)
+        self._learn([(batch, batch.time_ns) for batch in batches if batch.time_ns is not None])
         return [
-            np.full(len(batch), np.nan) if batch.time_ns is None else self._clocks[batch.device].host(batch.time_ns)
+            np.full(len(batch), np.nan) if batch.time_ns is None else self.clock.host(batch.time_ns)
             for batch in batches
         ]
 
-    def _learn(self, clock: HostClock, timed: list[tuple[Batch, NDArray[np.int64]]]) -> None:
-        """Show a sender's clock its rows of this drain, in the order of the stream."""
+    def _learn(self, timed: list[tuple[Batch, NDArray[np.int64]]]) -> None:
+        """Show the clock its rows of this drain, in the order of the stream."""
+        clock = self.clock
         if len(timed) == 1:
             batch, device = timed[0]
             clock.add(device, batch.arrival_ns, self._frame_size(batch.message))
         elif timed:
             size: Any = 0
-            if self._has_size:
+            if self._line.byte_time_ns:
                 size = np.concatenate([np.full(len(batch), self._frame_size(batch.message)) for batch, _ in timed])
             order = np.argsort(np.concatenate([batch.offset for batch, _ in timed]), kind="stable")
             device = np.concatenate([device for _, device in timed])
             arrival = np.concatenate([batch.arrival_ns for batch, _ in timed])
-            clock.add(device[order], arrival[order], size[order] if self._has_size else 0)
+            clock.add(device[order], arrival[order], size[order] if self._line.byte_time_ns else 0)
 
     def _frame_size(self, message: Message) -> int:
         """Bytes of a frame of this layout on the wire, 0 when the link's speed is unknown anyway."""
-        if not self._has_size:
+        if not self._line.byte_time_ns:
             return 0
         known = self._sizes.get(id(message))
         if known is None or known[0] is not message:
@@ -259,20 +241,23 @@ class Intake:
                 self._reply(event)
         self._mapped_anew()
         if rejects:
-            self._figures.rejected(reject.reason for reject in rejects)
-            self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
+            self._refused(rejects)
         if len(hosts):
             self._last_time = float(hosts[-1])
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
         else:
             self._rejects_before += len(rejects)
 
+    def _refused(self, rejects: list[Reject]) -> None:
+        if self._counts_rejects:
+            self._figures.rejected(reject.reason for reject in rejects)
+            self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
+
     def _mapped_anew(self) -> None:
         """A clock that ran ahead without a word of the decoder: only its mapping to host time noticed."""
-        restarts = sum(clock.restarts for clock in self._clocks.values())
-        if restarts <= self._restarts:
+        if self.clock.restarts <= self._restarts:
             return
-        self._restarts = restarts
+        self._restarts = self.clock.restarts
         now = self._hub.now()
         if now > self._quiet_until:
             self._quiet_until = now + ANEW_S
@@ -281,7 +266,8 @@ class Intake:
 
     def _reply(self, reply: Reply) -> None:
         self._figures.samples(reply.message.name, 1, self._hub.now())
-        self._incidents.reply(reply)
+        if not self._raws.reply(reply):
+            self._incidents.reply(reply)
         if self.identity.learn(reply):
             self._identify(self.identity)
 
@@ -300,9 +286,10 @@ class Intake:
         if rejects:
             frames = f"{rejects} damaged frame{'s' if rejects > 1 else ''}"
             return Blame("wire", f"{frames} came in between, so bytes were damaged on the wire.")
-        if self._link_kind == "udp":
+        if self._line.kind == "udp":
             return Blame("network", "the network did not deliver them.")
-        if self._capacity and self._figures.bytes.rate(self._hub.now()) >= FULL * self._capacity:
+        capacity = self._line.capacity
+        if capacity and self._figures.bytes.rate(self._hub.now()) >= FULL * capacity:
             return Blame("link", "the link is full, so the device could not send them. Lower a rate or raise the baud.")
         words = "no damaged bytes came, so they were lost before this host: in the device, the adapter or the cable."
         return Blame("device", words)

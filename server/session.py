@@ -25,16 +25,14 @@ from typing import Literal
 from protocols.events import Event
 from server import wire
 from server.advice import Advice
-from server.channels import Channels
-from server.health import Figures
 from server.hub import Hub
-from server.incidents import Incidents
-from server.intake import Intake
+from server.intake import Line
 from server.links.base import Chunk, Link, LinkError
 from server.listeners import Listeners
-from server.portrait import Portrait, health, short
+from server.portrait import Portrait, short
 from server.reading import Reading
 from server.recognition import Speech, Unknown
+from server.senders import Reader, Senders
 
 log = logging.getLogger("imuscope.session")
 
@@ -84,11 +82,11 @@ class Session:
         self._reading = reading
         self._greeted = False
         self._greeting: asyncio.Task[None] | None = None
-        self._figures = Figures()
-        self._channels = Channels(device, hub.advertise)
-        self._incidents = Incidents(hub, device)
+        self._senders = Senders(hub, self._portrait, speech.title)
+        self._figures = self._senders.own.figures
+        self._incidents = self._senders.own.incidents
         self._advice = Advice(self._incidents, speech.messages_in, speech.title)
-        self._intake: Intake | None = None
+        self._intake: Reader | None = None
         self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
@@ -107,8 +105,13 @@ class Session:
 
     @property
     def info(self) -> wire.DeviceInfo:
-        """The device as the page knows it."""
+        """The device as the page knows it; where several are on its link, the first that was heard."""
         return self._portrait.info
+
+    @property
+    def infos(self) -> list[wire.DeviceInfo]:
+        """Every device on the link, as the page knows them."""
+        return self._senders.infos
 
     # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -127,7 +130,7 @@ class Session:
             await asyncio.gather(self._greeting, return_exceptions=True)
         await self._link.close()
         self._off_flush()
-        self._hub.remove_device(self.info.id)
+        self._senders.leave()
 
     def retry(self) -> None:
         """Try now instead of at `next_try`; play an ended file again."""
@@ -251,17 +254,11 @@ class Session:
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
         baud = self._link.baud
-        self._intake = Intake(
+        self._intake = Reader(
             self._hub,
-            self.info.id,
+            self._senders,
             self._speech.decoder(protocol, self._reading, self._link.kind),
-            figures=self._figures,
-            channels=self._channels,
-            incidents=self._incidents,
-            identify=self._portrait.identified,
-            byte_time_ns=10e9 / baud if baud else 0,
-            link_kind=self._link.kind,
-            capacity=self._link.capacity,
+            line=Line(10e9 / baud if baud else 0, self._link.kind, self._link.capacity),
             about=self._speech.about(protocol),
             on_events=self._heard,
         )
@@ -375,7 +372,7 @@ class Session:
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
-        self._incidents.tick(now)
+        self._senders.tick(now, None if self._opened_at is not None else self.info)
 
     @property
     def _patience(self) -> float:
@@ -394,5 +391,12 @@ class Session:
 
     def health(self, now: float) -> wire.DeviceHealth:
         """The figures for the page."""
-        clock = self._intake.clock if self._intake is not None else None
-        return health(self.info.id, self._figures, clock, self._link.capacity, now)
+        return self.healths(now)[0]
+
+    def healths(self, now: float) -> list[wire.DeviceHealth]:
+        """The same of every device on the link."""
+        return self._senders.healths(now, self._link.capacity)
+
+    def raws(self, now: float) -> list[wire.RawPayload]:
+        """The payloads that nobody has described."""
+        return self._senders.raws(now)

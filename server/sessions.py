@@ -102,7 +102,8 @@ class Sessions:
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
-        return [session.info for session in self._sessions.values()]
+        """Every device; those on one link follow each other."""
+        return [info for session in self._sessions.values() for info in session.infos]
 
     async def _tick_forever(self) -> None:
         while True:
@@ -116,7 +117,9 @@ class Sessions:
             session.tick(now)
         self._ticks += 1
         if self._ticks % HEALTH_EVERY == 0:
-            self._hub.report_health([session.health(now) for session in self._sessions.values()])
+            sessions = self._sessions.values()
+            self._hub.report_health([health for session in sessions for health in session.healths(now)])
+            self._hub.report_raws([payload for session in sessions for payload in session.raws(now)])
         self._watch_wall_clock()
 
     def _watch_wall_clock(self) -> None:

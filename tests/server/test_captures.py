@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from protocols.xbus.decoder import XbusDecoder
-from server.channels import Channels
+from server import wire
 from server.health import Figures
 from server.hub import Hub
-from server.incidents import Incidents
-from server.intake import Intake
+from server.intake import Line
 from server.links.base import Chunk
+from server.portrait import Portrait
+from server.senders import Reader, Senders
 from tests.server.fakes import Clock
 
 RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture
@@ -22,17 +23,10 @@ RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of 
 
 def play(path: Path, chunk: int) -> tuple[Hub, Figures]:
     clock = Clock()
-    hub, figures = Hub(clock), Figures()
-    intake = Intake(
-        hub,
-        "1",
-        XbusDecoder(),
-        figures=figures,
-        channels=Channels("1", hub.advertise),
-        incidents=Incidents(hub, "1"),
-        byte_time_ns=10e9 / 115_200,
-        link_kind="serial",
-    )
+    hub = Hub(clock)
+    info = wire.DeviceInfo("1", "capture", str(path), "file", "live")
+    senders = Senders(hub, Portrait(hub, info, str), str)
+    intake = Reader(hub, senders, XbusDecoder(), line=Line(10e9 / 115_200, "serial"))
     data = path.read_bytes()
     for at in range(0, len(data), chunk):
         clock.move(chunk / RATE)
@@ -41,7 +35,7 @@ def play(path: Path, chunk: int) -> tuple[Hub, Figures]:
         hub.flush()
     intake.drain(stalled=True)
     hub.flush()
-    return hub, figures
+    return hub, senders.own.figures
 
 
 def columns(hub: Hub, name: str) -> dict[str, Any]:

@@ -134,11 +134,12 @@ def test_satellites_are_rows_of_one_time() -> None:
     assert columns[3].tolist() == [1, 2, 3, 4, 5, 6]
 
 
-def test_an_unknown_item_is_shown_byte_by_byte() -> None:
-    info, columns = one(Field("0x4FF0", "bytes", (3,)), np.array([b"\1\2\3", b"\4\5\6"], "V3"))
-    assert info.name == "0x4FF0"
-    assert [column.name for column in info.columns] == ["b0", "b1", "b2"]
-    assert [column.tolist() for column in columns[2:]] == [[1, 4], [2, 5], [3, 6]]
+def test_bytes_are_no_channel() -> None:
+    """They are shown as bytes: tests/server/test_raws.py."""
+    page = Page()
+    row = Message(1, "M", (Field("0x4FF0", "bytes", (3,)),), split=True)
+    assert split(page, batch(row, {"0x4FF0": np.zeros((2, 3), "u1")}, [0, 10])) == {}
+    assert page.infos == []
 
 
 def test_text_is_no_channel() -> None:
@@ -233,19 +234,3 @@ def test_fields_that_stand_apart() -> None:
     lla = next(info for info in found if info.name == "DID_INS_1.lla")
     assert [(column.name, column.unit) for column in lla.columns] == [("lat", "°"), ("lon", "°"), ("alt", "m")]
     assert (lla.frame, lla.title, lla.group) == ("WGS84", "Position", "INS 1")
-
-
-def test_two_senders_of_one_stream_never_share_a_trace() -> None:
-    row = Message(4, "Accelerometer", (Field("value", "<f4", unit="m/s²", title="Acceleration"),))
-    page = Page()
-    channels = Channels("1", page)
-    batches = []
-    for k, sender in enumerate(("0x0017", "0x0018", "0x0017")):
-        at = np.array([k], np.int64)
-        batches.append(Batch(row, sender, at, at, None, {"value": np.array([k], "f4")}))
-    pieces = channels.split([(batch, batch.offset * 1.0) for batch in batches])
-    assert [(info.name, info.title) for info in page.infos] == [
-        ("Accelerometer", "Acceleration"),
-        ("Accelerometer@0x0018", "Acceleration · 0x0018"),
-    ]
-    assert [piece.columns[2].tolist() for piece in pieces] == [[0.0, 2.0], [1.0]]

@@ -5,7 +5,8 @@ refused and why. The protocols are the real ones; link and clock are moved by th
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -237,18 +238,95 @@ def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
     play(test, Reading("idtp", key=KEY))
 
 
-def test_two_senders_are_named() -> None:
-    class Both:
-        def __init__(self) -> None:
-            self.devices = IdtpDevice(device_id=7), IdtpDevice(device_id=102, mode=0)
+class Several:
+    """Devices that share a link; each may stop after some seconds."""
 
-        def advance(self, now_ns: int) -> bytes:
-            return b"".join(device.advance(now_ns) for device in self.devices)
+    def __init__(self, *devices: IdtpDevice, stop_s: Mapping[int, float] = MappingProxyType({})) -> None:
+        self.devices = devices
+        self.stop_s = stop_s
+
+    def advance(self, now_ns: int) -> bytes:
+        said = [(one.device_id, one.advance(now_ns)) for one in self.devices]
+        return b"".join(data for number, data in said if now_ns < self.stop_s.get(number, 1e9) * 1e9)
+
+
+def test_every_sender_is_a_device_of_its_own() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=102, mode=0, rate=50)), 3)
+        first, second = stage.session.infos
+        assert (first.id, first.parent, first.name) == ("1", "", "IDTP device 7")
+        assert (second.id, second.parent, second.name) == ("1.102", "1", "IDTP device 102")
+        assert (first.serial_number, second.serial_number) == ("7", "102")
+        assert (first.protection, second.protection) == ("Safety, CRC-32", "Lite, CRC-8 of the header alone")
+        assert (first.status, second.status) == ("live", "live")
+        assert [*stage.hub.devices] == ["1", "1.102"]
+        channels = [channel.info for channel in stage.hub.channels.values()]
+        for device in "1", "1.102":
+            names = [info.name for info in channels if info.device == device]
+            assert "Quaternion" in names
+            assert len(names) == len(set(names))
+        one, other = stage.session.healths(stage.clock())
+        assert one.rate == pytest.approx(100, abs=3)
+        assert other.rate == pytest.approx(50, abs=3)
+        assert one.bytes == other.bytes  # the link's
+        assert one.drift_ppm is not None
+        assert other.drift_ppm is not None
+
+    play(test)
+
+
+def test_what_one_of_several_loses_is_its_own() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9, drop=0.1, seed=3)), 3)
+        first, second = stage.session.healths(stage.clock())
+        assert (first.gaps, first.lost) == (0, 0)
+        assert second.lost > 20
+        assert {event.device for event in stage.events("gap")} == {"1.9"}
+
+    play(test)
+
+
+@pytest.mark.parametrize("stops", [7, 9])
+def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
+    async def test(stage: Stage) -> None:
+        pair = Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9), stop_s={stops: 2})
+        await stage.run(pair, 6)
+        states = {info.serial_number: info for info in stage.session.infos}
+        other = 16 - stops
+        assert (states[str(stops)].status, states[str(other)].status) == ("lost", "live")
+        assert "others on its link go on" in states[str(stops)].message
+        pair.stop_s = {}
+        await stage.run(pair, 1)
+        assert [info.status for info in stage.session.infos] == ["live", "live"]
+
+    play(test)
+
+
+def test_all_devices_of_a_link_share_its_fate() -> None:
+    hubs: list[Hub] = []
 
     async def test(stage: Stage) -> None:
-        await stage.run(Both(), 2)
-        assert stage.info.name == "IDTP devices 7, 102"
-        assert stage.info.protection == "Safety, CRC-32; Lite, CRC-8 of the header alone"
+        hubs.append(stage.hub)
+        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9)), 2)
+        stage.link.die(LinkError("gone", "gone.", "?"))
+        await asyncio.sleep(0.001)
+        stage.session.tick(stage.clock())
+        assert [(info.status, info.message) for info in stage.session.infos] == [("lost", "gone.")] * 2
+        stage.session.retry()
+        await stage.run(Several(IdtpDevice(device_id=9), IdtpDevice(device_id=7)), 2)
+        assert [(info.status, info.serial_number) for info in stage.session.infos] == [("live", "7"), ("live", "9")]
+
+    play(test)
+    assert (hubs[0].devices, hubs[0].channels) == ({}, {}), "they leave together"
+
+
+def test_devices_beyond_the_most_are_counted() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(Several(*(IdtpDevice(device_id=n, rate=10) for n in range(1, 19))), 1)
+        assert len(stage.session.infos) == 16
+        assert len([event for event in stage.events("device") if "most" in event.data]) == 1
+        counts = {message.name: message.count for message in stage.health.messages}
+        assert counts["other devices"] > 0
 
     play(test)
 
