@@ -79,10 +79,9 @@ class DataLayout:
             if field.dtype == "bytes" and is_known(identifier) and identifier != RAW_BLOB:
                 self.bad.append((at - 3, length + 3))
             place: Place = (field, ((at, length),))
-            if identifier == RAW_BLOB:
-                if blob_open:
-                    place = _joined(places[field.name], at, length)
-                blob_open = length == 255
+            if identifier == RAW_BLOB and blob_open:
+                place = _joined(places[field.name], at, length)
+            blob_open = identifier == RAW_BLOB and length == 255  # the next item, and no other, continues it
             places.pop(field.name, None)  # of a repeated identifier the last one counts
             places[field.name] = place
         self.layout = Layout(list(places.values()), size)

@@ -49,7 +49,7 @@ def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> 
     """
     data = bytes(data)
     tss2, keep_tss2 = _find_tss2(data, final)
-    em1000, keep_em1000 = _find_em1000(data, final, since)
+    em1000, keep_em1000 = _find_em1000(data, final, since, [one.offset for one in tss2], keep_tss2)
     keep = min(keep_tss2, keep_em1000)
     found = sorted(tss2 + em1000, key=lambda one: one.offset)
     return [one for one in found if one.offset < keep], keep
@@ -92,7 +92,8 @@ def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
     }
 
 
-def _find_em1000(data: bytes, final: bool, since: int | None) -> tuple[list[Found], int]:
+def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], decided: int) -> tuple[list[Found], int]:
+    """Records, but for those whose end is the begin of a TSS2 string: of these, `tss2`, all before `decided` are known."""
     found: list[Found] = []
     last_end = None if since is None or since < 0 else -since  # end of the last record believed
     at = 0
@@ -103,6 +104,11 @@ def _find_em1000(data: bytes, final: bool, since: int | None) -> tuple[list[Foun
             at += 1
             continue
         if not _is_em1000(data, at):
+            at += 1
+            continue
+        if at + EM1000.size > decided:
+            return found, at
+        if any(at < begin < at + EM1000.size for begin in tss2):
             at += 1
             continue
         carries_on = last_end is not None and at - last_end <= WINDOW

@@ -188,9 +188,9 @@ def mtdata2(payload: bytes) -> tuple[dict[str, list[Any]], int]:
         value = payload[at + 3 : at + 3 + payload[at + 2]]
         known = numbers(identifier, value)
         name, content = known if known else (f"0x{identifier:04X}", list(value))
-        if name == "RawBlob" and identifier == 0xA080:
-            content = values[name] + content if blob_goes_on else content
-            blob_goes_on = len(value) == 255
+        if identifier == 0xA080 and blob_goes_on:
+            content = values[name] + content
+        blob_goes_on = identifier == 0xA080 and len(value) == 255
         values.pop(name, None)
         values[name] = content
         at += 3 + len(value)
