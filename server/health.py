@@ -88,6 +88,11 @@ class Figures:
         self.verified = (self.verified or 0) + (count if verified else 0)
         self.unverified = (self.unverified or 0) + (0 if verified else count)
 
+    def read_anew(self) -> None:
+        """The bytes are read in another way from here on: what was refused and trusted before says nothing of it."""
+        self.rejects, self.rejects_by = 0, Counter()
+        self.verified = self.unverified = None
+
     def report(self, now: float) -> list[MessageHealth]:
         """Every message, the most frequent first."""
         found = [MessageHealth(name, meter.rate(now), meter.total) for name, meter in self.messages.items()]

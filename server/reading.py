@@ -79,6 +79,17 @@ def reading(
     return Reading(protocol, _key(key) if key else None, _mode(min_mode), unverified, replay_check, _schema(schema))
 
 
+def changed(old: Reading, new: Reading, given: Collection[str]) -> Reading:
+    """`old` with those settings of `new` that were given: "protocol", "key", "min_mode", "unverified", "schema_text".
+
+    Descriptions of vendor types are added to those that there are; one of the same type takes its place.
+    """
+    changes = {name: getattr(new, name) for name in ("protocol", "key", "min_mode", "unverified") if name in given}
+    if "schema_text" in given:
+        changes["schema"] = {**(old.schema or {}), **(new.schema or {})} or None
+    return replace(old, **changes)
+
+
 def key_text(given: str) -> str:
     """The hex digits of a key that is given as such, or as @FILE.
 

@@ -30,6 +30,7 @@ from server.raws import Raws
 MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
 SILENT_S = 2.0
 SLOW_FACTOR, SLOWEST_S = 3.0, 10.0  # a device that speaks every 2 s is silent after 6 s
+TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it came
 SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
 
 
@@ -131,6 +132,12 @@ class Senders:
         if len(self._beyond) < MOST_SENDERS:
             self._beyond.add(name)
 
+    def read_anew(self) -> None:
+        """The bytes are read in another way from here on."""
+        for sender in self.all:
+            sender.figures.read_anew()
+            sender.portrait.set(protection="")
+
     def tick(self, now: float, down: wire.DeviceInfo | None) -> None:
         """Ten times a second: who fell silent, and what became of the link; sums of what happened.
 
@@ -208,6 +215,8 @@ class Reader:
         self._about = about
         self._on_events = on_events
         self._fed = False
+        self._tail = bytearray()
+        self._end = 0
         for sender in senders.all:
             sender.intake = None  # a fresh connection has fresh clocks
         self._own = self._intake(senders.own)
@@ -234,6 +243,15 @@ class Reader:
         """Append bytes."""
         self._decoder.feed(chunk.data, chunk.arrival_ns)
         self._fed = True
+        self._tail += chunk.data
+        self._end += len(chunk.data)
+        if len(self._tail) > 2 * TAIL_BYTES:
+            del self._tail[:-TAIL_BYTES]
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of the stream, as events tell their places in it; b"" where they are gone."""
+        at = offset - (self._end - len(self._tail))
+        return bytes(self._tail[at : at + size]) if at >= 0 else b""
 
     def drain(self, *, stalled: bool = False) -> None:
         """Decode all that is complete and hand it on."""

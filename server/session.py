@@ -19,7 +19,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from protocols.events import Event
@@ -102,11 +103,19 @@ class Session:
         self._chunk_listeners: Listeners[[bytes, int, Direction]] = Listeners()
         self._sent: Listeners[[bytes, int]] = Listeners()
         self._sending = asyncio.Lock()
+        self._closing: list[Callable[[], Awaitable[None]]] = []
+        self._hushed = False
+        self._hushed_until = 0.0
 
     @property
     def info(self) -> wire.DeviceInfo:
         """The device as the page knows it; where several are on its link, the first that was heard."""
         return self._portrait.info
+
+    @property
+    def reading(self) -> Reading:
+        """How its bytes are read."""
+        return self._reading
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
@@ -117,10 +126,16 @@ class Session:
 
     def start(self) -> None:
         """Begin; returns at once."""
-        self._task = asyncio.get_running_loop().create_task(self._run(), name=f"session {self.info.source}")
+        self._start()
+
+    def _start(self, *, opened: bool = False) -> None:
+        task = self._run(opened=opened)
+        self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
 
     async def close(self) -> None:
         """Stop, close the link, leave the hub."""
+        for last in self._closing:
+            await last()
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -137,11 +152,36 @@ class Session:
         self._retry_s = FIRST_RETRY_S
         self._retry_now.set()
 
-    async def _run(self) -> None:
+    async def read_as(self, reading: Reading) -> None:
+        """Read what comes from now on in another way: with a key, as another protocol. Id, channels and history stay.
+
+        A twin has the key that its source has, so it is powered anew; any other link stays open.
+        """
+        self._drain(final=True)
+        rekeyed = self._link.kind == "twin" and reading.key != self._reading.key
+        self._reading = reading
+        self._senders.read_anew()
+        self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
+        self._intake, self._unknown = None, Unknown(self._speech.guess)
+        if protocol := reading.protocol or self.info.protocol:
+            self._begin(protocol)
+        self._set(message="", hint="", notices=self._notices)
+        if rekeyed and self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            await self._link.close()
+            self._link.settings = replace(self._link.settings, key=reading.key)
+            self.start()
+
+    async def _run(self, *, opened: bool = False) -> None:
         while True:
             self._retry_now.clear()
             try:
-                await self._connect()
+                if not opened:
+                    self._set(next_try=None)  # what went wrong before stays readable while it is tried again
+                    await self._link.open(self._portrait.tried)
+                opened = False
+                self._connected()
                 while True:
                     self._take(await self._link.read())
             except LinkError as error:
@@ -153,9 +193,7 @@ class Session:
                 wait = self._explain(LinkError("gone", "A fault in imuscope ended this link.", "The log has details."))
             await self._pause(wait)
 
-    async def _connect(self) -> None:
-        self._set(next_try=None)  # what went wrong before stays readable while it is tried again
-        await self._link.open(self._portrait.tried)
+    def _connected(self) -> None:
         self._opened_at = self._hub.now()
         self._unknown = Unknown(self._speech.guess)
         self._intake = None
@@ -208,6 +246,62 @@ class Session:
             await self._link.write(data)
             self._sent.tell(data, began_ns)
             self._chunk_listeners.tell(data, began_ns, "tx")
+
+    async def relink(self, baud: int | None = None) -> None:
+        """Close the link and open it again, at another rate where one is given; what arrives then is decoded anew.
+
+        Raises:
+            LinkError: it could not be opened; it goes on being tried, as after any loss.
+        """
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        self._drain(final=True)
+        self._opened_at = None
+        at = f" at {baud} Bd" if baud else ""
+        self._set(status="connecting", message=f"Opening {self._link.source}{at}.", hint="", next_try=None)
+        try:
+            await self._link.relink(baud)
+        except BaseException:
+            self._start()
+            raise
+        self._start(opened=True)
+        await asyncio.sleep(0)  # it has begun to read when this returns
+
+    async def check_rate(self, baud: int) -> None:
+        """Can this end of the link do that rate? For a moment it does; bytes that arrive meanwhile may be lost.
+
+        Raises:
+            LinkError: no, in words.
+        """
+        await self._link.check_rate(baud)
+
+    @property
+    def capacity(self) -> float | None:
+        """Bytes/s that the link carries, None where that is not known."""
+        return self._link.capacity
+
+    @property
+    def baud(self) -> int | None:
+        """The rate of the link now."""
+        return self._link.baud
+
+    def hush(self, on: bool) -> None:
+        """Silence is meant (a device that is being configured does not measure): it is not called lost for it."""
+        self._hushed = on
+        self._hushed_until = self._hub.now()
+
+    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
+        """Have something done before the link is closed for good."""
+        self._closing.append(last)
+
+    def decode(self) -> None:
+        """Decode what has come now instead of with the next flush."""
+        self._drain()
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of this connection from an offset that the decoder told; b"" where they are gone."""
+        return self._intake.bytes_at(offset, size) if self._intake is not None else b""
 
     def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
         """Call `callback(data, time)` with all that is sent; returns what takes it off."""
@@ -359,7 +453,7 @@ class Session:
         if self._opened_at is not None:
             if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
                 self._set(notices=self._notices)
-            quiet = now - max(last or 0.0, self._opened_at)
+            quiet = 0.0 if self._hushed else now - max(last or 0.0, self._opened_at, self._hushed_until)
             if self._intake is None and self._unknown.chunks:
                 self._dirty = True
                 self._hub.request_flush()

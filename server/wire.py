@@ -184,7 +184,8 @@ class MessageHealth:
 
 @dataclass(slots=True)
 class DeviceHealth:
-    """Figures of one device; rates over the last second, counts since the session began."""
+    """Figures of one device; rates over the last second, counts since the session began. What was refused, verified
+    or not is counted since its bytes are read in this way: a key that is given later begins anew."""
 
     device: str
     time: float

@@ -1,4 +1,4 @@
-"""Devices: which there are, open one, close one, try again now."""
+"""Devices: which there are, open one, close one, try again now, read its bytes in another way."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
-from server.reading import ReadingError, taken_from
+from server.reading import Reading, ReadingError, changed, taken_from
 from server.reading import reading as read_as
 from server.session import Session
 from server.sessions import Sessions
@@ -19,12 +19,11 @@ router = APIRouter(prefix="/api/devices", tags=["devices"])
 SETTINGS_HINT = "What a source can be told is listed at /openapi.json, AddDevice."
 
 
-class AddDevice(BaseModel):
-    """A source to open."""
+class HowToRead(BaseModel):
+    """How the bytes of a source are to be read."""
 
     model_config = ConfigDict(extra="forbid")
 
-    source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
     protocol: str = Field("", max_length=40, description="name of the protocol; empty to recognise it")
     key: SecretStr = Field(
         SecretStr(""), max_length=1000, description="for Secure frames of IDTP, hex; never told again"
@@ -36,6 +35,31 @@ class AddDevice(BaseModel):
     schema_text: str = Field(
         "", alias="schema", max_length=100_000, description="TOML that describes a vendor's own payload types of IDTP"
     )
+
+    def reading(self) -> Reading:
+        """The same, checked. ApiError where something cannot be used."""
+        try:
+            key = self.key.get_secret_value()
+            return read_as(self.protocol, key, self.min_mode, self.unverified, self.schema_text)
+        except ReadingError as error:
+            raise bad_setting(error) from None
+
+
+class AddDevice(HowToRead):
+    """A source to open."""
+
+    source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
+
+
+def bad_setting(error: ReadingError) -> ApiError:
+    return ApiError(400, "bad-setting", f"{str(error)[:1].upper()}{str(error)[1:]}.", SETTINGS_HINT)
+
+
+def check_protocol(name: str, request: Request) -> None:
+    """ApiError where there is no such protocol."""
+    protocols: dict[str, str] = request.app.state.protocols()
+    if name and name not in protocols:
+        raise ApiError(400, "bad-protocol", f"There is no protocol {name!r}.", f"There are: {', '.join(protocols)}.")
 
 
 def sessions_of(request: Request) -> Sessions:
@@ -63,14 +87,12 @@ async def list_devices(sessions: AllSessions) -> list[wire.DeviceInfo]:
 @router.post("", status_code=201, responses=responses(400, 409, 422))
 async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -> wire.DeviceInfo:
     """Open a source. The answer comes at once; how it goes on is told over the WebSocket."""
+    reading = body.reading()
     try:
-        reading = read_as(body.protocol, body.key.get_secret_value(), body.min_mode, body.unverified, body.schema_text)
         named = taken_from(body.source, reading)[1].protocol
     except ReadingError as error:
-        raise ApiError(400, "bad-setting", f"{str(error)[:1].upper()}{str(error)[1:]}.", SETTINGS_HINT) from None
-    protocols: dict[str, str] = request.app.state.protocols()
-    if named and named not in protocols:
-        raise ApiError(400, "bad-protocol", f"There is no protocol {named!r}.", f"There are: {', '.join(protocols)}.")
+        raise bad_setting(error) from None
+    check_protocol(named, request)
     return sessions.add(body.source, reading).info
 
 
@@ -85,4 +107,13 @@ async def remove_device(session: OneSession, sessions: AllSessions) -> Response:
 async def retry_device(session: OneSession) -> wire.DeviceInfo:
     """Try the link now instead of at `next_try`; play an ended file again."""
     session.retry()
+    return session.info
+
+
+@router.post("/{device}/reading", responses=responses(400, 404, 422))
+async def read_device(body: HowToRead, request: Request, session: OneSession) -> wire.DeviceInfo:
+    """Read what comes from now on in another way: what is given here changes, the rest stays, and so does the device.
+    A `schema` is added to the descriptions that there are."""
+    check_protocol(body.protocol, request)
+    await session.read_as(changed(session.reading, body.reading(), body.model_fields_set))
     return session.info

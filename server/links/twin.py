@@ -302,6 +302,11 @@ class Bench(threading.Thread):
         os.close(self._master)
         self._master = -1
 
+    def hold(self) -> None:
+        """The host is about to close the port and open it again: keep the terminal, and how it is set, alive."""
+        if self._slave_fd < 0:
+            self._slave_fd = os.open(self.slave, os.O_RDWR | os.O_NOCTTY)
+
     def release(self) -> None:
         """The host has the port open: let go of our own handle on it, so that the cable can be pulled."""
         if self._slave_fd >= 0:
@@ -344,7 +349,7 @@ class TwinLink(Link):
     ) -> None:
         super().__init__(source, settings)
         self.options = options
-        self._make = make or (lambda start_ns: make_device(options, start_ns, settings.key))
+        self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.key))
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._bench: Bench | None = None
         self._serial: SerialLink | None = None
@@ -389,6 +394,22 @@ class TwinLink(Link):
         if self._serial is None:
             raise closed(self.source)
         await self._serial.write(data)
+
+    async def relink(self, baud: int | None = None) -> None:
+        """The port is closed and opened; the device at its other end stays as it is."""
+        if self._serial is None or self._bench is None:
+            raise closed(self.source)
+        self._bench.hold()
+        try:
+            await self._serial.relink(baud)
+        finally:
+            self._bench.release()
+        self.baud, self.capacity = self._serial.baud, self._serial.capacity
+
+    async def check_rate(self, baud: int) -> None:
+        if self._serial is None:
+            raise closed(self.source)
+        await self._serial.check_rate(baud)
 
     async def close(self) -> None:
         if self._serial is not None:

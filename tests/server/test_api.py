@@ -89,6 +89,18 @@ def test_a_body_that_is_no_json(client: Client) -> None:
 KEY = "00112233445566778899aabbccddeeff"
 
 
+def test_how_a_device_is_read_can_be_changed(client: Client) -> None:
+    changed = client.post("/api/devices/1/reading", json={"key": KEY})
+    assert changed.status_code == 200
+    assert changed.json()["id"] == "1"
+    assert KEY not in changed.text
+    assert_problem(client.post("/api/devices/1/reading", json={"key": "xyz"}), 400, "bad-setting")
+    assert_problem(client.post("/api/devices/1/reading", json={"protocol": "morse"}), 400, "bad-protocol")
+    assert_problem(client.post("/api/devices/1/reading", json={"source": "/dev/two"}), 422)
+    assert_problem(client.post("/api/devices/99/reading", json={}), 404, "not-found")
+
+
+
 @pytest.mark.parametrize(
     "body",
     [

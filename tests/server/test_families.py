@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -15,11 +16,12 @@ from protocols.events import batches
 from protocols.idtp.device import IdtpDevice
 from protocols.isb.device import IsbDevice
 from protocols.registry import PROTOCOLS
+from protocols.schema import Message
 from protocols.xbus.device import XbusDevice
 from server import codec, wire
 from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
-from server.reading import Reading
+from server.reading import Reading, changed
 from server.session import Session
 from server.speech import speech
 from tests.server.fakes import Clock, FakeLink
@@ -404,3 +406,49 @@ def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
         assert stage.info.notices == []
 
     play(test)
+
+
+# -- read in another way -----------------------------------------------------------------------------------------------
+
+
+def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
+    async def test(stage: Stage) -> None:
+        device = IdtpDevice(mode=2, key=KEY)
+        await stage.run(device, 2)
+        unverified = {channel.info.name: channel for channel in stage.hub.channels.values()}
+        before = stage.health.unverified
+        assert before
+        kept = len(unverified["Quaternion?"].ring)
+        await stage.session.read_as(replace(stage.session.reading, key=KEY))
+        assert stage.info.id == "1"
+        await stage.run(device, 2)
+        assert (stage.info.status, stage.info.protection) == ("live", "Secure, verified")
+        assert (stage.health.unverified, stage.health.rejects) == (0, 0)
+        assert stage.health.verified
+        assert len(unverified["Quaternion?"].ring) == kept
+        assert "Quaternion" in {channel.info.name for channel in stage.hub.channels.values()}
+        assert stage.link.opened == 1, "the link stays open"
+
+    play(test, Reading(unverified=True))
+
+
+def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
+    async def test(stage: Stage) -> None:
+        device = IdtpDevice(mode=2, key=KEY)
+        await stage.run(device, 3)
+        assert stage.health.rejects_by.keys() == {"no_key"}
+        await stage.session.read_as(Reading(key=KEY))
+        await stage.run(device, 2)
+        assert (stage.info.status, stage.info.notices, stage.info.hint) == ("live", [], "")
+        assert stage.health.rejects_by == {}
+
+    play(test)
+
+
+def test_what_is_given_changes_and_the_rest_stays() -> None:
+    row, other = Message(0x80, "A"), Message(0x81, "B")
+    old = Reading("idtp", key=b"k", min_mode=1, schema={0x80: row})
+    assert changed(old, Reading(key=b"new"), {"key"}) == Reading("idtp", b"new", 1, schema={0x80: row})
+    added = changed(old, Reading(schema={0x81: other}), {"schema_text"})
+    assert added.schema == {0x80: row, 0x81: other}
+    assert added.key == b"k"

@@ -148,7 +148,10 @@ export interface MessageHealth {
   readonly count: number;
 }
 
-/** Figures of one device; rates over the last second, counts since the session began. */
+/**
+ * Figures of one device; rates over the last second, counts since the session began. What was refused, verified
+ * or not is counted since its bytes are read in this way: a key that is given later begins anew.
+ */
 export interface DeviceHealth {
   readonly device: string;
   readonly time: number;
