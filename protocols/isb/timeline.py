@@ -18,7 +18,9 @@ carry one or the other:
                            the same moment, which is right to one output period.
 
 The change of epoch is a Step of kind "sync" whose `by` is the whole shift; a device that starts again is a "reset".
-A time of week without any week known has no time. Rows older than the newest by less than LATE_NS are just late.
+A time of week without any week known has no time. Rows older than the newest by less than LATE_NS are just late: a
+logger writes its data sets in turns, some seconds of one and then the same seconds of the next. So a device that is
+reset in its first seconds is told by a set that goes back against *itself*: each set keeps its order (`is_reset`).
 
 GPS time is ahead of UTC by the leap seconds since 1980. The table is of LEAP_SECONDS_AS_OF; a later leap second would
 show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS-200, 3.3.4.
@@ -54,6 +56,10 @@ GPS_EPOCH = 315_964_800  # 1980-01-06, Unix seconds
 FIRST_WEEK = 1024  # no such device is older than 1999; smaller numbers are noise
 LAST_WEEK = 8191
 LATE_NS = 10 * S
+BACK_NS = (
+    S // 2
+)  # a set that goes back by more than its jitter, to a time near zero, comes from a device that restarted
+DATED = 1 << 62  # the up-time, for comparison, of a set that carried a week
 NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not believed
 TOLD_NS = 5_000_000  # a correction of the shift below this is no event
 LONGEST_UP_S = 1e9
@@ -111,15 +117,33 @@ def double_ns(data: Bytes, at: int) -> int:
     return int(seconds * 1e9 + 0.5) if seconds < LONGEST_UP_S else -1
 
 
+@inlined
+def up_time(kind: int, ns: int, week: int) -> int:
+    """What a set's clock says of the time since start: ns, DATED where it knows the date, -1 where it says nothing."""
+    if kind == UP or (kind == WEEK_TOW and week == 0):
+        return ns
+    return DATED if kind == WEEK_TOW and ns >= 0 else -1
+
+
+@inlined
+def is_reset(before: int, up: int) -> bool:
+    """Did the device start again, by two up-times of one data set, the earlier one first (see `up_time`)?"""
+    return 0 <= up < LATE_NS and before > up + BACK_NS
+
+
+@compiled(TOLD, STATE, INT)
+def begin_again(state: State, up: int) -> Told:
+    """The device was switched off and on, and says this up-time; like `tell`."""
+    shift, _, last_up, last_utc, _, epoch = state
+    by = up - (last_utc if epoch == FROM_1970 else last_up)
+    return (shift, NOT_SHIFTED, up, -1, -1, FROM_START), up, 1, RESET, by
+
+
 @compiled(TOLD, STATE, INT)
 def _up(state: State, up: int) -> Told:
     shift, shifted, last_up, last_utc, week, epoch = state
-    step = NO_STEP
-    by = 0
-    if last_up >= 0 and up < last_up - LATE_NS:  # it has been switched off and on
-        step = RESET
-        by = up - (last_utc if epoch == FROM_1970 else last_up)
-        shifted, last_up, last_utc, week, epoch = NOT_SHIFTED, up, -1, -1, FROM_START
+    if last_up >= 0 and up < last_up - LATE_NS:
+        return begin_again(state, up)
     last_up = max(last_up, up)
     time = up
     if epoch == FROM_1970:
@@ -129,7 +153,7 @@ def _up(state: State, up: int) -> Told:
         time = up + shift
     else:
         epoch = FROM_START
-    return (shift, shifted, last_up, last_utc, week, epoch), time, 1, step, by
+    return (shift, shifted, last_up, last_utc, week, epoch), time, 1, NO_STEP, 0
 
 
 @compiled(TOLD, STATE, INT, INT)

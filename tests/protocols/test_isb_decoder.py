@@ -104,6 +104,51 @@ def test_restart() -> None:
     assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset"]
 
 
+def baro(up: float) -> bytes:
+    return build(frames.DATA, 53, struct.pack("<d4f", up, *range(4)))
+
+
+@pytest.mark.parametrize("split", [True, False])
+def test_a_restart_in_the_first_seconds_is_told(split: bool) -> None:
+    """It was taken for late data, and drawn over the seconds before it until the next fix."""
+    parts = [imu(5.0), baro(5.9), ins(0, 6.0), imu(6.0), imu(0.3), baro(0.4), ins(0, 0.4), imu(0.5)]
+    events = decode(*parts) if split else decode(b"".join(parts))
+    assert times(events, "DID_IMU") == [5.0, 6.0, 0.3, 0.5]
+    assert times(events, "DID_BAROMETER") == [5.9, 0.4]
+    assert times(events, "DID_INS_1") == [6.0, 0.4]
+    (step,) = (event for event in events if isinstance(event, Step))
+    assert (step.kind, step.by_ns) == ("reset", pytest.approx(-5.7 * S))
+    assert step.offset == sum(len(part) for part in parts[:4])
+
+
+def test_a_restart_soon_after_an_early_fix_is_told_and_nothing_is_in_1980() -> None:
+    """Up-time was shifted by what had held before the restart, and lay seconds before what had just been shown."""
+    parts = [imu(4.0), ins(WEEK, 18.0), imu(4.1), imu(0.2), ins(0, 0.25), imu(0.3), ins(WEEK, 25.0), imu(0.4)]
+    events = decode(*parts)
+    assert times(events, "DID_IMU") == pytest.approx([4.0, MIDNIGHT + 0.1, 0.2, 0.3, MIDNIGHT + 7.1])
+    assert times(events, "DID_INS_1") == pytest.approx([MIDNIGHT, 0.25, MIDNIGHT + 7])
+    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset", "sync"]
+    # a set that knew the date and does not any more says so as well, with no other clock beside it
+    events = decode(ins(0, 3.0), ins(WEEK, 18.0), ins(0, 2.5))
+    assert times(events, "DID_INS_1") == pytest.approx([3.0, MIDNIGHT, 2.5])
+    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset"]
+
+
+def test_sets_that_a_logger_wrote_in_turns_are_late_and_no_restart() -> None:
+    up = [0.5, 1.5, 2.5, 3.5]
+    parts = [*map(imu, up), *map(baro, up), *(imu(4 + t) for t in up), *(baro(4 + t) for t in up), ins(0, 1.0)]
+    events = decode(*parts)
+    assert times(events, "DID_BAROMETER") == [*up, *(4 + t for t in up)]
+    assert times(events, "DID_INS_1") == [1.0]
+    assert not [event for event in events if isinstance(event, Step)]
+
+
+def test_a_set_whose_rows_changed_places_is_no_restart() -> None:
+    events = decode(imu(1.0), imu(1.2), imu(0.9), imu(1.3))
+    assert times(events, "DID_IMU") == [1.0, 1.2, 0.9, 1.3]
+    assert not [event for event in events if isinstance(event, Step)]
+
+
 def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
     second = bytearray(position(0, 0))
     second = bytearray(build(frames.DATA, 14, bytes(second[6:-2])))
