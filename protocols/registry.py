@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from protocols.dialogues import Driver
 from protocols.events import Batch, Decoder, Reply
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.frames import build as idtp_build
@@ -26,6 +27,7 @@ from protocols.isb.identity import identity as isb_identity
 from protocols.isb.likeness import likeness as isb_likeness
 from protocols.isb.listing import IsbListing
 from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.dialogues import XbusDriver
 from protocols.xbus.frames import build
 from protocols.xbus.identity import identity as xbus_identity
 from protocols.xbus.likeness import likeness as xbus_likeness
@@ -58,6 +60,7 @@ class ProtocolInfo:
         greeting: what may be sent to any device of the protocol, whatever it does, to learn who it is; b"" for nothing.
         protection: what protects the frames of a batch, in words; None where a protocol has one answer for all.
         sender: what to call who sends (Batch.device) where a stream names its senders.
+        driver: how its devices are configured; None where they are not.
     """
 
     name: str
@@ -72,6 +75,7 @@ class ProtocolInfo:
     greeting: bytes = b""
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
+    driver: Driver | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +98,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             XbusListing,
             build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
             identity=xbus_identity,
+            driver=XbusDriver(),
         ),
         ProtocolInfo(
             "isb",

@@ -66,10 +66,15 @@ _OPTION_CHANGES = (
     Field("set_flags", ">u4", bits=OPTION_FLAGS, doc="Flags to set."),
     Field("clear_flags", ">u4", bits=OPTION_FLAGS, doc="Flags to clear; setting wins where both are given."),
 )
-_LOCATION = (Field("location_id", ">u2", doc="Any number that the user likes."),)
+_LOCATION = (Field("location_id", ">u2", default=0, doc="Any number that the user likes."),)
 _DELAY = (
     Field(
-        "delay", ">u2", unit="1/29491200 s", doc="Least pause before an answer on RS-485, in clock ticks; 590 or more."
+        "delay",
+        ">u2",
+        unit="1/29491200 s",
+        low=590,
+        default=590,
+        doc="Least pause before an answer on RS-485, in clock ticks; 590 or more.",
     ),
 )
 _ERROR_MODE = (Field("mode", ">u2", choices=ERROR_MODES, doc="What the device does about an error."),)
@@ -79,19 +84,21 @@ _SYNC = (
     Field(
         "settings",
         shape=(-1,),
+        most=10,
         doc="Sync settings, at most 10; one with polarity 0 clears the list.",
         fields=(
             Field("function", "u1", choices=SYNC_FUNCTIONS, doc="What happens."),
             Field("line", "u1", choices=SYNC_LINES, doc="On which line; the meaning depends on the series."),
-            Field("polarity", "u1", choices=POLARITIES, doc="Which edge, or which pulse."),
-            Field("trigger_once", "u1", doc="1: only once."),
-            Field("skip_first", ">u2", doc="Events to skip at first."),
-            Field("skip_factor", ">u2", doc="Events to skip after each one acted on."),
-            Field("pulse_width", ">u2", unit="100 µs", doc="Width of the pulse; sync out only."),
+            Field("polarity", "u1", choices=POLARITIES, default=1, doc="Which edge, or which pulse."),
+            Field("trigger_once", "u1", high=1, default=0, doc="1: only once."),
+            Field("skip_first", ">u2", default=0, doc="Events to skip at first."),
+            Field("skip_factor", ">u2", default=0, doc="Events to skip after each one acted on."),
+            Field("pulse_width", ">u2", unit="100 µs", default=0, doc="Width of the pulse; sync out only."),
             Field(
                 "delay_offset_or_clock_period",
                 ">u2",
                 unit="100 µs",
+                default=0,
                 doc="Delay of a sync in, offset of a sync out (then two's complement), or the clock's period in ms.",
             ),
         ),
@@ -101,6 +108,7 @@ _OUTPUTS = (
     Field(
         "outputs",
         shape=(-1,),
+        most=32,
         doc="What the device sends, at most 32 entries.",
         fields=(
             Field("data_identifier", ">u2", doc="Data identifier with its format bits."),
@@ -113,21 +121,27 @@ _STRINGS_32 = (
     Field("string_types", ">u4", bits=STRING_TYPES, doc="Strings to send; 0 returns to MTData2."),
     Field("frequency", ">u2", unit="Hz", doc="Rate of the strings."),
 )
-_PERIOD = (Field("period", ">u2", unit="1/115200 s", doc="Sampling period for strings, 225 to 1152."),)
-_SKIP = (Field("skip_factor", ">u2", doc="Outputs skipped between two sent; 65535: only on ReqData."),)
+_PERIOD = (
+    Field("period", ">u2", unit="1/115200 s", low=225, high=1152, default=1152, doc="Sampling period for strings."),
+)
+_SKIP = (Field("skip_factor", ">u2", default=0, doc="Outputs skipped between two sent; 65535: only on ReqData."),)
 _WHICH_ALIGNMENT = (Field("parameter", "u1", choices=ALIGNMENTS, doc="Which of the two alignments."),)
 _ALIGNMENT = (
     *_WHICH_ALIGNMENT,
-    *(Field(q, ">f4", decimals=4, doc="Component of the quaternion, scalar first.") for q in ("q0", "q1", "q2", "q3")),
+    *(
+        Field(q, ">f4", decimals=4, default=float(q == "q0"), doc="Component of the unit quaternion, scalar first.")
+        for q in ("q0", "q1", "q2", "q3")
+    ),
 )
 _EXT_OUTPUT = (Field("mode", ">u2", bits=EXT_OUTPUT_MODE_BITS, doc="Extended output mode."),)
 _PORTS = (
-    Field("words", ">u4", (-1,), bits=PORT_WORD, doc="One word a port: RS-232 host, UART host, RS-232 for RTCM input."),
+    Field("words", ">u4", (-1,), bits=PORT_WORD, most=3, doc="One word a port: RS-232, UART, RS-232 for RTCM input."),
 )
 _CAN_OUTPUTS = (
     Field(
         "outputs",
         shape=(-1,),
+        most=16,
         doc="What the device sends on CAN, at most 16 entries.",
         fields=(
             Field("can_data_id", "u1", doc="Which data."),
@@ -139,22 +153,23 @@ _CAN_OUTPUTS = (
 )
 _CAN = (Field("word", ">u4", bits=CAN_WORD, doc="Baud code and enable bit of the CAN transceiver."),)
 _PLACE = (
-    Field("latitude", ">f8", unit="°", decimals=7, doc="Latitude, for local gravity and declination."),
-    Field("longitude", ">f8", unit="°", decimals=7, doc="Longitude."),
+    Field("latitude", ">f8", unit="°", low=-90, high=90, decimals=7, doc="Latitude, for gravity and declination."),
+    Field("longitude", ">f8", unit="°", low=-180, high=180, decimals=7, doc="Longitude."),
     Field("altitude", ">f8", unit="m", decimals=2, doc="Altitude."),
 )
-_PROFILE_LABEL = (
-    Field("profile", "ascii", (-1,), doc="Label of the profile, or base/heading; at most 62 characters."),
-)
+_PROFILE_LABEL = (Field("profile", "ascii", (-1,), low=1, most=62, doc="Label of the profile, or base/heading."),)
 _PLATFORM = (Field("platform", ">u2", choices=GNSS_PLATFORMS, doc="Motion that the GNSS receiver expects."),)
 _LEVER_ARM = tuple(
-    Field(axis, ">f4", unit="m", decimals=3, doc=f"From the device to the GNSS antenna, along {axis}.")
+    Field(axis, ">f4", unit="m", decimals=3, default=0.0, doc=f"From the device to the GNSS antenna, along {axis}.")
     for axis in "xyz"
 )
+_UTC_RANGES = ((0, 10**9), (1999, 2099), (1, 12), (1, 31), (0, 23), (0, 59), (0, 59))  # Table 35
 _UTC = (
-    replace(UTC_FIELDS[0], name="nanoseconds"),
-    *UTC_FIELDS[1:-1],
-    Field("flags", "u1", bits=UTC_FLAGS, doc="Validity."),
+    *(
+        replace(field, name="nanoseconds" if field.name == "ns" else field.name, low=low, high=high)
+        for field, (low, high) in zip(UTC_FIELDS, _UTC_RANGES, strict=False)
+    ),
+    Field("flags", "u1", bits=UTC_FLAGS, high=7, default=7, doc="Validity."),
 )
 _ICC = Field("command", "u1", choices=ICC_COMMANDS, doc="What in-run compass calibration is to do, or did.")
 
@@ -387,13 +402,13 @@ MESSAGES: tuple[Message, ...] = (
                (Field("code", ">u2", choices=RESET_CODES, doc="Which reset."),)),
     _to_host(0xA5, "ResetOrientationAck", "8.7", "The orientation is reset."),
     _to_device(0x22, "SetNoRotation", "5.3.7", "Says that the device will lie still, to estimate gyroscope bias.",
-               (Field("duration", ">u2", unit="s", doc="For how long."),)),
+               (Field("duration", ">u2", unit="s", low=1, default=10, doc="For how long."),)),
     _to_host(0x23, "SetNoRotationAck", "8.7", "The no-rotation update has begun; its result is in the status word."),
     _to_device(0x60, "ReqUTCTime", "5.3.7", "Asks for UTC."),
     _to_device(0x60, "SetUTCTime", "5.3.7", "Sets UTC in the device.", _UTC),
     _to_host(0x61, "UTCTime", "5.3.7", "UTC in the device.", _UTC),
     _to_device(0xA8, "AdjustUTCTime", "5.3.7", "Moves UTC in the device.",
-               (Field("correction", ">i4", unit="0.1 ms", doc="By how much."),)),
+               (Field("correction", ">i4", unit="0.1 ms", low=-10_000, high=10_000, doc="By how much; not 0."),)),
     _to_host(0xA9, "AdjustUTCTimeAck", "device", "UTC is moved."),
     _to_device(0x74, "IccCommand", "5.3.7", "Controls in-run compass calibration.", (_ICC,)),
     _to_host(0x75, "IccCommandAck", "5.3.7", "In-run compass calibration has taken the command.", (_ICC,)),
@@ -405,10 +420,11 @@ MESSAGES: tuple[Message, ...] = (
               Field("status", "u1", choices={0: "ok", 1: "too much disturbance", 2: "not enough data", 3: "both"},
                     doc="Whether the result can be used."))),
     _to_device(0xD6, "SetInitialHeading", "5.3.7", "Sets the heading at which a filter without magnetometer starts.",
-               (Field("heading", ">f4", unit="°", decimals=2, doc="Heading, −180 to 180."),)),
+               (Field("heading", ">f4", unit="°", low=-180, high=180, decimals=2, default=0.0,
+                      doc="Heading, −180 to 180."),)),
     _to_host(0xD7, "SetInitialHeadingAck", "5.3.7", "The initial heading is set."),
     _to_device(0xE2, "ForwardGnssData", "5.3.7", "Passes data, RTCM as a rule, on to the GNSS receiver.",
-               (Field("data", "bytes", (-1,), doc="Whole messages for the receiver."),)),
+               (Field("data", "bytes", (-1,), low=1, most=2048, doc="Whole messages for the receiver."),)),
     _to_host(0xE3, "ForwardGnssDataAck", "5.3.7", "The data are passed on."),
     _to_device(0x82, "reserved 130", "8.7", _RESERVED, _DATA),
     _to_host(0x83, "reserved 131", "8.7", _RESERVED, _DATA),

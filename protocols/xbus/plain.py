@@ -64,9 +64,9 @@ def plain(frame: bytes) -> Plain:
         fields = unpack(described, payload, exact=True)
         if covered < len(payload):
             wire["trailing"] = payload[covered:].hex()
-        if not _leads_back(mid, name, _jsonable(fields), payload[:covered]):
+        if not _leads_back(mid, name, jsonable(fields), payload[:covered]):
             wire["size"] = covered
-    result: Plain = {"id": mid, "message": name, "fields": _jsonable(fields)}
+    result: Plain = {"id": mid, "message": name, "fields": jsonable(fields)}
     flags = {path: names for field in described for path, names in _flags(field, fields[field.name], field.name)}
     if flags:
         result["flags"] = flags
@@ -95,7 +95,7 @@ def _data(payload: bytes, wire: Plain) -> tuple[list[Field], Plain]:
         field = item(identifier, size)
         raw = payload[at : at + size] if size <= 255 else _chain(payload, at, size)
         if field.name in values:
-            repeated.append([where[field.name], _jsonable(values.pop(field.name))])
+            repeated.append([where[field.name], jsonable(values.pop(field.name))])
         values[field.name] = unpack((field,), raw, exact=True)[field.name]
         described[field.name] = field
         where[field.name] = position
@@ -152,14 +152,14 @@ def _usual(name: str, size: int) -> tuple[int, int]:
     return row.id, size_of(replace(row, dtype=">f4") if row.dtype == "real" else row)
 
 
-def _jsonable(value: Any) -> Any:
+def jsonable(value: Any) -> Any:
     """Bytes as hex, wherever they are."""
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, Mapping):
-        return {name: _jsonable(part) for name, part in value.items()}
+        return {name: jsonable(part) for name, part in value.items()}
     if isinstance(value, list):
-        return [_jsonable(part) for part in value]
+        return [jsonable(part) for part in value]
     return value
 
 

@@ -1,0 +1,369 @@
+"""What can an MTi be told and asked, and what does it keep? Tables; the engine that reads them is at the end.
+
+    _ROWS      one per message to the device: heading, what it does, which products have it, what harm it can do
+    _KEPT      one per setting: the message pair that reads and writes it
+    fitted     a row's fields as one product has them: its option flags, sync functions and lines, filter profiles
+
+Names, fields and sections come from messages.py; a name with two forms (string output, filter profile) has the one that
+the product takes, and both, told apart by the form's title, while the product is not known.
+
+A command of the table says in which state the device must be (`State`); most are valid in the config state only.
+
+Rules for editing: a row holds no code; a field's range belongs to messages.py, what depends on the product to `fitted`.
+
+Source: MT0101P 2020.A, 5.3.1 to 5.3.7, tables 8, 11, 12 and 30; time-outs as the vendor's own software uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, Literal
+
+from protocols.schema import Caution, Command, Field, Message, Setting
+from protocols.xbus.choices import fitted
+from protocols.xbus.messages import BY_NAME, ROWS, answers
+from protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
+
+State = Literal["config", "measuring", "any"]
+
+OUTPUT, FRAME, PROFILE, SYNC, PORT, RECEIVER, HEADING, IDENTITY, COMMANDS = GROUPS = (
+    "Output configuration",
+    "Frame and mounting",
+    "Filter profile",
+    "Sync and triggers",
+    "Port and baud rate",
+    "GNSS and RTK input",
+    "Heading and no-rotation",
+    "Identity and firmware",
+    "Commands",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One message to the device.
+
+    Args:
+        message: its name in messages.py.
+        form: which of the rows of that name.
+        on: products that have it.
+        state: in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
+    """
+
+    message: str
+    kind: Literal["ask", "set", "do"]
+    group: str
+    title: str
+    on: frozenset[int] = ALL
+    form: int = 0
+    state: State = "config"
+    timeout_s: float = 0.5
+    caution: Caution = ""
+    consequence: str = ""
+    simple: bool = True
+
+    @property
+    def row(self) -> Message:
+        return BY_NAME[self.message][self.form]
+
+
+def _ask(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
+    return Row(message, "ask", group, title, on, simple=False, **more)
+
+
+def _set(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
+    return Row(message, "set", group, title, on, **more)
+
+
+def _do(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
+    return Row(message, "do", group, title, on, **more)
+
+
+_CUTS = "From the next reset the device speaks as set here; a cable or a program that does not is cut off."
+_GNSS_HEADING = frozenset({710, 670, 680})
+_PLATFORM = frozenset({7, 710})
+
+_ROWS: tuple[Row, ...] = (
+    _ask("ReqOutputConfiguration", OUTPUT, "Read what is sent"),
+    _set("SetOutputConfiguration", OUTPUT, "Choose what is sent"),
+    _ask("ReqStringOutputType", OUTPUT, "Read which sentences are sent", ALL - ONE),
+    _set("SetStringOutputType", OUTPUT, "Send sentences instead of data", CLASSIC, form=0, caution="stops-output",
+         consequence="The device sends text lines instead of MTData2 from now on; 0 returns to MTData2."),
+    _set("SetStringOutputType", OUTPUT, "Send sentences instead of data", SIX, form=1, caution="stops-output",
+         consequence="The device sends text lines instead of MTData2 from now on; 0 returns to MTData2."),
+    _ask("ReqPeriod", OUTPUT, "Read the period of the sentences", CLASSIC),
+    _set("SetPeriod", OUTPUT, "Set the period of the sentences", CLASSIC, simple=False),
+    _ask("ReqOutputSkipFactor", OUTPUT, "Read how many sentences are skipped", CLASSIC),
+    _set("SetOutputSkipFactor", OUTPUT, "Set how many sentences are skipped", CLASSIC, simple=False),
+    _ask("ReqCanOutputConfig", OUTPUT, "Read what is sent on CAN", SIX),
+    _set("SetCanOutputConfig", OUTPUT, "Choose what is sent on CAN", SIX, simple=False),
+    _ask("ReqConfiguration", OUTPUT, "Read the configuration for a log", timeout_s=5.0),
+    _do("ReqData", OUTPUT, "Ask for one sample", state="measuring", simple=False),
+    # frame
+    _ask("ReqAlignmentRotation", FRAME, "Read an alignment"),
+    _set("SetAlignmentRotation", FRAME, "Set an alignment", caution="moves-frame",
+         consequence="All vectors and the orientation turn to another frame; everything that reads them must know."),
+    _ask("ReqLatLonAlt", FRAME, "Read the stored place"),
+    _set("SetLatLonAlt", FRAME, "Store a place"),
+    # filter
+    _ask("ReqAvailableFilterProfiles", PROFILE, "List the filter profiles", FILTER),
+    _ask("ReqFilterProfile", PROFILE, "Read the filter profile", FILTER),
+    _set("SetFilterProfile", PROFILE, "Choose a filter profile", FILTER - SIX, form=0),
+    _set("SetFilterProfile", PROFILE, "Choose a filter profile", FILTER & SIX, form=1),
+    _ask("ReqOptionFlags", PROFILE, "Read the option flags"),
+    _set("SetOptionFlags", PROFILE, "Set and clear option flags"),
+    # sync
+    _ask("ReqSyncSettings", SYNC, "Read the sync settings"),
+    _set("SetSyncSettings", SYNC, "Replace the sync settings"),
+    _ask("ReqUTCTime", SYNC, "Read UTC"),
+    _set("SetUTCTime", SYNC, "Set UTC"),
+    _do("AdjustUTCTime", SYNC, "Move UTC", simple=False),
+    # port
+    _ask("ReqBaudrate", PORT, "Read the baud rate"),
+    _set("SetBaudrate", PORT, "Set the baud rate", timeout_s=1.0, caution="cuts-line", consequence=_CUTS),
+    _ask("ReqPortConfig", PORT, "Read the ports", SIX),
+    _set("SetPortConfig", PORT, "Configure the ports", SIX, caution="cuts-line", consequence=_CUTS),
+    _ask("ReqCanConfig", PORT, "Read the CAN transceiver", SIX),
+    _set("SetCanConfig", PORT, "Configure the CAN transceiver", SIX, simple=False, caution="cuts-line",
+         consequence="A device that is read over CAN falls silent there when its rate changes or it is switched off."),
+    _ask("ReqExtOutputMode", PORT, "Read the extended output mode", CLASSIC),
+    _set("SetExtOutputMode", PORT, "Set the extended output mode", CLASSIC, simple=False, caution="cuts-line",
+         consequence="With the alternative UART the device no longer answers on its serial line."),
+    _ask("ReqTransmitDelay", PORT, "Read the RS-485 delay", CLASSIC),
+    _set("SetTransmitDelay", PORT, "Set the RS-485 delay", CLASSIC, simple=False),
+    # receiver
+    _ask("ReqGnssPlatform", RECEIVER, "Read the expected motion", _PLATFORM),
+    _set("SetGnssPlatform", RECEIVER, "Set the expected motion", _PLATFORM, simple=False),
+    _ask("ReqGnssLeverArm", RECEIVER, "Read the antenna's lever arm", RTK),
+    _set("SetGnssLeverArm", RECEIVER, "Set the antenna's lever arm", RTK),
+    _do("ForwardGnssData", RECEIVER, "Pass data on to the receiver", RTK, state="measuring", caution="moves-frame",
+        consequence="Wrong corrections move the position; the receiver takes them as they are."),
+    _ask("ReqGnssReceiverSettings", RECEIVER, "Read the receiver's settings", NOBODY),
+    _set("SetGnssReceiverSettings", RECEIVER, "Set up the receiver", NOBODY, simple=False),
+    # heading
+    _do("ResetOrientation", HEADING, "Reset the orientation", FILTER, state="measuring", caution="moves-frame",
+        consequence="Heading or orientation jumps to a new reference; everything that uses it sees the jump."),
+    _do("SetNoRotation", HEADING, "Estimate the gyroscope bias at rest", FILTER, state="measuring",
+        caution="moves-frame",
+        consequence="A device that moves meanwhile learns a wrong bias, and its orientation drifts."),
+    _do("IccCommand", HEADING, "In-run compass calibration", FILTER, state="measuring", timeout_s=3.5, simple=False,
+        caution="moves-frame", consequence="A stored calibration changes the magnetic field and so the heading."),
+    _do("SetInitialHeading", HEADING, "Set the heading to start with", _GNSS_HEADING, caution="moves-frame",
+        consequence="The filter starts from this heading; a wrong one stays until it has learnt better."),
+    _do("StoreFilterState", HEADING, "Store the state of the filter", NOBODY, simple=False, caution="wears-flash",
+        consequence="Each call writes the flash memory."),
+    # identity
+    _ask("ReqDID", IDENTITY, "Read the serial number"),
+    _ask("ReqProductCode", IDENTITY, "Read the product code"),
+    _ask("ReqHardwareVersion", IDENTITY, "Read the hardware version"),
+    _ask("ReqFWRev", IDENTITY, "Read the firmware revision"),
+    _ask("ReqLocationID", IDENTITY, "Read the location identifier"),
+    _set("SetLocationID", IDENTITY, "Set the location identifier"),
+    _ask("ReqEmts", IDENTITY, "Read the stored calibration", NOBODY, timeout_s=5.0),
+    _do("RunSelftest", IDENTITY, "Run the self-test", timeout_s=3.0),
+    # commands
+    _do("GoToConfig", COMMANDS, "Stop measuring", state="any", caution="stops-output",
+        consequence="No data come until the device is told to measure again."),
+    _do("GoToMeasurement", COMMANDS, "Measure", state="any"),
+    _do("Reset", COMMANDS, "Restart the device", state="any", caution="restarts",
+        consequence="No data for about two seconds; clock, counter and filter begin anew."),
+    _do("RestoreFactoryDef", COMMANDS, "Restore the factory settings", timeout_s=2.0, caution="loses-settings",
+        consequence="All settings, alignments and filter settings return to the factory's, the baud rate to 115 200 Bd "
+        "at the next reset."),
+    _do("WakeUpAck", COMMANDS, "Keep a starting device in the config state", state="any", simple=False),
+    _do("InitBus", COMMANDS, "Initialise the bus", NOBODY, simple=False),
+    _ask("ReqErrorMode", COMMANDS, "Read the error mode", NOBODY),
+    _set("SetErrorMode", COMMANDS, "Set the error mode", NOBODY, simple=False),
+    _ask("ReqOutputMode", COMMANDS, "Read the output mode", NOBODY),
+    _set("SetOutputMode", COMMANDS, "Set the output mode", NOBODY, simple=False),
+    _ask("ReqOutputSettings", COMMANDS, "Read the output settings", NOBODY),
+    _set("SetOutputSettings", COMMANDS, "Set the output settings", NOBODY, simple=False),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """One setting.
+
+    Args:
+        read, write: messages; write "" for what the device only tells.
+        only: names of the fields that it has; () for all of the answer's.
+        fixed: arguments that both messages carry beside (which of two alignments).
+    """
+
+    name: str
+    read: str
+    write: str = ""
+    group: str = ""
+    title: str = ""
+    on: frozenset[int] = ALL
+    editor: Literal["", "outputs", "streams"] = ""
+    after: Literal["", "measurement", "reset"] = ""
+    simple: bool = True
+    only: tuple[str, ...] = ()
+    told: tuple[str, ...] = ()
+    fixed: Mapping[str, int] = field(default_factory=dict)
+
+
+_Q = ("q0", "q1", "q2", "q3")
+
+_KEPT: tuple[Kept, ...] = (
+    Kept("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT, "What is sent",
+         editor="outputs", after="measurement"),
+    Kept("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT, "Sentences instead of data",
+         ALL - ONE, after="measurement", simple=False),
+    Kept("Period", "ReqPeriod", "SetPeriod", OUTPUT, "Period of the sentences", CLASSIC, after="measurement",
+         simple=False),
+    Kept("OutputSkipFactor", "ReqOutputSkipFactor", "SetOutputSkipFactor", OUTPUT, "Sentences that are skipped",
+         CLASSIC, after="measurement", simple=False),
+    Kept("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "What is sent on CAN", SIX,
+         after="measurement", simple=False),
+    Kept("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
+         "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),
+    Kept("AlignmentRotation.RotLocal", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
+         "Local frame to the user's", after="measurement", only=_Q, fixed={"parameter": 1}),
+    Kept("LatLonAlt", "ReqLatLonAlt", "SetLatLonAlt", FRAME, "Place, for gravity and declination"),
+    Kept("FilterProfile", "ReqFilterProfile", "SetFilterProfile", PROFILE, "Filter profile", FILTER,
+         after="measurement", told=("version",)),
+    Kept("AvailableFilterProfiles", "ReqAvailableFilterProfiles", "", PROFILE, "Filter profiles that there are",
+         FILTER, simple=False),
+    Kept("OptionFlags", "ReqOptionFlags", "SetOptionFlags", PROFILE, "Option flags"),
+    Kept("SyncSettings", "ReqSyncSettings", "SetSyncSettings", SYNC, "Sync in and out", after="measurement"),
+    Kept("Baudrate", "ReqBaudrate", "SetBaudrate", PORT, "Baud rate", ALL - SIX, after="reset"),
+    Kept("PortConfig", "ReqPortConfig", "SetPortConfig", PORT, "Ports", SIX, after="reset"),
+    Kept("CanConfig", "ReqCanConfig", "SetCanConfig", PORT, "CAN transceiver", SIX, after="reset", simple=False),
+    Kept("ExtOutputMode", "ReqExtOutputMode", "SetExtOutputMode", PORT, "Extended output mode", CLASSIC,
+         after="reset", simple=False),
+    Kept("TransmitDelay", "ReqTransmitDelay", "SetTransmitDelay", PORT, "RS-485 delay", CLASSIC, simple=False),
+    Kept("GnssPlatform", "ReqGnssPlatform", "SetGnssPlatform", RECEIVER, "Expected motion", _PLATFORM, simple=False),
+    Kept("GnssLeverArm", "ReqGnssLeverArm", "SetGnssLeverArm", RECEIVER, "Lever arm to the antenna", RTK),
+    Kept("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier"),
+    Kept("DeviceID", "ReqDID", "", IDENTITY, "Serial number"),
+    Kept("ProductCode", "ReqProductCode", "", IDENTITY, "Product code"),
+    Kept("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
+    Kept("FirmwareRev", "ReqFWRev", "", IDENTITY, "Firmware revision"),
+    Kept("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log", simple=False),
+)  # fmt: skip
+
+
+# -- the tables, per product -------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def rows(model: Model | None) -> Mapping[str, Row]:
+    """The commands of a product by name, in the order of the table; of all products while it is not known."""
+    found: dict[str, Row] = {}
+    for row in _ROWS:
+        if has(model, row.on):
+            found[row.message if row.message not in found else row.row.title] = row
+    return found
+
+
+@lru_cache(maxsize=64)
+def kept(model: Model | None) -> Mapping[str, Kept]:
+    """The settings of a product by name, in the order of the table."""
+    return {one.name: one for one in _KEPT if has(model, one.on)}
+
+
+@lru_cache(maxsize=64)
+def commands(product: str) -> tuple[Command, ...]:
+    """The commands of a product, as forms are drawn from them."""
+    model = model_of(product)
+    return tuple(_command(name, row, model) for name, row in rows(model).items())
+
+
+def _command(name: str, row: Row, model: Model | None) -> Command:
+    return Command(
+        name,
+        arguments(row, model),
+        kind=row.kind,
+        group=row.group,
+        reply="MTData2" if row.message == "ReqData" else reply_name(row),
+        timeout_s=row.timeout_s,
+        caution=row.caution,
+        consequence=row.consequence,
+        simple=row.simple and bool(row.on),
+        title=row.title,
+        doc=row.row.doc,
+        source=row.row.source,
+    )
+
+
+def arguments(row: Row, model: Model | None) -> tuple[Field, ...]:
+    """What a person fills in, as the product has it."""
+    return tuple(fitted(row.message, field, model) for field in row.row.fields)
+
+
+def reply_name(row: Row) -> str:
+    """The message that acknowledges it; "" where nothing does."""
+    forms = ROWS.get(answers(row.row.id), ())
+    if row.kind == "set":
+        return next((form.name for form in forms if form.name.startswith("Set")), forms[0].name if forms else "")
+    return next((form.name for form in forms if form.fields), forms[0].name if forms else "")
+
+
+def reply_form(read: str, model: Model | None) -> Message:
+    """The answer that tells a setting, as the product has it."""
+    forms = [form for form in ROWS[answers(BY_NAME[read][0].id)] if form.fields]
+    if len(forms) > 1 and read in _BY_SERIES:
+        six = model is None or model.series == 600
+        return forms[-1] if six else forms[0]
+    return forms[0]
+
+
+_BY_SERIES = ("ReqDID", "ReqStringOutputType", "ReqFilterProfile", "ReqConfiguration")
+
+
+@lru_cache(maxsize=64)
+def settings(product: str) -> tuple[Setting, ...]:
+    """The settings of a product."""
+    model = model_of(product)
+    return tuple(_setting(one, model) for one in kept(model).values())
+
+
+def _setting(one: Kept, model: Model | None) -> Setting:
+    answer = reply_form(one.read, model)
+    fields = answer.fields
+    writer = write_row(one, model)
+    if writer is not None and one.name != "OptionFlags":
+        known = {field.name: field for field in arguments(writer, model)}
+        fields = tuple(known.get(field.name, field) for field in fields)
+    elif writer is not None:
+        fields = tuple(fitted("SetOptionFlags", field, model) for field in fields)
+    if one.only:
+        fields = tuple(field for field in fields if field.name in one.only)
+    if writer is None:
+        fields = tuple(replace(field, read_only=True) for field in fields)
+    fields = tuple(replace(field, read_only=True) if field.name in one.told else field for field in fields)
+    return Setting(
+        one.name,
+        fields,
+        read=one.read,
+        write=one.write,
+        editor=one.editor,
+        after=one.after,
+        caution=writer.caution if writer else "",
+        consequence=writer.consequence if writer else "",
+        group=one.group,
+        simple=one.simple,
+        title=one.title,
+        doc=writer.row.doc if writer else answer.doc,
+        source=writer.row.source if writer else answer.source,
+    )
+
+
+def write_row(one: Kept, model: Model | None) -> Row | None:
+    """The command that writes a setting, in the product's form (the 600-series' while it is not known)."""
+    found = [row for row in _ROWS if row.message == one.write and has(model, row.on)]
+    return found[-1] if found else None
+
+
+def state_of(row: Row, values: Mapping[str, Any]) -> State:
+    """The state in which a command is valid with these arguments."""
+    if row.message == "ResetOrientation" and values.get("code") == 0:
+        return "config"  # stores what was reset
+    if row.message == "IccCommand" and values.get("command") == 2:
+        return "config"
+    return row.state

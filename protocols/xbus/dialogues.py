@@ -1,0 +1,305 @@
+"""How is an MTi configured? The driver: tables, frames and dialogues of section 5.3, behind protocols.dialogues.Driver.
+
+    within(body)    GoToConfig … body … GoToMeasurement, also when the body fails or is stopped
+    read(setting)   its request; the answer's fields
+    write(setting)  its Set message, the acknowledgement, then the request: what the device really holds
+    restart         Reset; settings are stored by the device when they are set
+
+Values are wire values by field name. Two settings are not what their message carries: OptionFlags is the word that is
+wanted, sent as the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the
+name. An empty list of outputs, or of sync settings, is sent as one entry that means "none".
+
+Source: MT0101P 2020.A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import TypeVar
+
+from protocols import limits
+from protocols.dialogues import (
+    Dialogue,
+    Expect,
+    InState,
+    Known,
+    LineChange,
+    Load,
+    RefusedError,
+    Relink,
+    Send,
+    SilentError,
+    Span,
+    StoppedError,
+    Values,
+    Written,
+)
+from protocols.events import Batch, Event, Reply
+from protocols.layouts import EncodeError
+from protocols.schema import Command, Setting
+from protocols.xbus import changes, commands, exchange, frames, spans
+from protocols.xbus.choices import problems_beyond
+from protocols.xbus.codes import OPTION_FLAGS
+from protocols.xbus.commands import Kept, Row
+from protocols.xbus.identity import identity
+from protocols.xbus.load import fit, load
+from protocols.xbus.plain import frame_of
+from protocols.xbus.products import Model, model_of
+
+T = TypeVar("T")
+
+_NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # how an empty list is sent, since an empty message asks
+    "SetOutputConfiguration": ("outputs", {"data_identifier": 0, "output_frequency": 0}),
+    "SetSyncSettings": (
+        "settings",
+        dict.fromkeys(("function", "line", "polarity", "trigger_once", "skip_first", "skip_factor", "pulse_width"), 0)
+        | {"delay_offset_or_clock_period": 0},
+    ),
+}
+_OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
+
+
+class XbusDriver:
+    """See protocols.dialogues.Driver."""
+
+    name = "xbus"
+
+    # -- tables
+
+    def commands(self, known: Known) -> Sequence[Command]:
+        return commands.commands(known.product)
+
+    def settings(self, known: Known) -> Sequence[Setting]:
+        return commands.settings(known.product)
+
+    # -- frames
+
+    def frame(self, command: str, values: Values, known: Known) -> bytes:
+        model = model_of(known.product)
+        row = _row(command, values, model)
+        return _frame(row, values, model)
+
+    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+        model = model_of(known.product)
+        return [_write_frame(_kept(setting, model), values, model)]
+
+    def spans(self, frame: bytes) -> list[Span]:
+        return spans.spans(frame)
+
+    def name_of(self, frame: bytes) -> str:
+        return spans.name_of(frame)
+
+    # -- dialogues
+
+    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        """`body` in the config state, or in the state that it says it needs (InState), and measuring afterwards."""
+        state = body.state if isinstance(body, InState) else "config"
+        if state == "any":
+            return (yield from body)
+        if state == "measuring":
+            yield from exchange.to_measurement()
+            return (yield from body)
+        yield from exchange.to_config()
+        try:
+            result = yield from body
+        except StoppedError:
+            yield Send(frames.build(exchange.GO_TO_MEASUREMENT), "GoToMeasurement")
+            raise
+        except Exception:
+            yield from _measure_again()
+            raise
+        yield from exchange.to_measurement()
+        return result
+
+    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+        """One command; what may not be done twice is not asked again. Says in which state it runs."""
+        model = model_of(known.product)
+        row = _row(command, values, model)
+        return InState(_run(row, _frame(row, values, model)), commands.state_of(row, values))
+
+    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+        return (yield from _read(_kept(setting, model_of(known.product))))
+
+    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+        model = model_of(known.product)
+        one = _kept(setting, model)
+        row = commands.write_row(one, model)
+        assert row is not None  # _write_frame says so in words
+        try:
+            yield from exchange.ask(_write_frame(one, values, model), row.message, row.timeout_s)
+        except RefusedError as refused:
+            return Written(setting, values, refused=refused.why)
+        return Written(setting, values, (yield from _read(one)))
+
+    def identify(self, known: Known) -> Dialogue[Known]:
+        """Product, serial number and firmware; goes to the config state by itself where it is not in it."""
+        try:
+            first = yield from _identity("ReqDID")
+        except RefusedError:
+            return (yield from self.within(self.identify(known), known))
+        told = dict(first)
+        for request in ("ReqProductCode", "ReqFWRev"):
+            told |= yield from _identity(request)
+        return replace(
+            known,
+            product=told.get("product", known.product),
+            serial_number=told.get("serial_number", known.serial_number),
+            firmware=told.get("firmware", known.firmware),
+        )
+
+    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+        return changes.line_change(setting, old, new, known)
+
+    def store_and_restart(self, known: Known) -> Dialogue[None]:
+        """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""
+        yield from exchange.ask(frames.build(exchange.RESET), "Reset", 0.5)
+
+    def alive(self, known: Known) -> Dialogue[bool]:
+        return (yield from exchange.alive())
+
+    def restore_communication(self, known: Known) -> Dialogue[bool]:
+        """Section 7.2, at 115 200 Bd. True: the device has the factory's communication settings, and measures."""
+        if not (yield Relink(exchange.RESTORE_BAUD)):
+            return False
+        if not (yield from exchange.awaken()):
+            return False
+        yield from _measure_again()
+        return True
+
+    # -- what follows from settings
+
+    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+        return load(settings, model_of(known.product))
+
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+        return fit(settings, capacity, model_of(known.product))
+
+    def factory(self, known: Known) -> Mapping[str, Values]:
+        return changes.factory(model_of(known.product))
+
+    def same(self, setting: str, a: Values, b: Values) -> list[str]:
+        return changes.differing(setting, a, b)
+
+
+# -- rows by name ------------------------------------------------------------------------------------------------------
+
+
+def _row(command: str, values: Values, model: Model | None) -> Row:
+    """The row of a command; of a name with two forms the one that these values fit, while the product is not known."""
+    rows = commands.rows(model)
+    if command not in rows:
+        whose = f"{model.name} has no command" if model else "no command is called"
+        raise EncodeError(f"{whose} {command!r}")
+    forms = [row for row in rows.values() if row.message == command]
+    fits = (row for row in forms if not any(limits.problems(commands.arguments(row, model), values)))
+    return next(fits, rows[command])
+
+
+def _kept(setting: str, model: Model | None) -> Kept:
+    found = commands.kept(model).get(setting)
+    if found is None:
+        whose = f"{model.name} has no setting" if model else "no setting is called"
+        raise EncodeError(f"{whose} {setting!r}")
+    return found
+
+
+# -- values → frames ---------------------------------------------------------------------------------------------------
+
+
+def _frame(row: Row, values: Values, model: Model | None) -> bytes:
+    """The frame of a command.
+
+    Raises:
+        EncodeError: a value is missing, unknown, out of its range, or does not go with the others.
+    """
+    limits.check(commands.arguments(row, model), values)
+    for problem in problems_beyond(row.message, values, model):
+        raise EncodeError(problem.message, problem.path)
+    if row.message in _NONE and not values[_NONE[row.message][0]]:
+        name, nothing = _NONE[row.message]
+        values = {name: [nothing]}
+    return frame_of({"message": row.message, "fields": dict(values)})
+
+
+def _write_frame(one: Kept, values: Values, model: Model | None) -> bytes:
+    """The frame that writes a setting."""
+    row = commands.write_row(one, model)
+    if row is None:
+        raise EncodeError(f"{one.name} is told by the device and cannot be written")
+    wanted = {name: value for name, value in values.items() if name not in one.told}
+    if one.name == "OptionFlags":
+        limits.check(commands.reply_form(one.read, model).fields, wanted)
+        flags = int(wanted["flags"])
+        wanted = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
+    return _frame(_row(row.message, {**wanted, **one.fixed}, model), {**wanted, **one.fixed}, model)
+
+
+def read_frame(one: Kept) -> bytes:
+    """The frame that asks for a setting."""
+    return frame_of({"message": one.read, "fields": dict(one.fixed)})
+
+
+# -- dialogues ---------------------------------------------------------------------------------------------------------
+
+
+def _run(row: Row, frame: bytes) -> Dialogue[Values]:
+    if row.message == "WakeUpAck":
+        yield Send(frame, row.message)
+        return {}
+    if row.message == "ReqData":
+        yield Send(frame, row.message)
+        if not (yield Expect(_sample, row.timeout_s, "MTData2")):
+            raise SilentError(row.message, 1, row.timeout_s)
+        return {}
+    if row.message == "GoToMeasurement":
+        yield from exchange.to_measurement()
+        return {}
+    if row.message == "GoToConfig":
+        yield from exchange.to_config()
+        return {}
+    tries = 1 if row.kind == "do" else exchange.TRIES
+    return (yield from exchange.ask(frame, row.message, row.timeout_s, tries))
+
+
+def _sample(event: Event) -> bool | None:
+    return True if isinstance(event, Batch) and event.message.name == "MTData2" else None
+
+
+def _read(one: Kept) -> Dialogue[Values]:
+    """The values of one setting."""
+
+    def accept(reply: Reply) -> bool:
+        if one.fixed:
+            return bool(reply.values.get("parameter") == one.fixed["parameter"])
+        return bool(reply.values) or one.name in ("SyncSettings", "CanOutputConfig", "OutputConfiguration")
+
+    row = next(row for row in commands.rows(None).values() if row.message == one.read)
+    values = yield from exchange.ask(read_frame(one), one.read, row.timeout_s, accept=accept)
+    if one.only:
+        return {name: values[name] for name in one.only}
+    if not values:  # an empty list
+        return {commands.reply_form(one.read, None).fields[0].name: []}
+    if one.name == "OutputConfiguration":
+        return {"outputs": [entry for entry in values["outputs"] if any(entry.values())]}
+    return values
+
+
+def _identity(request: str) -> Dialogue[dict[str, str]]:
+    """What one answer tells of the device."""
+    number = {"ReqDID": 0x00, "ReqProductCode": 0x1C, "ReqFWRev": 0x12}[request]
+    heard: list[Reply] = []
+
+    def accept(reply: Reply) -> bool:
+        heard.append(reply)
+        return True
+
+    yield from exchange.ask(frames.build(number), request, 0.5, accept=accept)
+    return dict(identity(heard[-1]))
+
+
+def _measure_again() -> Dialogue[None]:
+    """After a failure: try to measure, and let the first failure be the one that is told."""
+    with suppress(RefusedError, SilentError):
+        yield from exchange.to_measurement()

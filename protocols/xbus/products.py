@@ -1,0 +1,89 @@
+"""Which MTi is it, and what follows from that?
+
+The document marks every message, data identifier, option flag and sync function with the products that have it. Here is
+the list of products and the sets that these marks keep coming to:
+
+    series          1            10           100                 600
+    IMU             MTi-1        MTi-10       MTi-100             MTi-610
+    VRU             MTi-2        MTi-20       MTi-200             MTi-620
+    AHRS            MTi-3        MTi-30       MTi-300             MTi-630
+    GNSS/INS        MTi-7                     MTi-G-710           MTi-670
+    RTK GNSS/INS                                                  MTi-680G
+
+`model_of` reads a product code as devices tell it ("MTi-630-8A1G6", "MTi-G-710-2A8G4"). Where the product is not known,
+everything is offered, and the device refuses what it does not have.
+
+Source: MT0101P 2020.A, Introduction and the product rows of 5.3.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["IMU", "VRU", "AHRS", "GNSS", "RTK"]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One product.
+
+    Args:
+        number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
+        series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
+    """
+
+    name: str
+    number: int
+    series: int
+    kind: Kind
+
+
+MODELS: Mapping[int, Model] = {
+    model.number: model
+    for model in (
+        Model("MTi-1", 1, 1, "IMU"),
+        Model("MTi-2", 2, 1, "VRU"),
+        Model("MTi-3", 3, 1, "AHRS"),
+        Model("MTi-7", 7, 1, "GNSS"),
+        Model("MTi-10", 10, 10, "IMU"),
+        Model("MTi-20", 20, 10, "VRU"),
+        Model("MTi-30", 30, 10, "AHRS"),
+        Model("MTi-100", 100, 100, "IMU"),
+        Model("MTi-200", 200, 100, "VRU"),
+        Model("MTi-300", 300, 100, "AHRS"),
+        Model("MTi-G-710", 710, 100, "GNSS"),
+        Model("MTi-610", 610, 600, "IMU"),
+        Model("MTi-620", 620, 600, "VRU"),
+        Model("MTi-630", 630, 600, "AHRS"),
+        Model("MTi-670", 670, 600, "GNSS"),
+        Model("MTi-680G", 680, 600, "RTK"),
+    )
+}
+
+ALL = frozenset(MODELS)
+ONE = frozenset(n for n, model in MODELS.items() if model.series == 1)
+CLASSIC = frozenset(n for n, model in MODELS.items() if model.series in (10, 100))
+SIX = frozenset(n for n, model in MODELS.items() if model.series == 600)
+IMU = frozenset(n for n, model in MODELS.items() if model.kind == "IMU")
+GNSS = frozenset(n for n, model in MODELS.items() if model.kind in ("GNSS", "RTK"))
+FILTER = ALL - IMU
+RTK = frozenset({680})
+BARO = frozenset({7}) | SIX | {100, 200, 300, 710}
+NOBODY: frozenset[int] = frozenset()
+"""What no product of this document has: deprecated, or known from the devices' own software only."""
+
+_CODE = re.compile(r"MTi-(?:G-)?(\d+)G?(?![0-9A-Za-z])")
+
+
+def model_of(product: str) -> Model | None:
+    """The product of a code or name; None where it is none of this document's."""
+    found = _CODE.match(product.strip())
+    return MODELS.get(int(found[1])) if found else None
+
+
+def has(model: Model | None, on: frozenset[int]) -> bool:
+    """Does this product have what is marked with `on`? An unknown one may have anything."""
+    return model is None or model.number in on
