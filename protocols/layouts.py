@@ -330,6 +330,11 @@ class Columns(Mapping[str, Array]):
             column = self._done[name] = self._layout.readers[name].column(self._rows)
         return column
 
+    @property
+    def row_size(self) -> int:
+        """Bytes of one frame's payload, as it came."""
+        return self._layout.size
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._layout.readers)
 

@@ -1,0 +1,74 @@
+"""Do two values of a setting mean the same?
+
+Fields that only say how something is to be done (the options of a stream set) or that follow from others (a checksum)
+are not compared; streams and sentences are compared by what they carry, not by their order; float32 by their bits.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+from protocols.isb.commands import STREAMS_SETTING
+
+Values = Mapping[str, Any]
+MEANINGLESS = ("checksum", "options")
+
+
+def differences(setting: str, a: Values, b: Values) -> list[str]:
+    """Paths of the fields that both have and in which they differ."""
+    if setting == STREAMS_SETTING:
+        return _streams(a, b)
+    found: list[str] = []
+    for name in a:
+        if name not in b or name in MEANINGLESS:
+            continue
+        if name == "nmeaBroadcastMsgs":
+            found += [name] * (_sentences(a[name]) != _sentences(b[name]))
+        else:
+            found += _differ(name, a[name], b[name])
+    return found
+
+
+def _streams(a: Values, b: Values) -> list[str]:
+    """Streams by data set: missing, new, or at another period (one that is not known may be any)."""
+    other = {one["did"]: one.get("period") for one in b.get("streams", [])}
+    found = []
+    for place, one in enumerate(a.get("streams", [])):
+        did, period = one["did"], one.get("period")
+        if did not in other:
+            found.append(f"streams.{place}")
+        elif None not in (period, other[did]) and period != other[did]:
+            found.append(f"streams.{place}.period")
+    ours = {one["did"] for one in a.get("streams", [])}
+    return found + [f"streams.{place}" for place, one in enumerate(b.get("streams", [])) if one["did"] not in ours]
+
+
+def _sentences(pairs: Any) -> dict[int, int]:
+    return {one["msgID"]: one["msgPeriod"] for one in pairs if one["msgID"] and one["msgPeriod"]}
+
+
+def _differ(path: str, a: Any, b: Any) -> list[str]:
+    if isinstance(a, list) and isinstance(b, list):
+        if len(a) != len(b):
+            return [path]
+        return [
+            found for place, (x, y) in enumerate(zip(a, b, strict=True)) for found in _differ(f"{path}.{place}", x, y)
+        ]
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        shared = [name for name in a if name in b]
+        if not shared and a != b:
+            return [path]
+        return [found for name in shared for found in _differ(f"{path}.{name}", a[name], b[name])]
+    if isinstance(a, float) or isinstance(b, float):
+        return [] if _f4(a) == _f4(b) else [path]
+    return [] if a == b else [path]
+
+
+def _f4(value: Any) -> Any:
+    """A number as float32 has it where that is all the difference; others as they are."""
+    try:
+        return struct.pack("<f", value)
+    except (struct.error, OverflowError, TypeError):
+        return value

@@ -1,0 +1,378 @@
+"""How is an Inertial Sense device asked and told, and what if it says no, or nothing?
+
+    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then SilentError
+           (a set that streams already keeps its stream: it is asked for by size, which a stream is not stopped by)
+    tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then SilentError
+           GET_DATA              ──>   DATA: the value that it has now, compared with what was asked
+    do     system command: ACK; a reset may die before it is sent, so its silence is no failure
+    text   $…                    ──>   a sentence where one is documented, else nothing
+
+There is no Config state: a device measures while it is told, so `within` adds nothing. Streams are read from DID_RMC,
+which names them, and by listening, which tells how often they come; they are written one by one, read back, and what
+did not arrive is sent once more.
+
+Everything here is the document's; the times are the usual ones of a serial line at 9600 Bd and above.
+
+Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and com_manager.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from protocols.dialogues import (
+    Dialogue,
+    Expect,
+    Known,
+    LineChange,
+    Load,
+    Pause,
+    RefusedError,
+    Relink,
+    Send,
+    SilentError,
+    Span,
+    Written,
+)
+from protocols.events import Event, Reply, Text
+from protocols.isb import frames, listening
+from protocols.isb import load as budget
+from protocols.isb import spans as annotated
+from protocols.isb.commands import (
+    COMMAND_ROWS,
+    DEV_INFO,
+    NMEA_PERIODS,
+    SAVE_FLASH,
+    SAVE_PERSISTENT,
+    SOFTWARE_RESET,
+    STREAMS_SETTING,
+    SYS_CMD,
+    settings_of,
+)
+from protocols.isb.compare import differences
+from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
+from protocols.isb.identity import identity
+from protocols.isb.line import line_change
+from protocols.isb.listening import as_wire
+from protocols.isb.messages import COMMANDS, SET_PREFIX
+from protocols.isb.plain import jsonable
+from protocols.isb.tables import CURRENT, SETS, VERSIONS
+from protocols.isb.writing import (
+    NMEA_NAMES,
+    chosen,
+    did_of,
+    frame,
+    kept,
+    set_frames,
+    streams_frames,
+    system_command,
+)
+from protocols.schema import Command, Setting
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+
+ANSWER_S, TRIES = 0.5, 3
+ALIVE_S, ALIVE_TRIES = 0.25, 4
+RESET_S = 0.3  # until its last bytes have gone
+NO = "the device refused it (NACK): it does not have it, or does not let it be written"
+RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
+
+
+def version_of(known: Known) -> str:
+    """The newest firmware of tables.VERSIONS that is not newer than the device's."""
+    words = known.firmware.split(".")[:3]
+    if not all(word.isdigit() for word in words) or len(words) < 3:
+        return CURRENT
+    told = tuple(int(word) for word in words)
+    older = [one for one in VERSIONS[:-1] if tuple(int(word) for word in one.split(".")) <= told]
+    return older[-1] if older else VERSIONS[0]
+
+
+# -- the two exchanges -------------------------------------------------------------------------------------------------
+
+
+def answer_of(did: int) -> Callable[[Event], Any]:
+    """What recognises the answer to a GET of `did`: its values; a NACK of a GET is a RefusedError, given as a value."""
+
+    def match(event: Event) -> Any | None:
+        if isinstance(event, Reply) and event.message is COMMANDS[NACK]:
+            return NACK if event.values.get("pktInfo.flags", 0) & TYPE_MASK == GET_DATA else None
+        return as_wire(event, did)
+
+    return match
+
+
+def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
+    """What recognises the ACK or NACK of a packet."""
+
+    def match(event: Event) -> Any | None:
+        if not isinstance(event, Reply) or event.message not in (COMMANDS[ACK], COMMANDS[NACK]):
+            return None
+        values = event.values
+        if values.get("pktInfo.flags", 0) & TYPE_MASK != kind:
+            return None
+        if kind == SET_DATA and (values.get("body.dataHdr.id"), values.get("body.dataHdr.offset")) != (did, offset):
+            return None
+        return ACK if event.message is COMMANDS[ACK] else NACK
+
+    return match
+
+
+def ask(
+    did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, tries: int = TRIES
+) -> Dialogue[Values]:
+    """A data set, or a part of it. A whole set that could stream is asked for by its size: GET_DATA with period 0 and
+    no size ends the stream."""
+    row = SETS[did]
+    if not size and row.kind == "data" and row.struct and not row.struct.counts:
+        size = row.struct.size
+    for _ in range(tries):
+        yield Send(frames.get_data(did, size=size, offset=offset, period=0))
+        answer = yield Expect(answer_of(did), timeout_s, row.name)
+        if answer == NACK:
+            raise RefusedError(f"GET {row.name}", NO, NACK)
+        if answer is not None:
+            return plainly(answer)
+    raise SilentError(f"GET {row.name}", tries, timeout_s)
+
+
+def plainly(values: Values) -> Values:
+    """Values that JSON can hold: bytes as hex."""
+    return {name: jsonable(value) for name, value in values.items()}
+
+
+def tell(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> Dialogue[bool]:
+    """Send what is acknowledged; whether it was.
+
+    Args:
+        must: whether silence is a failure (a reset may die before it says ACK).
+    """
+    kind, did = packet[2] & TYPE_MASK, packet[3]
+    offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
+    for _ in range(tries):
+        yield Send(packet, what)
+        answer = yield Expect(ack_of(kind, did, offset), ANSWER_S, "ACK")
+        if answer == NACK:
+            raise RefusedError(what, NO, NACK)
+        if answer == ACK:
+            return True
+        if not must:
+            return False
+    raise SilentError(what, tries, ANSWER_S)
+
+
+class IsbDriver:
+    """See protocols.dialogues.Driver."""
+
+    name = "isb"
+
+    # -- tables --------------------------------------------------------------------------------------------------------
+
+    def commands(self, known: Known) -> Sequence[Command]:
+        return list(COMMAND_ROWS.values())
+
+    def settings(self, known: Known) -> Sequence[Setting]:
+        gpx = known.product.startswith("GPX")
+        rows = settings_of(version_of(known)).values()
+        return [row for row in rows if not (gpx and (row.name == "DID_FLASH_CONFIG" or "EVB" in row.name))]
+
+    # -- frames --------------------------------------------------------------------------------------------------------
+
+    def frame(self, command: str, values: Values, known: Known) -> bytes:
+        return frame(command, values, version_of(known))
+
+    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+        if setting == STREAMS_SETTING:
+            return streams_frames(values)
+        return set_frames(did_of(setting), values, version_of(known))
+
+    def spans(self, frame: bytes) -> list[Span]:
+        return annotated.spans(frame)
+
+    def name_of(self, frame: bytes) -> str:
+        return annotated.name_of(frame)
+
+    # -- dialogues -----------------------------------------------------------------------------------------------------
+
+    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        return body
+
+    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+        packet = self.frame(command, values, known)
+        name = command.removeprefix("$")
+        if name in NMEA_NAMES:
+            return (yield from self._speak(name, packet))
+        kind = packet[2] & TYPE_MASK
+        if kind == GET_DATA:
+            did, size, offset, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 8, 10, 12))
+            if did not in SETS:
+                raise RefusedError(command, "there is no such data set")
+            if not period:
+                return (yield from ask(did, size=size, offset=offset))
+            return (yield from self._begin(packet, did))
+        if kind == frames.STOP_DID:
+            yield Send(packet, command)
+            return {}
+        resets = command == "DID_SYS_CMD.SOFTWARE_RESET" or ("RESET" in command and packet[3] == SYS_CMD)
+        yield from tell(packet, command, must=not resets)
+        return {}
+
+    @staticmethod
+    def _begin(packet: bytes, did: int) -> Dialogue[Values]:
+        """Ask for a stream: its first packet is the answer."""
+        yield Send(packet)
+        answer = yield Expect(answer_of(did), 2.0, SETS[did].name)
+        if answer == NACK:
+            raise RefusedError(f"GET {SETS[did].name}", NO, NACK)
+        return plainly(answer or {})
+
+    @staticmethod
+    def _speak(name: str, line: bytes) -> Dialogue[Values]:
+        reply = COMMAND_ROWS[name].reply
+        if not reply or (name == "ASCE" and line.count(b",")):
+            yield Send(line, name)
+            return {}
+
+        def match(event: Event) -> Values | None:
+            if isinstance(event, Text) and event.protocol == "nmea" and event.name == reply:
+                return {"line": event.line, **event.fields}
+            return None
+
+        for _ in range(TRIES):
+            yield Send(line, name)
+            answer = yield Expect(match, ANSWER_S, f"${reply}")
+            if answer is not None:
+                return plainly(answer)
+        raise SilentError(f"${name}", TRIES, ANSWER_S)
+
+    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+        if setting == STREAMS_SETTING:
+            return (yield from listening.streams(lambda did: ask(did)))
+        values = yield from ask(did_of(setting))
+        return _trimmed(setting, values)
+
+    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+        try:
+            if setting == STREAMS_SETTING:
+                got = yield from self._write_streams(values)
+            else:
+                if did_of(setting) == NMEA_PERIODS:
+                    values = yield from self._with_ended(values)
+                for packet in self.setting_frames(setting, values, known):
+                    yield from tell(packet, f"{SET_PREFIX}{setting}")
+                got = yield from self.read(setting, known)
+        except RefusedError as error:
+            return Written(setting, values, None, error.why)
+        return Written(setting, values, got)
+
+    def _with_ended(self, values: Values) -> Dialogue[Values]:
+        """The sentences asked for, and those that are sent now with a period of 0: a device keeps what is not named."""
+        now = yield from ask(NMEA_PERIODS)
+        wanted = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
+        named = {one["msgID"] for one in wanted}
+        on = [one for one in now.get("nmeaBroadcastMsgs", []) if one["msgID"] and one["msgPeriod"]]
+        ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
+        return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
+
+    def _write_streams(self, values: Values) -> Dialogue[Values]:
+        """End what is not wanted, begin what is; look; once more what is not so."""
+        wanted = chosen(values)
+        got = yield from listening.streams(lambda did: ask(did), quick=True)
+        for again in (False, True):
+            now = {one["did"]: one["period"] for one in got["streams"]}
+            for did in now:
+                if did not in wanted:
+                    yield Send(frames.build(frames.STOP_DID, did))
+            for did, period in wanted.items():
+                if not again or now.get(did) != period:
+                    yield from self._stream(did, period)
+            got = yield from listening.streams(lambda did: ask(did))
+            seen = {one["did"]: one["period"] for one in got["streams"]}
+            if set(seen) == set(wanted) and all(seen[did] in (None, wanted[did]) for did in seen):
+                break
+        if kept(values):
+            yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
+            got = {**got, "options": got["options"] | 1 << 9}
+        return got
+
+    @staticmethod
+    def _stream(did: int, period: int) -> Dialogue[None]:
+        """Ask for a stream; a refusal comes at once, so nothing else is waited for."""
+
+        def refused(event: Event) -> bool | None:
+            return True if answer_of(did)(event) == NACK else None
+
+        yield Send(frames.get_data(did, period=period))
+        if (yield Expect(refused, 0.03, "NACK")):
+            raise RefusedError(f"GET {SETS[did].name}", NO, NACK)
+
+    def identify(self, known: Known) -> Dialogue[Known]:
+        told: dict[str, str] = {}
+
+        def match(event: Event) -> Any | None:
+            if isinstance(event, Reply) and identity(event):
+                told.update(identity(event))
+                return True
+            return None
+
+        for _ in range(TRIES):
+            yield Send(frames.get_data(DEV_INFO, period=0))
+            if (yield Expect(match, ANSWER_S, "DID_DEV_INFO")):
+                return Known(**{**_as_dict(known), **told})
+        raise SilentError("GET DID_DEV_INFO", TRIES, ANSWER_S)
+
+    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+        return line_change(setting, old, new, known)
+
+    def store_and_restart(self, known: Known) -> Dialogue[None]:
+        """Streams are saved first: without that the device would come back silent."""
+        for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):
+            try:
+                yield from tell(system_command(command), f"DID_SYS_CMD.{what}")
+            except RefusedError:
+                continue  # not every product has it; what was written is in flash already
+        yield from tell(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", must=False)
+        yield Pause(RESET_S)
+
+    def alive(self, known: Known) -> Dialogue[bool]:
+        for _ in range(ALIVE_TRIES):
+            yield Send(frames.get_data(DEV_INFO, period=0))
+            if (yield Expect(answer_of(DEV_INFO), ALIVE_S, "DID_DEV_INFO")) is not None:
+                return True
+        return False
+
+    def restore_communication(self, known: Known) -> Dialogue[bool]:
+        """The document has no procedure for a lost rate; all usual ones are tried while a person switches power."""
+        for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
+            if (yield Relink(baud)) and (yield from self.alive(known)):
+                return True
+        return False
+
+    # -- what it costs -------------------------------------------------------------------------------------------------
+
+    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+        return budget.load(settings)
+
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+        return budget.fit(settings, capacity)
+
+    def factory(self, known: Known) -> Mapping[str, Values]:
+        """None are documented for the whole of a set."""
+        return {}
+
+    def same(self, setting: str, a: Values, b: Values) -> list[str]:
+        return differences(setting, a, b)
+
+
+def _as_dict(known: Known) -> dict[str, Any]:
+    return {name: getattr(known, name) for name in ("product", "serial_number", "firmware", "baud", "device", "key")}
+
+
+def _trimmed(setting: str, values: Values) -> Values:
+    """A list of sentences without its empty places."""
+    if setting != "DID_NMEA_BCAST_PERIOD" or "nmeaBroadcastMsgs" not in values:
+        return values
+    on = [one for one in values["nmeaBroadcastMsgs"] if one["msgID"] and one["msgPeriod"]]
+    return {**values, "nmeaBroadcastMsgs": on}

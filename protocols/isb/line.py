@@ -1,0 +1,55 @@
+"""Could this change cut the line we are speaking on?
+
+A device has several serial ports, each with a rate of its own, and does not say which of them we are on. A port whose
+present rate is not that of our link cannot be ours; any other may be, so its change is taken for one of our line.
+Through USB no rate matters, but that is not told either.
+
+Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t and gpx_flash_cfg_t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from protocols.dialogues import Known, LineChange
+from protocols.isb.commands import STREAMS_SETTING
+
+Values = Mapping[str, Any]
+PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
+_IO = "What the pins of the device do changes; the port we are on may be given to something else."
+
+
+def line_change(setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    """See dialogues.Driver.line_change."""
+    if setting == STREAMS_SETTING:
+        if "streams" in new and not new["streams"]:
+            return LineChange("silent", "The device sends nothing any more; it still answers.")
+        return None
+    if setting not in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
+        return None
+    before = old or {}
+    changed = {name: new[name] for name in PORTS if name in new and new[name] != before.get(name)}
+    ours = {
+        name: rate
+        for name, rate in changed.items()
+        if known.baud is None or name not in before or before[name] == known.baud
+    }
+    if known.baud is not None:
+        ours = {name: rate for name, rate in ours.items() if rate != known.baud}
+    if ours:
+        return LineChange(
+            "baud", _words(ours, known), next(iter(ours.values())) if len(set(ours.values())) == 1 else None
+        )
+    if any(name in new and new[name] != before.get(name, new[name]) for name in ("ioConfig", "platformConfig")):
+        return LineChange("port", _IO)
+    return None
+
+
+def _words(ours: Mapping[str, int], known: Known) -> str:
+    changes = " and ".join(f"{PORTS[name]} to {rate:_} Bd".replace("_", " ") for name, rate in ours.items())
+    if known.baud is None:
+        return f"It sets {changes}; through a serial port, the line must follow."
+    return f"It sets {changes}; if that is the port we are on, the line must follow from {known.baud:_} Bd.".replace(
+        "_", " "
+    )

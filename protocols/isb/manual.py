@@ -1,0 +1,152 @@
+"""What does each field of a setting mean, and what may it be? The words and ranges that datasets.txt does not have.
+
+A `Note` narrows and explains a field of a data set that a person may change; `noted` puts it on the field. A field
+without a note is what its type and its words say. `told` fields are kept by the device itself (a size, a checksum, the
+place where it last was): they are shown and never sent, so that writing a whole set back cannot spoil them.
+
+    flash configuration   size checksum key     startupImuDtMs … refLla    lastLla …    … ioConfig2
+                          told by the device    written, in one piece      told         written, in one piece
+
+The device keeps the checksum of its flash configuration itself; a part is written by its offset alone, as in the
+document's example. The key is the maker's way to restore defaults, so it is not offered.
+
+Rules for editing: a note is a row; `doc` is one sentence for a person. Ranges are those of the vendor's documents, or
+of physics where they give none; a wrong note is worse than none.
+
+Source: Inertial Sense user manual, "Data Sets (DIDs)", "System configuration"; inertial-sense-sdk 2.7.1, data_sets.h.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from protocols.schema import Field
+
+BAUD_RATES = (9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000)
+_BAUD = {rate: f"{rate:_} Bd".replace("_", " ") for rate in BAUD_RATES}
+_TURN = math.pi
+_FAR_M = 1e4
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What is known of a field beyond its type; see schema.Field."""
+
+    doc: str
+    low: float | None = None
+    high: float | None = None
+    simple: bool = False
+    told: bool = False
+    choices: Mapping[int, str] | None = None
+
+
+def _note(doc: str, low: float | None = None, high: float | None = None) -> Note:
+    """Of a field that most people look at."""
+    return Note(doc, low, high, simple=True)
+
+
+def _told(doc: str) -> Note:
+    return Note(doc, told=True)
+
+
+_GENERAL: Mapping[str, Note] = {
+    "size": _told("Size of the set; the device's own."),
+    "checksum": _told("Checksum over all behind it; the device computes it anew."),
+    "key": _told("The maker's way to restore defaults; never written here."),
+    "reserved": _told("Reserved."),
+    "reserved1": _told("Reserved."),
+    "reserved2": _told("Reserved."),
+    "ser0BaudRate": Note("Rate of serial port 0, in effect after a reset.", simple=True, choices=_BAUD),
+    "ser1BaudRate": Note("Rate of serial port 1, in effect after a reset.", simple=True, choices=_BAUD),
+    "ser2BaudRate": Note("Rate of serial port 2, in effect after a reset.", simple=True, choices=_BAUD),
+    "startupGPSDtMs": _note("Period of GNSS solutions, in effect after a reset; 200 is 5 Hz.", 50, 10_000),
+    "gps1AntOffset": _note("Where the first antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
+    "gps2AntOffset": _note("Where the second antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
+    "dynamicModel": _note("How the sensor is moved: sets what the navigation filter believes."),
+    "gnssSatSigConst": _note("Which satellite systems are received."),
+    "RTKCfgBits": _note("RTK: rover modes, and what a base sends on which port."),
+    "sysCfgBits": _note("What the navigation filter uses and estimates."),
+    "refLla": _note("Origin of north, east and down."),
+    "gpsMinimumElevation": _note("Satellites lower than this are not used.", 0, math.pi / 2),
+    "gnssCn0Minimum": Note("Satellites weaker than this are not used.", 0, 60),
+    "gnssCn0DynMinOffset": Note("How far below the strongest satellites one may be.", 0, 60),
+    "gpsTimeSyncPeriodMs": Note("Period of the time synchronisation pulse.", 0, 60_000),
+    "gpsTimeUserDelay": Note("Added to the GNSS time, to make up for a delay.", -1, 1),
+    "debug": Note("For the maker."),
+    "declination": Note("Magnetic declination as estimated; east is positive.", -_TURN, _TURN),
+}
+
+_OF_SET: Mapping[tuple[int, str], Note] = {
+    (12, "startupImuDtMs"): _note(
+        "Sampling period of the sensors, in effect after a reset; 0 switches them off.", 0, 50
+    ),
+    (12, "startupNavDtMs"): _note(
+        "Period of the navigation filter, in effect after a reset; 0 switches it off.", 0, 100
+    ),
+    (12, "insRotation"): _note("From the sensor to what is put out: how it is mounted.", -_TURN, _TURN),
+    (12, "insOffset"): _note("From the turned sensor to the point that is put out.", -_FAR_M, _FAR_M),
+    (12, "lastLla"): _told("Where it last was, kept for a faster start."),
+    (12, "lastLlaTimeOfWeekMs"): _told("When that was."),
+    (12, "lastLlaWeek"): _told("When that was."),
+    (12, "lastLlaUpdateDistance"): Note("How far it must move before the place is kept again.", 0, 1e6),
+    (12, "ioConfig"): Note("What the pins do, which receiver is on which port. A wrong one cuts the port off."),
+    (12, "ioConfig2"): Note("What further pins do."),
+    (12, "platformConfig"): Note("Which board the module is on; sets the pins."),
+    (12, "zeroVelRotation"): Note("From the sensor to the frame in which a vehicle cannot slip.", -_TURN, _TURN),
+    (12, "zeroVelOffset"): Note("To the point of the vehicle that cannot slip.", -_FAR_M, _FAR_M),
+    (12, "magDeclination"): _note("Magnetic declination; east is positive.", -_TURN, _TURN),
+    (12, "sensorConfig"): Note("Ranges and filters of the sensors, in effect after a reset."),
+    (12, "wheelConfig.bits"): Note("Whether wheel encoders are used, and how they turn."),
+    (12, "wheelConfig.track_width"): Note("Between the left and the right wheel.", 0, 100),
+    (12, "wheelConfig.radius"): Note("Of a wheel.", 0, 10),
+    (12, "magInterferenceThreshold"): Note(
+        "How much the field may differ from the expected before it is ignored.", 0, 100
+    ),
+    (12, "magCalibrationQualityThreshold"): Note("How good a magnetic calibration must be to be taken.", 0, 100),
+    (19, "state"): _note("Starts or aborts a calibration of the magnetometers."),
+    (19, "progress"): _told("How far the calibration is."),
+    (19, "declination"): _told("Magnetic declination as estimated."),
+    (8, "options"): _note("Port and persistence: 512 keeps the messages over a reset."),
+    (8, "nmeaBroadcastMsgs"): _note("Message and period, a multiple of its source's; 0 switches it off."),
+    (64, "command"): _note("Starts a built-in test."),
+    (64, "lastCommand"): _told("The last one started."),
+    (64, "state"): _told("What the test is at."),
+    (73, "state"): _note("Starts or cancels a survey of the base's place."),
+    (73, "maxDurationSec"): _note("Longest time of the survey.", 0, 1_000_000),
+    (73, "minAccuracy"): _note("Accuracy at which the survey is over.", 0, 1000),
+    (73, "elapsedTimeSec"): _told("How long it has lasted."),
+    (73, "hAccuracy"): _told("How accurate the place is now."),
+    (73, "lla"): _told("The place as surveyed."),
+    (87, "timeOfWeekMs"): _told("When this was."),
+    (87, "status"): _told("What the calibration of the wheels is at."),
+    (87, "mode"): _note("Calibrates the wheels."),
+    (90, "can_period_mult"): _note(
+        "Period of each CAN message, a multiple of its source's; 0 switches it off.", 0, 65_535
+    ),
+    (90, "can_transmit_address"): Note("CAN identifier of each message."),
+    (90, "can_baudrate_kbps"): _note("Rate of the CAN bus.", 20, 1000),
+    (90, "can_receive_address"): Note("CAN identifier that it listens to."),
+    (94, "state"): _note("Starts, samples and saves a calibration in the field."),
+    (94, "status"): _told("What has been sampled."),
+    (125, "results"): _told("What the test found."),
+    (125, "state"): _told("What the test is at."),
+    (125, "detectedHardwareId"): _told("The hardware that it found."),
+}
+
+
+def noted(did: int, field: Field) -> Field:
+    """A field of a data set with what is known of it."""
+    note = _OF_SET.get((did, field.name)) or _GENERAL.get(field.name)
+    if note is None:
+        return replace(field, simple=False)
+    return replace(
+        field,
+        low=note.low,
+        high=note.high,
+        choices=note.choices or field.choices,
+        simple=note.simple,
+        read_only=note.told,
+        doc=note.doc,
+    )

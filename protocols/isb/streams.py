@@ -1,0 +1,121 @@
+"""What can an Inertial Sense device stream, how fast, and which bit of DID_RMC stands for it?
+
+    GET_DATA period n   ──>  one packet every n × the source's own period
+    DID_RMC bit         ──>  the same at n = 1
+    the sources         NAV    INS, PIMU           DID_FLASH_CONFIG.startupNavDtMs, DID_SYS_PARAMS.navOutputPeriodMs now
+                        IMU    DID_IMU             DID_FLASH_CONFIG.startupImuDtMs, DID_SYS_PARAMS.imuSamplePeriodMs now
+                        SLOW   barometer, magnetometer   about 20 ms
+                        GNSS   all that begins with DID_GPS   DID_FLASH_CONFIG.startupGPSDtMs
+                        FAST   everything else     1 ms
+                        EVENT  when it happens     no period
+
+The document's table of default periods and the devices disagree (errata 6), so periods are read from the device; the
+table's are what is assumed before it has told.
+
+Rules for editing: what can be streamed follows from datasets.txt; a data set whose pace is none of FAST's is named in
+`PACES`. Presets are the vendor's RMC_PRESET words.
+
+Source: ISB document, "Data Source Update Rates"; inertial-sense-sdk 2.7.1, data_sets.h (RMC_BITS, RMC_PRESET).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from protocols.isb.tables import SETS, TABLES
+
+NAV, IMU, SLOW, GNSS, FAST, EVENT = "nav", "imu", "slow", "gnss", "fast", "event"
+DEFAULT_MS: Mapping[str, float] = {NAV: 7, IMU: 14, SLOW: 20, GNSS: 200, FAST: 1, EVENT: 0}
+"""The document's default periods."""
+
+_PACES = {3: NAV, 4: NAV, 5: NAV, 65: NAV, 66: NAV, 58: IMU, 52: SLOW, 53: SLOW, 86: NAV, 85: IMU}
+_EVENTS = (37, 68, 72, 119)
+_GROUPS = (
+    ("Navigation", (4, 5, 65, 66, 48, 50, 67, 55, 87, 71)),
+    ("Inertial", (58, 3, 97, 96, 57, 95, 62, 85, 86)),
+    ("Field and pressure", (52, 53, 47, 59)),
+    ("GNSS", (13, 30, 15, 45, 6, 14, 31, 16, 84, 69, 70, 60, 27, 41)),
+    ("RTK", (54, 21, 22, 91, 92, 76, 77, 78, 79)),
+    ("System", (10, 11, 75, 68, 72, 119, 37, 38, 123, 127)),
+)
+_USUAL = (4, 5, 65, 66, 58, 3, 52, 53, 13, 30, 15, 10)
+REPLIES_THAT_STREAM = (120, 125, 126)  # DID_RMC has bits for them
+ONE_PERIOD = (3,)  # DID_PIMU comes at startupNavDtMs and "cannot be output at any other rate"
+
+PRESETS: Mapping[str, int] = {
+    "INS": 0x8000000000000402,
+    "GPS": 0x8808601001300C00,
+    "IMX_PPD": 0xC000609001353CE2,
+    "IMX_PPD_NO_IMU": 0xC000601001353CC2,
+    "IMX_PPD_IMU3_RAW": 0xC000611001353CE2,
+    "IMX_PPD_IMU3_UNCAL": 0xC0006010013D3CE2,
+    "IMX_PPD_GROUND_VEHICLE": 0xC000609181353CE2,
+    "IMX_PPD_RTK_DBG": 0xC81060907135FCE2,
+    "GPX_PPD": 0x8808601001313C00,
+    "ALLAN_VARIANCE": 0x8000000000000010,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """One data set that can be streamed.
+
+    Args:
+        did, name, title: of the data set.
+        group: heading under which it is listed.
+        size: bytes of its data; the greatest where it is a list; -1 where its layout is not public.
+        counted: whether it is a list that is as long as there is to tell.
+        pace: the source that times it: NAV, IMU, SLOW, GNSS, FAST or EVENT.
+        rmc_bit: its bit of DID_RMC; -1: by GET_DATA only.
+        simple: whether it is among those that most people want.
+    """
+
+    did: int
+    name: str
+    title: str
+    group: str
+    size: int
+    counted: bool
+    pace: str
+    rmc_bit: int
+    simple: bool
+
+
+def _rmc_bits() -> Mapping[str, int]:
+    return {f"RMC_BITS_{bits.name}": bits.low for bits in TABLES.words["RMC_BITS"]}
+
+
+def _pace(did: int, name: str) -> str:
+    if did in _EVENTS:
+        return EVENT
+    return _PACES.get(did) or (GNSS if name.startswith("DID_GPS") else FAST)
+
+
+def _streams() -> Mapping[int, Stream]:
+    bits = _rmc_bits()
+    groups = {did: group for group, dids in _GROUPS for did in dids}
+    rows = {}
+    for did, row in SETS.items():
+        if row.kind == "reply" and did not in REPLIES_THAT_STREAM:
+            continue
+        size = row.struct.size if row.struct else -1
+        counted = bool(row.struct and row.struct.counts)
+        title = row.name.removeprefix("DID_").replace("_", " ")
+        bit = bits.get(row.rmc, -1)
+        pace = _pace(did, row.name)
+        rows[did] = Stream(
+            did, row.name, title, groups.get(did, "Internal"), size, counted, pace, bit, simple=did in _USUAL
+        )
+    order = {did: place for place, did in enumerate(did for _, dids in _GROUPS for did in dids)}
+    return {did: rows[did] for did in sorted(rows, key=lambda one: (order.get(one, len(order)), one))}
+
+
+STREAMS = _streams()
+"""By data set, in the order in which they are listed."""
+BY_BIT = {row.rmc_bit: row.did for row in STREAMS.values() if row.rmc_bit >= 0}
+
+
+def dids_of(bits: int) -> list[int]:
+    """The data sets that a word of DID_RMC switches on; bits that belong to none (the preset's mark) name none."""
+    return [did for bit, did in sorted(BY_BIT.items()) if bits >> bit & 1]
