@@ -69,6 +69,10 @@ class Hub:
         self.outboxes: set[Outbox] = set()
         self._next_channel = 1
         self._next_event = 0
+        self.controls: dict[str, wire.ControlState] = {}
+        self._next_exchange = 0
+        self._new_exchange: list[wire.ExchangeEntry] = []
+        self._controls_changed = False
         self._touched: dict[int, Channel] = {}
         self._new_channels: list[wire.ChannelInfo] = []
         self._new_events: list[wire.EventInfo] = []
@@ -125,10 +129,28 @@ class Hub:
         self._devices_changed = True
         self.request_flush()
 
+    def set_control(self, state: wire.ControlState) -> None:
+        """What is done to a device changed."""
+        self.controls[state.device] = state
+        self._controls_changed = True
+        self.request_flush()
+
+    def next_exchange(self) -> int:
+        """The number of the next entry of an exchange; they are counted over all devices."""
+        self._next_exchange += 1
+        return self._next_exchange - 1
+
+    def exchange(self, entry: wire.ExchangeEntry) -> None:
+        """A frame went to a device or came from it. Who keeps it for late browsers is server/exchange.py."""
+        self._new_exchange.append(entry)
+        self.request_flush()
+
     def remove_device(self, device: str) -> None:
         """Forget a device with its channels and figures."""
         self.devices.pop(device, None)
         self.health.pop(device, None)
+        if self.controls.pop(device, None) is not None:
+            self._controls_changed = True
         for channel in [number for number, one in self.channels.items() if one.info.device == device]:
             del self.channels[channel]
             self._touched.pop(channel, None)
@@ -217,6 +239,12 @@ class Hub:
         if self._new_events:
             events, self._new_events = self._new_events, []
             self._tell(wire.Events(events))
+        if self._controls_changed:
+            self._controls_changed = False
+            self._tell_latest("control", wire.Control(list(self.controls.values())))
+        if self._new_exchange:
+            entries, self._new_exchange = self._new_exchange, []
+            self._tell(wire.Exchange(entries))
 
     def _tell(self, message: wire.ServerText) -> None:
         if self.outboxes:
@@ -256,6 +284,8 @@ class Hub:
         outbox.say(codec.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
         outbox.say(codec.encode_text(wire.Events(list(self.log)[-EVENTS_TO_LATE:])))
         outbox.say(codec.encode_text(wire.HealthReport(list(self.health.values()))))
+        if self.controls:
+            outbox.say(codec.encode_text(wire.Control(list(self.controls.values()))))
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""

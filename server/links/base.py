@@ -124,6 +124,26 @@ class Link(ABC):
             LinkError: it cannot be opened; nothing is left open behind it.
         """
 
+    async def relink(self, baud: int | None = None) -> None:
+        """Close and open again, at another rate where one is given and the link has one.
+
+        Raises:
+            LinkError: it cannot be opened, or "refused": it has no rate that could be set at this end.
+        """
+        if baud is not None:
+            await self.check_rate(baud)
+        await self.close()
+        await self.open()
+
+    async def check_rate(self, baud: int) -> None:
+        """Could this end of the link do that rate? Sets it for a moment, so bytes that arrive meanwhile may be lost.
+
+        Raises:
+            LinkError: "refused": no, in words.
+        """
+        hint = "Set it at the port that the device is connected to, then here as part of the source."
+        raise LinkError("refused", f"The rate of {self.source} cannot be set from here.", hint)
+
     @abstractmethod
     async def read(self) -> list[Chunk]:
         """Wait for bytes; then everything that has arrived, oldest first, at least one chunk.

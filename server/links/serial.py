@@ -27,7 +27,8 @@ import asyncio
 import errno
 import glob
 import os
-from dataclasses import dataclass
+import termios
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,22 @@ class SerialLink(PumpedLink):
         self._empty_reads = 0
         self._start(self._port.fileno(), self._on_readable)
 
+    async def relink(self, baud: int | None = None) -> None:
+        before = self.line
+        self.line = replace(self.line, baud=baud or self.baud or self.line.baud)
+        await self.close()
+        try:
+            await self.open()
+        except LinkError as error:
+            if error.kind == "refused":  # this port does not do that rate; for anything else it is tried again at it
+                self.line = before
+            raise
+
+    async def check_rate(self, baud: int) -> None:
+        if self._port is None:
+            raise closed(self.source)
+        await asyncio.to_thread(try_rate, self._port, self.place, baud)
+
     def _on_readable(self) -> None:
         assert self._inbox is not None
         fd = self._port.fd
@@ -167,6 +184,25 @@ def open_port(place: str, line: Line) -> Any:
         )
     except (serial.SerialException, OSError, ValueError) as error:
         raise cannot_open(place, line, error) from None
+
+
+def try_rate(port: Any, place: str, baud: int) -> None:
+    """Set a rate, see that it is set, and go back to the one before.
+
+    Raises:
+        LinkError: "refused".
+    """
+    before = port.baudrate
+    try:
+        port.baudrate = baud
+        code = getattr(termios, f"B{baud}", None)
+        if code is not None and termios.tcgetattr(port.fd)[5] != code:
+            raise ValueError("the driver chose another")
+    except (OSError, ValueError, termios.error, serial.SerialException) as error:
+        hint = "Choose a rate that the adapter has, or use another adapter."
+        raise LinkError("refused", f"{place} cannot be set to {baud} Bd: {error}.", hint) from None
+    finally:
+        port.baudrate = before
 
 
 def cannot_open(place: str, line: Line, error: Exception) -> LinkError:
