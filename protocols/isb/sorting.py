@@ -29,12 +29,16 @@ from protocols.isb.timeline import (
     NO_STEP,
     NONE,
     ONE,
+    RESET,
     WEEK_TOW,
     S,
+    begin_again,
     double_ns,
     exact,
     four,
+    is_reset,
     tell,
+    up_time,
 )
 from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, inlined, unsigned
 
@@ -52,9 +56,9 @@ STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT
 RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
 
-# The last whole value of each data set, one row per DID.
-WHOLE_KEY, WHOLE_SIZE, WHOLE_TIME, WHOLE_TIMED = range(4)
-WHOLES = 4
+# The last whole value of each data set, one row per DID; WHOLE_UP of this start of the device.
+WHOLE_KEY, WHOLE_SIZE, WHOLE_TIME, WHOLE_TIMED, WHOLE_UP = range(5)
+WHOLES = 5
 
 DATA_TYPE_AT, OBSERVATIONS_AT, RAW_AT, OBSERVATION_SIZE = 1, 2, 4, 69
 RAW_OBSERVATION = 1
@@ -183,7 +187,15 @@ def sort(
                 ns = double_ns(data, body + at)
             if clock in (WEEK_TOW, FIX) and length >= rules[did, WEEK_AT] + 4:
                 week = four(data, body + rules[did, WEEK_AT])
-            state, time, timed, step, by = tell(state, clock, ns, week)
+            up = up_time(clock, ns, week)
+            if is_reset(wholes[did, WHOLE_UP], up):
+                state, time, timed, step, by = begin_again(state, up)
+            else:
+                state, time, timed, step, by = tell(state, clock, ns, week)
+            if step == RESET:
+                wholes[:, WHOLE_UP] = -1  # else each set in turn would tell of the same reset
+            if up >= 0:
+                wholes[did, WHOLE_UP] = up
             out[TIME, f] = time
             out[TIMED, f] = timed
             out[STEP, f] = step
