@@ -21,6 +21,7 @@ from protocols.idtp.likeness import likeness as idtp_likeness
 from protocols.idtp.listing import IdtpListing
 from protocols.idtp.protection import protection as idtp_protection
 from protocols.isb.decoder import IsbDecoder
+from protocols.isb.dialogues import IsbDriver
 from protocols.isb.frames import DATA, get_data, stop
 from protocols.isb.frames import build as isb_build
 from protocols.isb.identity import identity as isb_identity
@@ -109,6 +110,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             2 * isb_build(DATA, 58, bytes(36)) + stop(),
             identity=isb_identity,
             greeting=get_data(1, period=0),  # device information, once; streams go on as they are
+            driver=IsbDriver(),
         ),
         ProtocolInfo(
             "idtp",

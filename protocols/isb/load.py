@@ -84,7 +84,7 @@ def packet_size(one: Values) -> int:
 
 def _sentence_load(name: str, one: Values, sources: Mapping[str, float]) -> float:
     pace = NMEA_PACES.get(name, GNSS if name.startswith(("G", "PGPSP")) else FAST)
-    return USUAL_LENGTH.get(name, 80) * 1000 / ((sources.get(pace) or DEFAULT_MS[pace]) * one["msgPeriod"])
+    return USUAL_LENGTH.get(name, 80) * 1000 / ((sources.get(pace) or DEFAULT_MS[pace]) * int(one["msgPeriod"]))
 
 
 def fit(settings: Mapping[str, Values], capacity: float) -> Mapping[str, Values]:
