@@ -1,0 +1,133 @@
+"""What a file holds, whatever its format: stretches of bytes of one device, with the time at which each chunk arrived.
+
+    part    data     [chunk][chunk][chunk]···
+            ends     after each chunk
+            times    when each arrived, ns
+
+A part is as large as reading it at once is good for (up to some megabytes), so that an hour of chunks is a few hundred
+parts. `Source` is one file, or the files that one recording was split into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from protocols.framing import Ints
+from recordings.blocks import LENGTH, TIME, Damage, Recording
+from recordings.container import DEVICE, RECORDING
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Chunks of one device that lie together.
+
+    Args:
+        data: the chunks, one after the other.
+        ends: (n,) int64, where each ends in `data`, ascending.
+        times: (n,) int64, when each arrived (or was sent), ns since the Unix epoch.
+        done: how far into the file this reaches, 0..1.
+    """
+
+    device: str
+    way: Literal["rx", "tx"]
+    data: bytes
+    ends: Ints
+    times: Ints
+    done: float
+
+
+@dataclass(slots=True)
+class SourceDevice:
+    """What a file tells of a device before any byte is decoded; `protocol` "" where it does not."""
+
+    id: str
+    protocol: str = ""
+    about: Mapping[str, str] = field(default_factory=dict)
+
+
+class Source(Protocol):
+    """A file that can be opened.
+
+    Attributes:
+        format: "mcap", "mtb", "raw", "dat", "bin".
+        devices: those that are known beforehand; others may turn up in parts.
+        timed: whether the times of its chunks are true; else they were made from the device's own clock.
+        damage: what could not be read, known when the parts have been read.
+    """
+
+    format: str
+    path: Path
+    timed: bool
+    devices: dict[str, SourceDevice]
+    about: Mapping[str, str]
+
+    @property
+    def damage(self) -> list[Damage]: ...
+
+    def parts(self) -> Iterator[Part]: ...
+
+    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """(channel, time ns, body) of what was kept beside the bytes: events, notes, snapshots."""
+
+
+class McapSource:
+    """A recording of ours."""
+
+    format = "mcap"
+    timed = True
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._recording = Recording(path)
+        self._said: list[tuple[str, int, Mapping[str, Any]]] = []
+        if not self._recording.chunks:  # its metadata are spread over the file; the first records have the names
+            next(iter(self._recording.blocks()), None)
+        self.about: Mapping[str, str] = self._recording.meta(RECORDING)
+        self.devices: dict[str, SourceDevice] = {}
+        self._learn()
+
+    @property
+    def damage(self) -> list[Damage]:
+        return self._recording.damage
+
+    def _learn(self) -> None:
+        for name, values in self._recording.metadata:
+            if name.startswith(DEVICE):
+                device = name.removeprefix(DEVICE)
+                self.devices[device] = SourceDevice(device, values.get("protocol", ""), values)
+
+    def parts(self) -> Iterator[Part]:
+        recording = self._recording
+        recording.damage.clear()
+        for block in recording.blocks():
+            for number in np.unique(block.table[0]).tolist():
+                topic = recording.topics.get(number)
+                way, _, device = topic.name.partition("/") if topic is not None else ("", "", "")
+                if way not in ("rx", "tx"):
+                    continue
+                rows = block.of(number)
+                data, ends = block.joined(rows)
+                yield Part(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
+        self._learn()
+
+    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        import json
+
+        for block in self._recording.blocks():
+            for number in np.unique(block.table[0]).tolist():
+                topic = self._recording.topics.get(number)
+                if topic is None or topic.encoding != "json":
+                    continue
+                rows = block.of(number)
+                for time, at, size in zip(rows[TIME].tolist(), rows[2].tolist(), rows[LENGTH].tolist(), strict=True):
+                    try:
+                        body = json.loads(bytes(block.data[at : at + size]))
+                    except ValueError:
+                        continue
+                    if isinstance(body, dict):
+                        yield topic.name, time, body

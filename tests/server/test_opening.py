@@ -1,0 +1,99 @@
+"""A recording, decoded, is what the live page had: the same rows, the same events, in little memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from protocols.registry import PROTOCOLS
+from protocols.xbus.device import XbusDevice
+from recordings.container import Writer
+from recordings.packing import pack
+from recordings.parts import McapSource
+from server import speech
+from server.channels import Channels
+from server.opening import decode
+
+START = 1_760_000_000_000_000_000
+
+
+def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
+    """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept."""
+    device = XbusDevice(start_ns=0)
+    writer = Writer(path, {"title": "A drive"})
+    writer.device(
+        "1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus" if named else ""}
+    )
+    kept = b""
+    for n in range(1, round(seconds * 100)):
+        data = device.advance(n * 10_000_000)
+        if not 200 <= n < 205 and data:
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+            kept += data
+    writer.chunk("1", "tx", b"\xfa\xff\x30\x00\xd1", START + 1)
+    writer.note("marker", "bump", START + 2_000_000_000)
+    writer.event({"kind": "link", "level": "info", "text": "Opened.", "device": "1"}, START)
+    writer.event({"kind": "gap", "level": "fault", "text": "told live", "device": "1"}, START)
+    writer.close()
+    return kept
+
+
+def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    kept = drive(path)
+    pack(path)
+    shares: list[float] = []
+    store = decode(McapSource(path), tmp_path / "store", speech.speech(), progress=shares.append)
+    decoder = PROTOCOLS["xbus"].decoder()
+    decoder.feed(kept, 0)
+    names: list[str] = []
+    channels = Channels("1", lambda info: names.append(info.name) or len(names))
+    batches = [event for event in decoder.drain(stalled=True) if type(event).__name__ == "Batch"]
+    pieces = channels.split([(batch, np.full(len(batch), np.nan)) for batch in batches])  # type: ignore[misc]
+    found = {info["name"]: info["id"] for info in store.manifest["channels"]}
+    assert found.keys() == set(names)
+    for piece in pieces:
+        number = found[names[piece.channel - 1]]
+        rows = store.exact(number, 0, store.rows(number))
+        assert len(rows) == len(piece.columns[0])
+        for got, wanted in zip(rows.columns, piece.columns[2:], strict=True):
+            np.testing.assert_array_equal(got, wanted)
+    assert shares
+    assert shares == sorted(shares)
+
+
+def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    drive(path)
+    manifest = decode(McapSource(path), tmp_path / "store", speech.speech()).manifest
+    texts = [event["text"] for event in manifest["events"]]
+    assert "told live" not in texts
+    assert "Opened." in texts
+    gaps = [event for event in manifest["events"] if event["kind"] == "gap"]
+    assert sum(event["samples"] for event in gaps) == manifest["figures"]["1"]["lost"] > 0
+    assert [marker["text"] for marker in manifest["markers"]] == ["bump"]
+    assert manifest["devices"][0]["baud"] == 921600
+    assert manifest["started"] == pytest.approx(START / 1e9, abs=1e-6)
+
+
+def test_times_are_mapped_as_they_were_live(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    drive(path)
+    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
+    rows = store.exact(number, 0, store.rows(number))
+    steps = np.diff(rows.time)
+    usual = np.median(steps)
+    assert (np.abs(rows.arrival - rows.time) < 0.02).all()
+    assert np.sum(steps > 5 * usual) == 1  # the hole; bursts of 10 ms make no comb
+    assert np.abs(steps[steps < 5 * usual] - usual).max() < 0.3 * usual
+
+
+def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    drive(path, seconds=1.0, named=False)
+    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    assert store.manifest["devices"][0]["protocol"] == "xbus"
+    assert store.manifest["channels"]
