@@ -93,7 +93,7 @@ def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
 
 
 def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], decided: int) -> tuple[list[Found], int]:
-    """Records, but for those whose end is the begin of a TSS2 string: of these, `tss2`, all before `decided` are known."""
+    """Records, but for those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
     found: list[Found] = []
     last_end = None if since is None or since < 0 else -since  # end of the last record believed
     at = 0

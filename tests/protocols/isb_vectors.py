@@ -2,6 +2,7 @@
 
 data.json, commands.json   vendor: encoded by the vendor's public code
 computed.json              computed by tests/oracles/isb.py, for data sets that the others do not meet
+forms.json                 computed by tests/oracles/isb_forms.py: packet types, raw GNSS data, structures of other firmware
 formats.json               the structures as the facts give them, for the oracle
 """
 
@@ -18,6 +19,7 @@ GOLDEN = Path(__file__).parents[1] / "golden" / "isb"
 DATA: list[dict[str, Any]] = json.loads((GOLDEN / "data.json").read_text())
 COMMANDS: list[dict[str, Any]] = json.loads((GOLDEN / "commands.json").read_text())
 COMPUTED: list[dict[str, Any]] = json.loads((GOLDEN / "computed.json").read_text())
+FORMS: list[dict[str, Any]] = json.loads((GOLDEN / "forms.json").read_text())
 FORMATS: dict[str, Any] = json.loads((GOLDEN / "formats.json").read_text())
 
 
@@ -28,7 +30,7 @@ def packet(vector: dict[str, Any]) -> bytes:
 
 def everything() -> Iterator[bytes]:
     """The packets of all vectors."""
-    for vector in (*DATA, *COMMANDS, *COMPUTED):
+    for vector in (*DATA, *COMMANDS, *COMPUTED, *FORMS):
         yield packet(vector)
 
 
@@ -39,7 +41,7 @@ def by_did(did: int) -> bytes:
 
 def leaves(value: Any, name: str = "") -> dict[str, list[Any]]:
     """Plain values by the path of each leaf, as formats.json names them; numbers as lists."""
-    if isinstance(value, dict) and not set(value) <= {"f32", "f64"}:
+    if isinstance(value, dict) and (not value or not set(value) <= {"f32", "f64"}):
         found: dict[str, list[Any]] = {}
         for part, inner in value.items():
             found.update(leaves(inner, f"{name}.{part}" if name else part))
