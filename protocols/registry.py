@@ -16,6 +16,7 @@ from typing import Any, Protocol
 from protocols.dialogues import Driver
 from protocols.events import Batch, Decoder, Reply
 from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.dialogues import IdtpDriver
 from protocols.idtp.frames import build as idtp_build
 from protocols.idtp.likeness import likeness as idtp_likeness
 from protocols.idtp.listing import IdtpListing
@@ -123,6 +124,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             datagrams=True,
             protection=idtp_protection,
             sender="IDTP device",
+            driver=IdtpDriver(),
         ),
     )
 }

@@ -1,0 +1,67 @@
+"""What can be sent in IDTP? A frame of any payload type, as rows that a form can be drawn from.
+
+    Imu3Acc … ImuQuat    the standard types, by the document's names of their readings
+    Frame                any type, 0x00 to 0xFF, its payload as hex
+    0x80, Wheels …       a vendor's own types: by number with `data` as hex, or as the user described them (vendor.py)
+
+Every frame has the header's arguments first: time stamp, sequence number, device, version and mode. The mode decides
+what protects it; a Secure frame needs the source's key. The protocol knows neither settings nor answers.
+
+Source: IDTP v2.1.0, sections 4.3 to 4.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from protocols.idtp.frames import LITE, MAX_PAYLOAD, SAFETY, VERSION
+from protocols.idtp.messages import MESSAGES, MODE_NAMES, SECTION, WIRE
+from protocols.idtp.vendor import Schema
+from protocols.schema import Command, Field, Message
+
+G_STANDARD, G_VENDOR = "Standard payloads", "Vendor payloads"
+GROUPS = (G_STANDARD, G_VENDOR)
+ANY = "Frame"
+HEADER_SOURCE = "IDTP v2.1.0, section 4.3"
+
+_HEADER = (
+    Field("timestamp", "<u4", default=0, doc="Time of the sensor, recommended in µs."),
+    Field("sequence", "<u4", default=0, doc="Number of the frame; a receiver drops one that is not newer."),
+    Field("device_id", "<u2", default=0, title="Device", doc="The vendor's number of the sensor."),
+    Field("mode", "u1", choices=MODE_NAMES, default=SAFETY, low=LITE, high=2, doc="What protects the frame."),
+    Field("version", "u1", default=VERSION, low=0x20, high=0x2F, simple=False, doc="0x21 is 2.1."),
+)
+HEADER: tuple[Field, ...] = tuple(replace(field, source=HEADER_SOURCE) for field in _HEADER)
+DATA = Field("data", "bytes", (-1,), most=MAX_PAYLOAD, title="Payload", doc="At most 972 bytes, as hex.")
+TYPE = Field("type", "u1", default=0x80, title="Payload type", doc="0x00 to 0x06 are standard, from 0x80 the vendor's.")
+
+
+def readings(row: Message) -> tuple[Field, ...]:
+    """The readings of a payload one by one, by the names that inspect prints."""
+    fields: list[Field] = []
+    for field in row.fields:
+        names = WIRE.get(field.name, ()) if field.source == SECTION else ()
+        if not names:
+            fields.append(field)
+        for name, axis in zip(names, field.axes or ("",), strict=False):
+            title = f"{field.title or field.name} {axis}".strip()
+            fields.append(
+                replace(field, name=name, shape=(), axes=(), title=title, default=1.0 if name == "w" else 0.0)
+            )
+    return tuple(fields)
+
+
+def commands(schema: Schema) -> Mapping[str, Command]:
+    """All rows by name; those of `schema` too."""
+    rows = [_command(row, G_STANDARD, simple=True) for row in MESSAGES]
+    rows += [_command(row, G_VENDOR, simple=True) for row in schema.values()]
+    rows.append(
+        Command(ANY, (TYPE, *HEADER, DATA), "do", G_VENDOR, title="Any payload", doc="A frame of any type, as bytes.")
+    )
+    return {row.name: row for row in rows}
+
+
+def _command(row: Message, group: str, *, simple: bool) -> Command:
+    arguments = (*HEADER, *readings(row))
+    return Command(row.name, arguments, "do", group, simple=simple, title=row.name, doc=row.doc, source=row.source)
