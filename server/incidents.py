@@ -20,6 +20,7 @@ from server.wire import EventKind, Level
 
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10
+AGAIN_S = 0.02
 REPLIES_PER_PERIOD = 20
 SHOWN_VALUES = 4
 TEXTS_PER_SORT = 1  # ever: a sentence that repeats is a stream; its values are channels, its lines are no news
@@ -100,6 +101,12 @@ class Incidents:
             self.say("clock", "caution", text, time=time, data={k: plain(v) for k, v in data.items()})
         else:
             self._hold("clock").parts[step.kind] += 1
+
+    def again(self, text: str, arrival: float) -> None:
+        """What is played begins again with what arrived then: clocks and counters start anew, and nothing was lost."""
+        if self._may("again", 1):
+            # A little before, as the first sample's time on this host may be: a page breaks its lines there.
+            self.say("clock", "info", text, time=arrival - AGAIN_S, data={"kind": "again"})
 
     def reply(self, reply: Reply) -> None:
         """An answer or indication, with its values."""

@@ -340,7 +340,7 @@ class Session:
             if self._intake is None:
                 self._unknown.chunks.append(chunk)
             else:
-                self._intake.feed(chunk)
+                self._feed(chunk)
         self._stalled = False
         self._dirty = True
         self._hub.request_flush()
@@ -357,9 +357,19 @@ class Session:
             on_events=self._heard,
         )
         self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol))
-        for chunk in self._unknown.chunks:
-            self._intake.feed(chunk)
-        self._unknown.chunks = []
+        kept, self._unknown.chunks = self._unknown.chunks, []
+        for chunk in kept:
+            self._feed(chunk)
+
+    def _feed(self, chunk: Chunk) -> None:
+        """Have a chunk decoded; where a file is played again with it, by a decoder that knows nothing of the last turn:
+        it would take the jump back for a reset, a jump or a loss of the device."""
+        if chunk.anew:
+            self._drain(final=True)
+            self._begin(self.info.protocol)
+            self._incidents.again(f"{short(self.info.source)} starts again.", chunk.arrival_ns / 1e9)
+        assert self._intake is not None
+        self._intake.feed(chunk)
 
     def _drain(self, *, final: bool = False) -> None:
         """Decode what has come. Called by the hub before each flush; a fault here is this device's alone."""

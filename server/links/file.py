@@ -21,6 +21,7 @@ from server.links.words import progress_line
 
 FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
 SPEEDS = (0.01, 1000.0)
+TURN_S = 0.1  # between two turns of a loop: the lines of a plot break there, and must not run into each other
 
 
 class FileLink(Link):
@@ -82,6 +83,8 @@ class FileLink(Link):
             while not self._stop.is_set():
                 self._play_once(inbox, anew=turns > 0)
                 turns += 1
+                if self.loop and self._stop.wait(TURN_S):
+                    return
                 if not self.loop:
                     ended = f"{self.path.name} has been played to its end."
                     inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))

@@ -70,8 +70,8 @@ class FakeLink(Link):
     async def close(self) -> None:
         return
 
-    def send(self, data: bytes) -> None:
-        self._queue.put_nowait(Chunk(data, self.settings.now_ns()))
+    def send(self, data: bytes, *, anew: bool = False) -> None:
+        self._queue.put_nowait(Chunk(data, self.settings.now_ns(), anew))
 
     def die(self, error: Exception) -> None:
         self._queue.put_nowait(error)

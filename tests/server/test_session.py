@@ -7,6 +7,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from protocols.events import Batch, Event, Reject, Reply
@@ -302,6 +303,32 @@ def test_a_clock_step_is_an_event() -> None:
         assert step.time == time[2], "a page breaks its lines at the first sample after the step, not somewhere near"
 
     play(test)
+
+
+@pytest.mark.parametrize("protocol", ["fake", ""])
+def test_a_turn_of_a_looped_file_is_told_once_and_is_no_jump_and_no_loss(protocol: str) -> None:
+    """It was told as a clock that had jumped by -880 ms, at each turn, and as lost samples."""
+
+    async def test(stage: Stage) -> None:
+        for turn in range(3):
+            for k in range(100, 140):
+                stage.clock.move(0.01)
+                stage.link.send(sample(k), anew=turn > 0 and k == 100)
+            await stage.settle()
+            await stage.settle(1.1)
+        await stage.settle(1.1)
+        told = stage.events("clock")
+        assert [event.text for event in told] == ["ttyFAKE starts again."] * 2
+        assert {event.level for event in told} == {"info"}
+        _, time, force = stage.channel("Force").ring.read()
+        assert len(force) == 120
+        assert (np.diff(time) > 0).all()
+        for turn, event in enumerate(told, 1):
+            assert time[40 * turn - 1] < event.time < time[40 * turn], "a page breaks its lines between the turns"
+        health = stage.session.health(stage.clock())
+        assert (health.gaps, health.lost, stage.events("gap")) == (0, 0, [])
+
+    play(test, protocol=protocol)
 
 
 def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
