@@ -285,33 +285,35 @@ class Layout:
 class _Reader:
     """One field's bytes in gathered rows → its column. What does not depend on the rows is worked out once."""
 
-    __slots__ = ("_at", "_field", "_inner", "_native", "_pieces", "_plain", "_stride", "_wire")
+    __slots__ = ("_at", "_empty", "_field", "_native", "_opaque", "_pieces", "_plain", "_shape", "_strides", "_wire")
 
     def __init__(self, field: Field, pieces: tuple[tuple[int, int], ...], stride: int) -> None:
         self._field = field
         self._pieces = pieces
         self._at = pieces[0][0]
-        self._stride = stride
+        self._opaque = field.dtype == "bytes"
         self._wire = element(field)
         self._native = native(field)
-        self._inner = tuple(self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
+        inner = (self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
+        self._strides = (stride, *inner)
+        self._shape = field.shape
+        self._empty = not stride or 0 in field.shape
         encoded = field.dtype in _FIXED_POINT or field.fields or field.column_major
         self._plain = not encoded and field.scale == 1 and field.bias == 0
 
     def column(self, rows: NDArray[np.uint8]) -> Array:
         """The field of n rows."""
-        field = self._field
-        if field.dtype == "bytes":
+        if self._opaque:
             parts = [rows[:, at : at + size] for at, size in self._pieces]
             return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
-        shape = (len(rows), *field.shape)
-        if not rows.size or 0 in shape:
+        shape = (len(rows), *self._shape)
+        if self._empty or not shape[0]:
             return np.empty(shape, self._native)
-        wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, (self._stride, *self._inner))
+        wire: Array = np.ndarray(shape, self._wire, rows.data, self._at, self._strides)
         if self._plain:
             return _copied(wire, self._native)
         with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, a signalling NaN too
-            return shown(field, wire)
+            return shown(self._field, wire)
 
 
 class Columns(Mapping[str, Array]):
@@ -345,7 +347,7 @@ class Columns(Mapping[str, Array]):
 def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:
     """`wire.astype(dtype)`. Of many short vectors first all x, then all y …: numpy would go along each vector, which
     takes twice as long."""
-    if wire.ndim != 2 or len(wire) < _MANY or not 1 < wire.shape[1] <= _SHORT:
+    if len(wire) < _MANY or wire.ndim != 2 or not 1 < wire.shape[1] <= _SHORT:
         return wire.astype(dtype)
     out = np.empty(wire.shape, dtype)
     for k in range(wire.shape[1]):

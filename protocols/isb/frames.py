@@ -48,7 +48,7 @@ from protocols.framing import (
     Bytes,
     Ints,
 )
-from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled
+from protocols.jit import BYTES, FLAG, FOUR, INT, TABLE, compiled, unsigned
 
 FIRST, SECOND = 0xEF, 0x49
 HEADER, TRAILER = 6, 2
@@ -117,16 +117,19 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
     failed = 0
     framed = 0
     while at < end and n < table.shape[1]:
-        if int(data[at]) != FIRST:
+        here = unsigned(at)
+        if int(data[here]) != FIRST:
             at += 1
             continue
         left = end - at
-        if left >= 2 and int(data[at + 1]) != SECOND:
+        if left >= 2 and int(data[here + unsigned(1)]) != SECOND:
             at += 1
             continue
         status = FRAME
-        size = _u2(data, at + 4) + HEADER + TRAILER if left >= HEADER else 0
-        if size == 0 or size > MAX_DATA or int(data[at + 2]) != DATA:  # the usual case needs no closer look
+        size = 0
+        if left >= HEADER:
+            size = (int(data[here + unsigned(4)]) | int(data[here + unsigned(5)]) << 8) + HEADER + TRAILER
+        if size == 0 or size > MAX_DATA or int(data[here + unsigned(2)]) != DATA:  # the usual case needs no closer look
             status = _verdict(data, at, left)
         if status == FRAME:
             if size == 0 or size > left:
@@ -138,21 +141,23 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
                 status = TRUNCATED
             else:
                 sums = fletcher16(data, at, at + size - TRAILER)
-                if sums & 0xFF != int(data[at + size - 2]) or sums >> 8 != int(data[at + size - 1]):
+                last = unsigned(at + size - 1)
+                if sums & 0xFF != int(data[last - unsigned(1)]) or sums >> 8 != int(data[last]):
                     status = BAD_CHECKSUM
         if status in (BAD_TYPE, BAD_SIZE):
             size = 0  # what is claimed may not be there yet, and would say nothing
-        flags = int(data[at + 2]) if left >= 3 else 0
+        flags = int(data[here + unsigned(2)]) if left >= 3 else 0
         skip = 0
         if flags & WITH_OFFSET and (flags & TYPE_MASK == DATA or flags & TYPE_MASK == SET_DATA):
             skip = 2
-        table[OFFSET, n] = at
-        table[SIZE, n] = size
-        table[BODY, n] = at + HEADER + skip
-        table[LENGTH, n] = size - HEADER - TRAILER - skip
-        table[ID, n] = int(data[at + 3]) if left >= 4 else -1
-        table[FLAGS, n] = flags
-        table[STATUS, n] = status
+        column = unsigned(n)
+        table[OFFSET, column] = at
+        table[SIZE, column] = size
+        table[BODY, column] = at + HEADER + skip
+        table[LENGTH, column] = size - HEADER - TRAILER - skip
+        table[ID, column] = int(data[here + unsigned(3)]) if left >= 4 else -1
+        table[FLAGS, column] = flags
+        table[STATUS, column] = status
         n += 1
         if status == FRAME:
             framed += size
