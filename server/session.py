@@ -30,6 +30,7 @@ from server.hub import Hub
 from server.intake import Line
 from server.links.base import Chunk, Link, LinkError
 from server.listeners import Listeners
+from server.patience import SILENT_S, Patience
 from server.portrait import Portrait, short
 from server.reading import Reading
 from server.recognition import Speech, Unknown
@@ -39,11 +40,6 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
-SILENT_S = 0.8  # and the tick and the flush after it: the page knows within a second
-SLOW_FACTOR = 3.0  # a device that speaks every 2 s is silent after 6 s
-FEW_CHUNKS = 3  # with fewer than these its usual interval is not known, and it has this long:
-FEW_CHUNKS_S = 3.0
-SLOWEST_S = 10.0
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
 
 Direction = Literal["rx", "tx"]
@@ -91,8 +87,7 @@ class Session:
         self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
-        self._interval = 0.0  # the usual time between chunks of this device, s
-        self._chunks = 0
+        self._patience = Patience()
         self._stalled = False
         self._dirty = False
         self._retry_s = FIRST_RETRY_S
@@ -104,8 +99,6 @@ class Session:
         self._sent: Listeners[[bytes, int]] = Listeners()
         self._sending = asyncio.Lock()
         self._closing: list[Callable[[], Awaitable[None]]] = []
-        self._hushed = False
-        self._hushed_until = 0.0
 
     @property
     def info(self) -> wire.DeviceInfo:
@@ -288,8 +281,7 @@ class Session:
 
     def hush(self, on: bool) -> None:
         """Silence is meant (a device that is being configured does not measure): it is not called lost for it."""
-        self._hushed = on
-        self._hushed_until = self._hub.now()
+        self._patience.hush(on, self._hub.now())
 
     def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
         """Have something done before the link is closed for good."""
@@ -329,10 +321,7 @@ class Session:
         figures = self._figures
         for chunk in chunks:
             arrival = chunk.arrival_ns / 1e9
-            if figures.last_arrival is not None:
-                gap = arrival - figures.last_arrival
-                self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
-            self._chunks += 1
+            self._patience.heard(arrival, figures.last_arrival)
             figures.heard(len(chunk.data), arrival)
             self._advice.hear(chunk.data)
             if self._chunk_listeners:
@@ -463,7 +452,7 @@ class Session:
         if self._opened_at is not None:
             if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
                 self._set(notices=self._notices)
-            quiet = 0.0 if self._hushed else now - max(last or 0.0, self._opened_at, self._hushed_until)
+            quiet = self._patience.quiet(now, max(last or 0.0, self._opened_at))
             if self._intake is None and self._unknown.chunks:
                 self._dirty = True
                 self._hub.request_flush()
@@ -471,19 +460,12 @@ class Session:
                 self._stalled = True
                 self._dirty = True
                 self._drain(final=True)
-            if self.info.status == "live" and quiet > self._patience:
+            if self.info.status == "live" and quiet > self._patience.limit:
                 self._fell_silent(quiet)
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
         self._senders.tick(now, None if self._opened_at is not None else self.info)
-
-    @property
-    def _patience(self) -> float:
-        """How long this device may be silent, s."""
-        if self._chunks < FEW_CHUNKS:
-            return FEW_CHUNKS_S
-        return max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
 
     def _fell_silent(self, quiet: float) -> None:
         text = f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open."
