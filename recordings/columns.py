@@ -4,8 +4,9 @@ A file of hours is decoded once, from front to back, into a store; every plot at
 store is two files, mapped into memory, and a manifest:
 
     columns.bin    block after block; a block is up to 65 536 rows of one channel, column by column:
-                   key │ arrival │ time │ own columns … │ level 16 │ level 256 │ level 4096
-    blocks.npy     one row a block: channel, rows, offset, first and last key, first and last arrival
+                   clocks    key │ arrival │ time │ key, arrival of level 16 │ of level 256 │ of level 4096
+                   values    own columns … │ level 16 │ level 256 │ level 4096
+    blocks.npy     one row a block: channel, rows, where its clocks and its values are, first and last key and arrival
     manifest.json  what the channels are, and whatever the maker adds; written last, so a store without one is none
 
 A *level* summarises every 16 (256, 4096) rows by the first key and arrival, and for each own column the least and the
@@ -14,7 +15,8 @@ so that a fault of one sample is seen at every zoom. A query reads the coarsest 
 each bucket asked for: it touches a few hundred kilobytes, never the whole column.
 
 `key` is what a query searches by in the device base: device time mapped to host time, or the arrival where there is
-none, made non-decreasing, because a sample may carry a time older than its neighbours'.
+none, made non-decreasing, because a sample may carry a time older than its neighbours'. Quantities that come in one
+message have the same clocks, which are written once.
 
 Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time.
 """
@@ -24,6 +26,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +38,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
 Base = Literal["device", "arrival"]
+Clock = Literal["key", "arrival", "time"]
 
 VERSION = 1
 BLOCK_ROWS = 1 << 16
@@ -42,11 +46,12 @@ LEVELS = (16, 256, 4096)
 PER_BUCKET = 8  # summaries that a bucket is at least made of
 INDEX = np.dtype(
     [
-        *(("channel", "<u4"), ("rows", "<u4"), ("offset", "<u8")),
+        *(("channel", "<u4"), ("rows", "<u4"), ("clocks", "<u8"), ("values", "<u8")),
         *(("key0", "<f8"), ("key1", "<f8"), ("arrival0", "<f8"), ("arrival1", "<f8")),
     ]
 )
 _ALIGN = 64
+_CLOCKS_KEPT = 4  # written lately, to be shared: as many messages as interleave closely
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +117,7 @@ class ColumnsWriter:
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
+        self._written: deque[tuple[tuple[Array, Array, Array], int]] = deque(maxlen=_CLOCKS_KEPT)
 
     def channel(self, number: int, shape: Shape) -> None:
         """A channel, before its first rows."""
@@ -175,21 +181,36 @@ class ColumnsWriter:
         key = np.where(np.isnan(time), arrival, time)
         key[0] = max(key[0], self._newest.get(number, -np.inf))
         key = np.maximum.accumulate(key)
+        clocks = self._clocks((key, arrival, time))
+        values = self._at
         own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[2:], shape.dtypes, strict=True)]
-        offset = self._at
-        for array in (key, arrival, time, *own):
+        for array in own:
             self._put(array)
         low, high, step = own, own, 1
         for level in LEVELS:
-            cuts = np.arange(0, len(low[0]) if low else -(-len(key) // step), level // step)
+            cuts = np.arange(0, -(-len(key) // step), level // step)
             low = [_summary(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
             high = [_summary(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
             step = level
-            for array in (key[::level], arrival[::level], *low, *high):
-                self._put(np.ascontiguousarray(array))
+            for array in (*low, *high):
+                self._put(array)
         ends = (float(key[0]), float(key[-1]), float(arrival.min()), float(arrival.max()))
-        self._index.append((number, len(key), offset, *ends))
+        self._index.append((number, len(key), clocks, values, *ends))
         self._newest[number] = float(key[-1])
+
+    def _clocks(self, clocks: tuple[Array, Array, Array]) -> int:
+        """Where these are written; once, where another quantity of the message has them too."""
+        for known, at in self._written:
+            if all(np.array_equal(a, b, equal_nan=True) for a, b in zip(known, clocks, strict=True)):
+                return at
+        at = self._at
+        for array in clocks:
+            self._put(array)
+        for level in LEVELS:
+            self._put(np.ascontiguousarray(clocks[0][::level]))
+            self._put(np.ascontiguousarray(clocks[1][::level]))
+        self._written.append((clocks, at))
+        return at
 
     def _put(self, array: Array) -> None:
         self._file.write(array.data)
@@ -276,7 +297,7 @@ class Columns:
         blocks = self._blocks[channel]
         if not len(blocks):
             return 0
-        name: Literal["key", "arrival"] = "key" if base == "device" else "arrival"
+        name: Clock = "key" if base == "device" else "arrival"
         at = int(np.searchsorted(blocks[f"{name}1"], t, side))
         if at == len(blocks):
             return self.rows(channel)
@@ -302,7 +323,7 @@ class Columns:
         t0, t1, width = grid
         step = max((level for level in (1, *LEVELS) if (hi - lo) // level >= PER_BUCKET * width), default=1)
         status = self.shapes[channel].status
-        name: Literal["key", "arrival"] = "key" if base == "device" else "arrival"
+        name: Clock = "key" if base == "device" else "arrival"
         times: list[Array] = []
         counts: list[Array] = []
         lows: list[list[Array]] = [[] for _ in wanted]
@@ -330,27 +351,37 @@ class Columns:
 
     # -- where a column of a block is ----------------------------------------------------------------------------------
 
-    def _column(
-        self, channel: int, block: int, name: Literal["key", "arrival", "time"] | int, step: int = 1, which: int = 0
-    ) -> Array:
+    def _column(self, channel: int, block: int, name: Clock | int, step: int = 1, which: int = 0) -> Array:
         """One column of a block: of its rows (step 1), or of a level: `which` 0 the least, 1 the greatest."""
         row = self._blocks[channel][block]
-        dtypes = self.shapes[channel].dtypes
-        at, rows = int(row["offset"]), int(row["rows"])
-        own = [np.dtype("<" + dtype) for dtype in dtypes]
-        clock = np.dtype("<f8")
+        rows = int(row["rows"])
+        if isinstance(name, str):
+            return self._clock(int(row["clocks"]), rows, name, step)
+        own = [np.dtype("<" + dtype) for dtype in self.shapes[channel].dtypes]
+        sizes = [dtype.itemsize for dtype in own]
+        at = int(row["values"])
         for level in (1, *LEVELS):
             n = -(-rows // level)
-            columns: list[tuple[Any, int, np.dtype[Any]]] = [("key", 0, clock), ("arrival", 0, clock)]
-            columns += [("time", 0, clock)] if level == 1 else []
-            columns += [(i, 0, dtype) for i, dtype in enumerate(own)]
-            columns += [(i, 1, dtype) for i, dtype in enumerate(own)] if level > 1 else []
-            for found, side, dtype in columns:
-                if level == step and found == name and (side == which or step == 1):
-                    return self._data[at : at + n * dtype.itemsize].view(dtype)
-                size = n * dtype.itemsize
-                at += size + -size % _ALIGN
-        raise KeyError(name)
+            strides = [_padded(n * size) for size in sizes]
+            if level == step:
+                at += sum(strides[:name]) + (sum(strides) if which and step > 1 else 0)
+                return self._data[at : at + n * sizes[name]].view(own[name])
+            at += sum(strides) * (1 if level == 1 else 2)
+        raise KeyError(step)
+
+    def _clock(self, at: int, rows: int, name: Clock, step: int) -> Array:
+        order = ("key", "arrival", "time")
+        for level in (1, *LEVELS):
+            size = 8 * -(-rows // level)
+            if level == step:
+                at += order.index(name) * _padded(size)
+                return self._data[at : at + size].view("<f8")
+            at += (3 if level == 1 else 2) * _padded(size)
+        raise KeyError(step)
+
+
+def _padded(size: int) -> int:
+    return size + -size % _ALIGN
 
 
 def _summary(column: Array, cuts: NDArray[np.int64], flags: bool, which: int) -> Array:

@@ -10,6 +10,7 @@ parts. `Source` is one file, or the files that one recording was split into.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from protocols.framing import Ints
-from recordings.blocks import LENGTH, TIME, Damage, Recording
+from recordings.blocks import CHANNEL_ID, DATA, LENGTH, TIME, Block, Damage, Recording
 from recordings.container import DEVICE, RECORDING
 
 
@@ -72,7 +73,7 @@ class Source(Protocol):
     def parts(self) -> Iterator[Part]: ...
 
     def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        """(channel, time ns, body) of what was kept beside the bytes: events, notes, snapshots."""
+        """(channel, time ns, body) of what was kept beside the bytes: events, notes, snapshots. After `parts`."""
 
 
 class McapSource:
@@ -104,30 +105,30 @@ class McapSource:
     def parts(self) -> Iterator[Part]:
         recording = self._recording
         recording.damage.clear()
+        self._said.clear()
         for block in recording.blocks():
-            for number in np.unique(block.table[0]).tolist():
+            for number in np.unique(block.table[CHANNEL_ID]).tolist():
                 topic = recording.topics.get(number)
-                way, _, device = topic.name.partition("/") if topic is not None else ("", "", "")
-                if way not in ("rx", "tx"):
+                if topic is None:
                     continue
                 rows = block.of(number)
+                way, _, device = topic.name.partition("/")
+                if topic.encoding == "json":
+                    self._hear(topic.name, block, rows)
+                if way not in ("rx", "tx") or topic.encoding == "json":
+                    continue
                 data, ends = block.joined(rows)
                 yield Part(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
         self._learn()
 
     def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
-        import json
+        yield from self._said
 
-        for block in self._recording.blocks():
-            for number in np.unique(block.table[0]).tolist():
-                topic = self._recording.topics.get(number)
-                if topic is None or topic.encoding != "json":
-                    continue
-                rows = block.of(number)
-                for time, at, size in zip(rows[TIME].tolist(), rows[2].tolist(), rows[LENGTH].tolist(), strict=True):
-                    try:
-                        body = json.loads(bytes(block.data[at : at + size]))
-                    except ValueError:
-                        continue
-                    if isinstance(body, dict):
-                        yield topic.name, time, body
+    def _hear(self, topic: str, block: Block, rows: Ints) -> None:
+        for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
+            try:
+                body = json.loads(bytes(block.data[at : at + size]))
+            except ValueError:
+                continue
+            if isinstance(body, dict):
+                self._said.append((topic, time, body))
