@@ -50,7 +50,7 @@ def problems(
     """Everything that is wrong with `values`.
 
     Args:
-        partial: fields may be left out.
+        partial: fields may be left out. Those that a device only tells always may.
         at: path of the record that `values` are.
     """
     names = [field.name for field in fields]
@@ -62,7 +62,7 @@ def problems(
         path = _join(at, field.name)
         if field.name in values:
             yield from _of(field, values[field.name], path)
-        elif not partial:
+        elif not partial and not field.read_only:
             yield Problem(path, f"{field.name} is missing")
 
 

@@ -32,14 +32,14 @@ def differences(setting: str, a: Values, b: Values) -> list[str]:
 
 
 def _streams(a: Values, b: Values) -> list[str]:
-    """Streams by data set: missing, new, or at another period (one that is not known may be any)."""
-    other = {one["did"]: one.get("period") for one in b.get("streams", [])}
+    """Streams by data set: missing, new, or at another period. One that was read but not heard may have any."""
+    other = {one["did"]: one for one in b.get("streams", [])}
     found = []
     for place, one in enumerate(a.get("streams", [])):
-        did, period = one["did"], one.get("period")
-        if did not in other:
+        match = other.get(one["did"])
+        if match is None:
             found.append(f"streams.{place}")
-        elif None not in (period, other[did]) and period != other[did]:
+        elif 0 not in (one.get("size"), match.get("size")) and one.get("period", 1) != match.get("period", 1):
             found.append(f"streams.{place}.period")
     ours = {one["did"] for one in a.get("streams", [])}
     return found + [f"streams.{place}" for place, one in enumerate(b.get("streams", [])) if one["did"] not in ours]

@@ -289,8 +289,7 @@ class IsbDriver:
                 if not again or now.get(did) != period:
                     yield from self._stream(did, period)
             got = yield from listening.streams(lambda did: ask(did))
-            seen = {one["did"]: one["period"] for one in got["streams"]}
-            if set(seen) == set(wanted) and all(seen[did] in (None, wanted[did]) for did in seen):
+            if not differences(STREAMS_SETTING, values, got):
                 break
         if kept(values):
             yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")

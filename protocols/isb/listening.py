@@ -6,8 +6,8 @@
                         ·        ·
 
 A data set that streams and has no bit (DID_SYS_PARAMS) is found by listening alone. One that has its bit and was not
-heard within `LISTEN_S` keeps a period of None: "switched on, period not known"; when it is written back it is asked for
-at 1. What happens rarely (an event, a strobe) has no period and is 1.
+heard within `LISTEN_S` (there is no RTK, no second receiver) has a size of 0, and the period that a bit alone means: 1.
+What happens rarely (an event, a strobe) has no period and is 1.
 
 Also here: the wire values of an event. A decoder's columns are in shown units; a snapshot holds wire values.
 
@@ -174,8 +174,5 @@ def _maybe(ask: Ask, did: int) -> Dialogue[Values]:
 def _stream(did: int, heard: _Heard, sources: Mapping[str, float]) -> dict[str, Any]:
     row = STREAMS[did]
     source_ms, interval = sources[row.pace], heard.interval_ms(did)
-    if row.pace == EVENT:
-        period: int | None = 1
-    else:
-        period = None if interval is None else max(1, round(interval / source_ms))
+    period = 1 if interval is None or row.pace == EVENT else max(1, round(interval / source_ms))
     return {"did": did, "period": period, "size": heard.sizes.get(did, 0), "source_ms": source_ms}

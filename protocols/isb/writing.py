@@ -18,7 +18,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols import nmea
+from protocols import limits, nmea
 from protocols.isb import frames
 from protocols.isb.commands import (
     ASCE_FIELDS,
@@ -119,10 +119,7 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
     """One SET of neighbouring fields of a data set (or of all of them)."""
     if not values:
         raise EncodeError("give at least one field")
-    fields = {field.name: field for field in fields_of(did, version)}
-    for name, value in values.items():
-        if name in fields:
-            check(fields[name], value, name)
+    limits.check(fields_of(did, version), values, partial=True)
     try:
         return packet_of({"message": f"{SET_PREFIX}{SETS[did].name}", "fields": values, "wire": {}})
     except EncodeError as error:
@@ -144,10 +141,9 @@ def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
 
     Fields that the device keeps itself are passed over.
     """
-    known = [field.name for field in fields_of(did, version)]
-    for name in values:
-        if name not in known:
-            raise EncodeError(f"no field is called {name!r}; there are: {', '.join(known)}", name)
+    fields = fields_of(did, version)
+    told = {field.name for field in fields if field.read_only}
+    limits.check(fields, {name: value for name, value in values.items() if name not in told}, partial=True)
     if did == NMEA_PERIODS:
         values = _padded(values)
     size = SETS[did].sizes.get(version) or SETS[did].struct.size  # type: ignore[union-attr]
@@ -157,7 +153,7 @@ def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
         if field.name not in values:
             continue
         place, at = offsets[field.name]
-        raw = packed(place, field, values[field.name])
+        raw = _packed(place, values[field.name])
         if runs and runs[-1][0] + len(runs[-1][1]) == at:
             runs[-1][1].extend(raw)
         else:
@@ -165,15 +161,11 @@ def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
     return [frames.set_data(did, bytes(raw), at) for at, raw in runs]
 
 
-def packed(place: Field, noted: Field, value: Any) -> bytes:
+def _packed(field: Field, value: Any) -> bytes:
     """One field's bytes."""
-    check(noted, value, noted.name)
-    if place.dtype == "bytes" and isinstance(value, str):
+    if field.dtype == "bytes" and isinstance(value, str):
         value = bytes.fromhex(value)
-    try:
-        return pack((place,), {place.name: value})
-    except EncodeError as error:
-        raise EncodeError(str(error), noted.name) from None
+    return pack((field,), {field.name: value})
 
 
 def _padded(values: Values) -> Values:
@@ -185,33 +177,6 @@ def _padded(values: Values) -> Values:
         raise EncodeError(f"at most {NMEA_MESSAGES_KEPT} sentences, given {len(messages)}", "nmeaBroadcastMsgs")
     empty = [{"msgID": 0, "msgPeriod": 0}] * (NMEA_MESSAGES_KEPT - len(messages))
     return {**values, "nmeaBroadcastMsgs": [*messages, *empty]}
-
-
-def check(field: Field, value: Any, path: str) -> None:
-    """Is a value within what the manual allows?
-
-    Raises:
-        EncodeError: with the path, the value and the range.
-    """
-    if field.low is None and field.high is None:
-        for part in field.fields:
-            for place, one in enumerate(value if isinstance(value, list) else ()):
-                if isinstance(one, Mapping) and part.name in one:
-                    check(part, one[part.name], f"{path}.{place}.{part.name}")
-        return
-    for place, one in enumerate(value if isinstance(value, (list, tuple)) else [value]):
-        if not isinstance(one, (int, float)) or isinstance(one, bool):
-            continue  # pack says what is wrong with it
-        below, above = field.low is not None and one < field.low, field.high is not None and one > field.high
-        if below or above:
-            where = f"{path}.{place}" if isinstance(value, (list, tuple)) else path
-            raise EncodeError(f"{field.name} lies in {_range(field)}, given {one!r}", where)
-
-
-def _range(field: Field) -> str:
-    low = "-∞" if field.low is None else f"{field.low:g}"
-    high = "∞" if field.high is None else f"{field.high:g}"
-    return f"[{low}, {high}]"
 
 
 def streams_frames(values: Values) -> list[bytes]:
@@ -238,7 +203,7 @@ def chosen(values: Values) -> dict[int, int]:
             raise EncodeError(f"data set {did} cannot be streamed", f"streams.{place}.did")
         if did in found:
             raise EncodeError(f"{allowed[did]} is there twice", f"streams.{place}.did")
-        period = 1 if one.get("period") is None else _whole(f"streams.{place}.period", one["period"], 65_535)
+        period = _whole(f"streams.{place}.period", one.get("period", 1), 65_535)
         if period == 0:
             raise EncodeError("period lies in [1, 65535]: leave the stream out to end it", f"streams.{place}.period")
         found[did] = period
