@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -235,37 +234,3 @@ def test_unknown_data_sets_are_kept() -> None:
     said = plain(build(frames.DATA, 200, b"abc"))
     assert said == {"id": 200, "message": "DID_200", "fields": {"data": "616263"}}
     assert ROWS[200].kind == "reply"
-
-
-def log_folder() -> Path:
-    folder = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"
-    if not folder.is_dir():
-        pytest.skip(f"no logs: {folder} is not there")
-    return folder
-
-
-def test_vendor_log() -> None:
-    """Every record of the vendor's log, in order, with its values; sentences in it have a wrong checksum."""
-    folder = log_folder()
-    data = next(folder.glob("*.raw")).read_bytes()
-    expected = [json.loads(line) for line in (folder / "raw.values.jsonl").read_text().splitlines()]
-    found = oracle.scan(data, final=True)
-    sets = [row for row in expected if "did" in row]
-    assert [(p.did, p.part or 0, len(p.payload)) for p in found.packets] == [
-        (row["did"], row["offset"], row["size"]) for row in sets
-    ]
-    for one, row in zip(found.packets, sets, strict=True):
-        said = plain(data[one.offset : one.offset + one.size])["fields"]
-        for name, value in row["fields"].items():
-            np.testing.assert_allclose(said[name], value, rtol=2e-7) if name != "manufacturer" else None
-    decoder = IsbDecoder()
-    decoder.feed(data, 0)
-    events = decoder.drain(stalled=True)
-    ins = next(event for event in events if isinstance(event, Batch) and event.message.name == "DID_INS_1")
-    rows = [row for row in sets if row["did"] == 4]
-    assert len(ins) == len(rows)
-    last: dict[str, Any] = {}
-    for i, row in enumerate(rows):  # a part of the set is merged into the last value
-        last.update(row["fields"])
-        np.testing.assert_allclose(ins.columns["theta"][i], np.degrees(last["theta"]), rtol=1e-6)
-        assert ins.columns["lla"][i].tolist() == pytest.approx(last["lla"], rel=1e-14)
