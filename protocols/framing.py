@@ -93,6 +93,14 @@ class Buffer:
             self._ends.append(self._ends[-1] + len(data))
             self._arrivals.append(arrival_ns)
 
+    def extend(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Add many chunks that lie one after the other in `data`; (n,) where each ends and when it arrived."""
+        if data:
+            base = self._ends[-1]
+            self._chunks.append(bytes(data))
+            self._ends += (ends + base).tolist()
+            self._arrivals += arrival_ns.tolist()
+
     def data(self) -> bytes:
         """All bytes kept, as one immutable piece that begins at `start`."""
         if self._chunks:

@@ -69,6 +69,10 @@ class Stream:
         """Append a chunk."""
         self._buffer.append(data, arrival_ns)
 
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._buffer.extend(data, ends, arrival_ns)
+
     @property
     def buffered(self) -> int:
         """Bytes that are not decided yet."""

@@ -29,7 +29,7 @@ from server import codec, wire
 from server.channels import Piece
 from server.hub import Hub
 from server.intake import Line
-from server.links.base import Chunk, LinkKind
+from server.links.base import LinkKind
 from server.portrait import Portrait, short
 from server.reading import Reading
 from server.recognition import GUESS_SCORE, Speech
@@ -140,20 +140,21 @@ class _Device:
             self._waiting.clear()
 
     def _feed(self, reader: Reader, part: Part) -> None:
-        figures = self.senders.own.figures
-        start = 0
-        for end, time in zip(part.ends.tolist(), part.times.tolist(), strict=True):
-            reader.feed(Chunk(part.data[start:end], time))
+        first = 0
+        while first < len(part.ends):
+            start = int(part.ends[first - 1]) if first else 0
+            past = max(int(np.searchsorted(part.ends, start + DRAIN_BYTES - self._fed, "right")), first + 1)
+            end = int(part.ends[past - 1])
+            reader.feed_many(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
             self._fed += end - start
-            start = end
+            self._hub.time = float(part.times[past - 1]) / 1e9
             if self._fed >= DRAIN_BYTES:
-                self._drain(reader, time)
-        self._hub.time = float(part.times[-1]) / 1e9
-        figures.heard(len(part.data), self._hub.time)
+                self._drain(reader)
+            first = past
+        self.senders.own.figures.heard(len(part.data), self._hub.time)
 
-    def _drain(self, reader: Reader, time_ns: int) -> None:
+    def _drain(self, reader: Reader) -> None:
         self._fed = 0
-        self._hub.time = time_ns / 1e9
         reader.drain()
         if self._hub.time >= self._next_tick:
             self._next_tick = self._hub.time + 1.0

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from protocols.events import Decoder, Event, Reject, Text
+from protocols.framing import Ints
 from server import wire
 from server.channels import Channels
 from server.health import Figures
@@ -247,6 +248,14 @@ class Reader:
         self._end += len(chunk.data)
         if len(self._tail) > 2 * TAIL_BYTES:
             del self._tail[:-TAIL_BYTES]
+
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks at once; see events.Decoder."""
+        self._decoder.feed_many(data, ends, arrival_ns)
+        self._fed = True
+        self._tail += data
+        self._end += len(data)
+        del self._tail[:-TAIL_BYTES]
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Bytes of the stream, as events tell their places in it; b"" where they are gone."""

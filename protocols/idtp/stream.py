@@ -90,6 +90,16 @@ class IdtpStream:
         else:
             self._stream.feed(data, arrival_ns)
 
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        if not self._datagrams:
+            self._stream.feed_many(data, ends, arrival_ns)
+            return
+        start = 0
+        for end, arrival in zip(ends.tolist(), arrival_ns.tolist(), strict=True):
+            self._waiting.append((data[start:end], arrival))
+            start = end
+
     @property
     def buffered(self) -> int:
         """Bytes that are not decided yet."""

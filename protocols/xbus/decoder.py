@@ -141,6 +141,10 @@ class XbusDecoder(Decoder):
         """Append a chunk."""
         self._stream.feed(data, arrival_ns)
 
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._stream.feed_many(data, ends, arrival_ns)
+
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""
         cut = self._stream.drain(stalled=stalled)

@@ -188,6 +188,23 @@ def test_one_byte_at_a_time(speaker: Speaker, data: st.DataObject) -> None:
 
 
 @speakers
+@given(data=st.data())
+def test_many_chunks_at_once(speaker: Speaker, data: st.DataObject) -> None:
+    """As a recording is read: all chunks in one call, each with its time of arrival."""
+    stream = data.draw(streams(speaker))
+    chunks = [one for one in cut(stream, data.draw(st.lists(st.integers(0, 100_000), max_size=12))) if one]
+    singly, at_once = PROTOCOLS[speaker.name].decoder(), PROTOCOLS[speaker.name].decoder()
+    for arrival, chunk in enumerate(chunks):
+        singly.feed(chunk, 1000 + arrival)
+    ends, times = np.cumsum([len(one) for one in chunks], dtype=np.int64), 1000 + np.arange(len(chunks))
+    at_once.feed_many(stream, ends, times)
+    wanted, found = singly.drain(stalled=True), at_once.drain(stalled=True)
+    assert canonical(found) == canonical(wanted)
+    for one, other in zip(found, wanted, strict=True):
+        assert np.array_equal(getattr(one, "arrival_ns", 0), getattr(other, "arrival_ns", 0))
+
+
+@speakers
 def test_a_frame_at_a_time(speaker: Speaker) -> None:
     """A live stream has one frame in a drain, which is decoded with plain numbers; twice, so that each layout has been
     seen when it comes again, with all that is lost and out of step between."""
