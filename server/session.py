@@ -150,8 +150,13 @@ class Session:
 
         A twin has the key that its source has, so it is powered anew; any other link stays open.
         """
+        rekeyed = self._task is not None and self._link.kind == "twin" and reading.key != self._reading.key
+        if rekeyed and self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            await self._link.close()
+            self._link.settings = replace(self._link.settings, key=reading.key)
         self._drain(final=True)
-        rekeyed = self._link.kind == "twin" and reading.key != self._reading.key
         self._reading = reading
         self._senders.read_anew()
         self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
@@ -159,11 +164,7 @@ class Session:
         if protocol := reading.protocol or self.info.protocol:
             self._begin(protocol)
         self._set(message="", hint="", notices=self._notices)
-        if rekeyed and self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-            await self._link.close()
-            self._link.settings = replace(self._link.settings, key=reading.key)
+        if rekeyed:
             self.start()
 
     async def _run(self, *, opened: bool = False) -> None:

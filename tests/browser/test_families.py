@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import struct
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
+from protocols.idtp.device import IdtpDevice
 from protocols.idtp.frames import build as idtp_frame
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_frame
@@ -230,14 +234,15 @@ def test_trust_is_shown_and_a_key_is_asked_for(serve: Serve, open_page: OpenPage
     field = page.get_by_label("Key for Secure frames")
     assert field.get_attribute("type") == "password"
     field.fill("not hex")
-    page.get_by_role("button", name="Open with this key").click()
+    page.get_by_role("button", name="Use this key").click()
     assert "hex" in page.get_by_role("alert").inner_text()
     field.fill("00112233445566778899aabbccddeeff")
-    page.get_by_role("button", name="Open with this key").click()
+    page.get_by_role("button", name="Use this key").click()
     until(page, "document.querySelector('.dev[aria-current] .trust')?.innerText.includes('Secure')")
     assert page.locator(".dev[aria-current] .trust").get_attribute("data-trust") == "verified"
-    assert page.locator("[data-key=wanted]").count() == 0
-    assert page.locator(".dev").filter(has_text="twin:idtp").count() == 2, "the one without a key is gone"
+    until(page, "document.querySelector('[data-key=wanted]') === null")
+    assert page.evaluate("window.imuscope.view.value.device") == "3", "it is the same device"
+    assert page.locator(".dev").filter(has_text="twin:idtp").count() == 2
     assert "0011" not in page.content()
 
 
@@ -252,8 +257,117 @@ def test_unverified_data_are_marked_wherever_they_are(serve: Serve, open_page: O
     assert all("▲" in text for text in legends)
     groups = page.locator(".vals tr.g").all_inner_texts()
     assert all("▲ unverified" in text for text in groups)
-    assert "unverified" in page.locator(".nums .from").inner_text()
+    assert page.locator(".nums .trustmark").inner_text() == "▲ unverified"
     until(page, "/unverified\\s*▲/.test(document.querySelector('.hl')?.innerText)")
+
+
+def test_a_key_given_later_keeps_what_came_before(serve: Serve, open_page: OpenPage) -> None:
+    page = open_page(serve("twin:idtp?mode=secure&unverified=1").url)
+    until(page, READY)
+    until(page, "document.querySelector('.trustmark')?.innerText === '▲ unverified'")
+    oldest = """() => window.imuscope.store.channels.value
+        .filter(({info, ring}) => info.name === "Quaternion?" && ring.length).map(({ring}) => ring.time(0))[0]"""
+    before = page.evaluate(oldest)
+    page.get_by_role("button", name="Give the key").click()
+    page.get_by_label("Key for Secure frames").fill("00112233445566778899aabbccddeeff")
+    page.get_by_role("button", name="Use this key").click()
+    until(page, "document.querySelector('.trustmark')?.innerText === '● verified'")
+    assert page.evaluate(oldest) == before, "what came before the key is still there"
+    assert page.evaluate("window.imuscope.view.value.device") == "1"
+    shown = page.locator(".leg b").all_inner_texts()
+    assert shown
+    assert not [text for text in shown if "▲" in text], "what is shown from here on is verified"
+
+
+class Sensors(threading.Thread):
+    """Two IDTP devices that send to one UDP port, one of them payloads of its vendor's own types too."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__(daemon=True)
+        self.port = port
+        self.devices = {7: IdtpDevice(device_id=7), 102: IdtpDevice(device_id=102, mode=0, rate=50)}
+        self.stopped = threading.Event()
+
+    def run(self) -> None:
+        began, k = time.monotonic_ns(), 0
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+            while not self.stopped.wait(0.02):
+                now = time.monotonic_ns() - began
+                for device in self.devices.values():
+                    for part in device.advance(now).split(b"IDTP")[1:]:
+                        link.sendto(b"IDTP" + part, ("127.0.0.1", self.port))
+                k += 1
+                payload = struct.pack("<hh", 1000 + k % 100, -250)
+                stamp = now // 1000 & 0xFFFF_FFFF
+                link.sendto(
+                    idtp_frame(0x80, payload, sequence=k, timestamp=stamp, mode=1, device=9), ("127.0.0.1", self.port)
+                )
+
+
+@pytest.fixture
+def sensors() -> Any:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    thread = Sensors(port)
+    thread.start()
+    yield port
+    thread.stopped.set()
+    thread.join()
+
+
+def test_devices_that_share_a_link_are_looked_at_one_by_one(serve: Serve, open_page: OpenPage, sensors: int) -> None:
+    page = open_page(serve(f"udp://:{sensors}").url)
+    until(page, "document.querySelectorAll('.dev .pick').length >= 3")
+    names = page.locator(".devs .dev b").all_inner_texts()
+    assert sorted(names) == ["IDTP device 102", "IDTP device 7", "IDTP device 9"]
+    assert page.locator(".dev.sibling").count() == 2
+    for name, protection, rate in (("IDTP device 7", "verified", 100), ("IDTP device 102", "not protected", 50)):
+        page.locator(".dev .pick", has=page.get_by_text(name, exact=True)).click()
+        until(page, f"document.querySelector('.trustmark')?.innerText.includes('{protection}')")
+        until(page, "/\\d/.test(document.querySelector('[data-numeral=heading]')?.innerText)")
+        figures = (
+            """() => { const {store, view} = window.imuscope; return store.health.value.get(view.value.device); }"""
+        )
+        until(page, f"Math.abs(({figures})().rate - {rate}) < 8")
+    own = page.evaluate(
+        """() => { const {store, view} = window.imuscope, mine = ({info}) => info.device === view.value.device;
+        return store.channels.value.filter(mine).map(({info}) => info.name); }"""
+    )
+    assert len(own) == len(set(own))
+    page.get_by_role("button", name="Remove the link").click()
+    assert "all 3 devices" in page.locator(".acts").inner_text()
+    page.get_by_role("button", name="Remove", exact=True).click()
+    until(page, "document.querySelectorAll('.dev .pick').length === 0 || !document.querySelector('.devs')")
+
+
+def test_raw_payloads_are_shown_and_can_be_described(serve: Serve, open_page: OpenPage, sensors: int) -> None:
+    page = open_page(serve(f"udp://:{sensors}").url)
+    until(page, "window.imuscope?.store.raws.value.length > 0")
+    page.locator(".dev .pick", has=page.get_by_text("IDTP device 9", exact=True)).click()
+    panel = page.get_by_role("region", name="Raw payloads")
+    until(page, "/06 FF/.test(document.querySelector('.hex')?.innerText)")  # the high byte of −250
+    assert "0x80" in panel.inner_text()
+    assert "4 B" in panel.inner_text()
+    until(page, "document.querySelector('.hex mark') !== null")
+    assert page.locator(".hex div").count() == 1
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run(document.querySelector('.side'), {resultTypes: ['violations']})")
+    assert not [rule["id"] for rule in found["violations"] if rule["impact"] in ("serious", "critical")]
+    panel.get_by_role("button", name="Describe this type").click()
+    text = page.get_by_label("Its fields, in the order of the bytes")
+    assert "count = 2" in text.input_value()
+    text.fill(
+        text.input_value()
+        
+        .replace('unit = ""', 'unit = "m/s"')
+        .replace("scale = 1.0", "scale = 0.001")
+    )
+    page.get_by_role("button", name="Use this description").click()
+    until(page, "[...document.querySelectorAll('.leg b')].some(b => b.innerText.startsWith('Values'))")
+    values = """() => { const channel = window.imuscope.store.channels.value.find(({info}) => info.name === "Values");
+        return channel && channel.ring.value(1, channel.ring.length - 1); }"""
+    assert page.evaluate(values) == pytest.approx(-0.25)
 
 
 @pytest.mark.parametrize("size", [(1440, 900), (390, 844)], ids=["desktop", "phone"])

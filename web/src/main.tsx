@@ -17,6 +17,7 @@ import "./ui/layout.css";
 import "./ui/overlays.css";
 import "./ui/panels.css";
 import "./ui/instruments.css";
+import "./ui/raws.css";
 import "./ui/phone.css";
 
 declare global {

@@ -7,7 +7,8 @@ import { effect } from "@preact/signals";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/derive";
 import type { Channel } from "../data/store";
 import { frame as chosenFrame } from "../data/view";
-import { channelsOf, type Deps, reading, sampleAt } from "../panels/deps";
+import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/deps";
+import { trustOf } from "../panels/trust";
 import { surface } from "../ui/canvas";
 import { el, every, Live, type Panel, unit } from "../ui/dom";
 import { number } from "../ui/format";
@@ -35,7 +36,7 @@ export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => vo
         const source = sourceOf(channels);
         const position = positionOf(channels);
         host.classList.toggle("with-gnss", position !== undefined);
-        parts = [source ? mountInstruments(host, deps, source) : mountNone(host)];
+        parts = [source ? mountInstruments(host, deps, source) : mountNone(host, deps)];
         if (position) parts = [...parts, mountGnss(host, deps, position, openTrack)];
       }
       for (const part of parts) part.update(now);
@@ -44,8 +45,18 @@ export function mountAttitude(host: HTMLElement, deps: Deps, openTrack: () => vo
   };
 }
 
-function mountNone(host: HTMLElement): Panel {
-  const words = el("p", {}, "Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon appears here.");
+/** What a device of each family has to send for a horizon. */
+const ATTITUDES: Readonly<Record<string, string>> = {
+  xbus: "Switch on Quaternion, RotationMatrix or EulerAngles among the outputs of the device, and the horizon appears here.",
+  isb: "Have the device send INS 1, INS 2, INS 3 or INS 4, and the horizon appears here.",
+  idtp: "Have the device send ImuQuat payloads, and the horizon appears here.",
+};
+
+function mountNone(host: HTMLElement, deps: Deps): Panel {
+  const device = selected(deps);
+  const raw = deps.store.raws.peek().some((payload) => payload.device === device?.id);
+  const hint = raw ? "Its payloads have no description: see Raw payloads beside the plots." : (ATTITUDES[device?.protocol ?? ""] ?? "");
+  const words = el("p", {}, hint);
   const box = el("div", { class: "none" }, el("h2", {}, "This device sends no orientation"), words);
   host.append(box);
   return { update: () => undefined, dispose: () => box.remove() };
@@ -57,6 +68,17 @@ function numeral(list: HTMLElement, name: string, axis: string, note: Node | str
   const value = el("dd", { "data-numeral": name.toLowerCase() }, live.node, unit("°"));
   list.append(el("div", {}, title, value));
   return live;
+}
+
+/** Can it be known who sent this attitude? Empty where a protocol does not tell. */
+function writeTrust(node: HTMLElement, deps: Deps, { verified }: Source): void {
+  const device = selected(deps);
+  const told = device && trustOf(device, deps.store.health.value.get(device.id));
+  const text = !verified ? "▲ unverified" : told === undefined ? "" : told.word === "unverified" ? "● verified" : `${told.mark} ${told.word}`;
+  if (node.textContent === text) return;
+  node.textContent = text;
+  node.className = verified ? "trustmark" : "trustmark tag warn";
+  node.title = told?.detail ?? "";
 }
 
 /** The switch of frames; pressing the one the device speaks returns to "as it is sent". */
@@ -90,7 +112,8 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const roll = numeral(list, "Roll", "x", "about x");
   const pitch = numeral(list, "Pitch", "y", pitchNote.node);
   const choice = frameSwitch(source.frame);
-  const top = el("div", { class: "frame" }, choice.node, el("span", { class: "from", title: source.detail }, source.words));
+  const trust = el("span", { class: "trustmark" });
+  const top = el("div", { class: "frame" }, choice.node, trust, el("span", { class: "from", title: source.detail }, source.words));
   const numsCell = el("div", { class: "nums" }, top, list);
   host.append(horizonCell, bodyCell, numsCell);
 
@@ -119,6 +142,7 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       roll.set(number(angles?.[0], 1));
       pitch.set(number(angles?.[1], 1));
       frameName.set(frame);
+      writeTrust(trust, deps, source);
       pitchNote.set(`about y, ${pitchSign(frame)}`);
     },
     dispose() {

@@ -15,6 +15,8 @@ export interface Source {
   readonly detail: string;
   /** The frame the device speaks. */
   readonly frame: WorldFrame;
+  /** False: nobody could check who sent it. */
+  readonly verified: boolean;
   readonly channel: Channel;
   /** Frame from body at sample `i`; undefined when the sample is no rotation. */
   at(i: number): Matrix3 | undefined;
@@ -38,7 +40,7 @@ function source(words: string, from: Channel, channel: Channel, at: Source["at"]
   const { title, group, frame } = from.info;
   const detail = [group, title || from.info.name, frame].filter(Boolean).join(", ");
   const said = group ? `from ${group}` : words;
-  return { words: from.info.verified === false ? `▲ unverified, ${said}` : said, detail, frame: frameOf(from), channel, at };
+  return { words: said, detail, frame: frameOf(from), verified: from.info.verified, channel, at };
 }
 
 function isEarthly({ info }: Channel): boolean {

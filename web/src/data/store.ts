@@ -13,7 +13,7 @@ import { signal, type Signal } from "@preact/signals";
 import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/messages";
-import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo, ServerText } from "../wire/types";
+import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo, RawPayload, ServerText } from "../wire/types";
 import { addNorm, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
 import { LossBook, type Loss } from "./losses";
 import { Budget, Ring } from "./ring";
@@ -48,11 +48,23 @@ function isStep({ kind, device }: EventInfo): boolean {
   return kind === "clock" && device !== "";
 }
 
+/**
+ * Of a quantity that came both ways, the verified channel stands before the unverified one (its name with a "?"): a key that is
+ * given later changes what is shown, and what came before stays to be looked at.
+ */
+export function verifiedFirst(channels: readonly Channel[]): readonly Channel[] {
+  const verified = new Set(channels.filter(({ info }) => info.verified).map(({ info }) => `${info.device} ${info.name}`));
+  const isOld = ({ info }: Channel): boolean => !info.verified && verified.has(`${info.device} ${info.name.replace(/\?$/, "")}`);
+  return [...channels.filter((channel) => !isOld(channel)), ...channels.filter(isOld)];
+}
+
 export class Store {
   readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
   readonly channels: Signal<readonly Channel[]> = signal([]);
   readonly health: Signal<ReadonlyMap<string, DeviceHealth>> = signal(new Map());
   readonly events: Signal<readonly EventInfo[]> = signal([]);
+  /** The newest payload of every kind that nobody has described. */
+  readonly raws: Signal<readonly RawPayload[]> = signal([]);
   readonly connection: Signal<"connecting" | "open" | "closed"> = signal("connecting");
   /** When the connection is tried again, unix s by the server's clock; undefined while open. */
   readonly nextTry: Signal<number | undefined> = signal(undefined);
@@ -166,6 +178,7 @@ export class Store {
     this.channels.value = [];
     this.events.value = [];
     this.health.value = new Map();
+    this.raws.value = [];
   }
 
   #onText(text: ServerText): void {
@@ -181,6 +194,9 @@ export class Store {
         return this.#onChannels(text.channels);
       case "health":
         this.health.value = new Map(text.devices.map((health) => [health.device, health]));
+        return;
+      case "raws":
+        this.raws.value = text.payloads;
         return;
       case "events":
         return this.#onEvents(text.events);
@@ -251,11 +267,11 @@ export class Store {
       const info = eulerInfo(source.info);
       if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, { info, ring: this.#ring(info) });
     }
-    this.channels.value = [...kept, ...this.#derived.values()];
+    this.channels.value = verifiedFirst([...kept, ...this.#derived.values()]);
   }
 
   #rotation(channels: readonly Channel[]): Channel | undefined {
-    const rotations = channels.filter(({ info }) => isRotation(info));
+    const rotations = verifiedFirst(channels).filter(({ info }) => isRotation(info));
     return rotations.find(({ info }) => info.kind === "quaternion") ?? rotations[0];
   }
 

@@ -1,6 +1,6 @@
 /**
- * Add a device by its address, or open one anew with its key. The server judges what was typed; what it says, with its hint, stands
- * under the field. A key is sent and forgotten: neither the page nor an answer keeps it.
+ * Add a device by its address, or give the key of one that is there. The server judges what was typed; what it says, with its hint,
+ * stands under the field. A key is sent and forgotten: neither the page nor an answer keeps it.
  */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -25,10 +25,10 @@ const PROTOCOLS: readonly (readonly [value: string, words: string])[] = [
 ];
 
 interface Props {
-  /** What to begin with, and the device that the new one replaces. */
-  readonly begin: { readonly source: string; readonly protocol: string; readonly replaces: string } | undefined;
+  /** The device that a key is given for; undefined for a new one. */
+  readonly begin: { readonly id: string; readonly source: string; readonly protocol: string } | undefined;
   readonly onClose: () => void;
-  /** Called with the id of the new device. */
+  /** Called with the id of the device. */
   readonly onAdded: (id: string | undefined) => void;
 }
 
@@ -38,23 +38,19 @@ const key = signal("");
 const busy = signal(false);
 const problem = signal<Problem | undefined>(undefined);
 
-/** What is wrong with a key as it was typed; the server would say so too, but only after the old device is gone. */
+/** What is wrong with a key as it was typed. */
 function wrongKey(text: string): Problem | undefined {
   if (text === "" || (/^[0-9a-f\s]+$/i.test(text) && text.replace(/\s/g, "").length % 2 === 0)) return undefined;
   return { kind: "bad-setting", message: "A key is written in hex digits, two for each byte.", hint: "For example 00112233445566778899aabbccddeeff.", status: 0 };
 }
 
-/** Adds the device that the form describes; the one it replaces goes first, because a port opens only once. */
-async function add(address: string, replaces: string | undefined): Promise<Outcome<{ readonly id: string }>> {
+/** Adds the device that the form describes, or changes how the one that is there is read. */
+async function send(address: string, id: string | undefined): Promise<Outcome<{ readonly id: string }>> {
   const how: HowToRead = {
     ...(protocol.value ? { protocol: protocol.value } : {}),
     ...(key.value.trim() ? { key: key.value.trim() } : {}),
   };
-  if (replaces !== undefined) {
-    const gone = await api.removeDevice(replaces);
-    if (!gone.ok && gone.problem.status !== 404) return gone;
-  }
-  return api.addDevice(address, how);
+  return id === undefined ? api.addDevice(address, how) : api.readDevice(id, how);
 }
 
 export function AddDevice({ begin, onClose, onAdded }: Props) {
@@ -79,7 +75,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     problem.value = wrongKey(key.value.trim());
     if (problem.value) return focus();
     busy.value = true;
-    const outcome = await add(address, begin?.replaces);
+    const outcome = await send(address, begin?.id);
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) {
@@ -107,6 +103,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
               source.value = event.currentTarget.value;
             }}
             placeholder="/dev/ttyUSB0"
+            readOnly={begin !== undefined}
             spellcheck={false}
             autocomplete="off"
             autocapitalize="off"
@@ -125,7 +122,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
             Cancel
           </button>
           <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && key.value.trim() === "")}>
-            {busy.value ? "Opening…" : begin ? "Open with this key" : "Add"}
+            {busy.value ? "Sending…" : begin ? "Use this key" : "Add"}
           </button>
         </div>
       </form>

@@ -4,16 +4,18 @@ import { view } from "../data/view";
 import type { Deps } from "../panels/deps";
 import { api, type Outcome, type Port, type Problem } from "../ui/api";
 import { isHeld, type PageState, pageState } from "../ui/state";
-import type { DeviceInfo } from "../wire/types";
+import type { DeviceInfo, RawPayload } from "../wire/types";
 
-export type Overlay = "help" | "add" | "track" | undefined;
-/** What the form for a new device begins with; `replaces` is the device that goes when the new one is opened. */
-export interface NewDevice {
+export type Overlay = "help" | "add" | "track" | "describe" | undefined;
+/** The device that a key is given for. */
+export interface KeyFor {
+  readonly id: string;
   readonly source: string;
   readonly protocol: string;
-  readonly replaces: string;
 }
-export const newDevice = signal<NewDevice | undefined>(undefined);
+export const keyFor = signal<KeyFor | undefined>(undefined);
+/** The payload that is being described. */
+export const describing = signal<RawPayload | undefined>(undefined);
 /** A panel that lies over the plots while the window is narrow. */
 export type Sheet = "rail" | "side" | undefined;
 
@@ -102,10 +104,15 @@ export async function scanPorts(): Promise<void> {
   scanning.value = false;
 }
 
-/** Asks for the key of a device that is open: it is opened anew with it. */
+/** Asks for the key of a device that is open: it is used from there on. All devices of a link have one key. */
 export function askKey(device: DeviceInfo): void {
-  newDevice.value = { source: device.source, protocol: device.protocol, replaces: device.id };
+  keyFor.value = { id: linkOf(device), source: device.source, protocol: device.protocol };
   overlay.value = "add";
+}
+
+/** The id under which the link of a device is retried, read in another way and removed. */
+export function linkOf(device: DeviceInfo): string {
+  return device.parent || device.id;
 }
 
 /** Adds a device and looks at it. */

@@ -5,6 +5,7 @@ import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
 import { mountHealth, mountStrip } from "../panels/health";
 import { mountNews } from "../panels/news";
+import { mountRaws } from "../panels/raws";
 import { mountSatellites } from "../panels/satellites";
 import { skyTables } from "../panels/sky";
 import { mountValues } from "../panels/values";
@@ -14,8 +15,9 @@ import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
 import { showsPlots } from "../ui/state";
-import { type App, folded, newDevice, overlay, select, sheet } from "./app";
+import { type App, describing, folded, keyFor, overlay, select, sheet } from "./app";
 import { Bar, Dock } from "./bar";
+import { Describe } from "./describe";
 import { Rail } from "./rail";
 import { KeyBand } from "./trust";
 import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
@@ -95,6 +97,7 @@ function Side({ app }: { readonly app: App }) {
         <Notices app={app} />
       </section>
       <Satellites app={app} />
+      <RawPayloads app={app} />
       <section class="health" aria-label="Events">
         <div class="head">
           <h2>Events</h2>
@@ -125,6 +128,29 @@ function Satellites({ app }: { readonly app: App }) {
   );
 }
 
+/** Only where the device sends what nobody has described. */
+function RawPayloads({ app }: { readonly app: App }) {
+  const device = view.value.device;
+  if (!app.store.raws.value.some((payload) => payload.device === device)) return null;
+  return (
+    <section class="health" aria-label="Raw payloads">
+      <div class="head">
+        <h2>Raw payloads</h2>
+        <span>bytes without a description</span>
+      </div>
+      <Mounted
+        class="rawbox"
+        mount={(host) =>
+          mountRaws(host, app, (payload) => {
+            describing.value = payload;
+            overlay.value = "describe";
+          })
+        }
+      />
+    </section>
+  );
+}
+
 /** Standing remarks about the link: a slow USB latency timer and its fix, who is connected, two protocols in one stream. */
 function Notices({ app }: { readonly app: App }) {
   return (
@@ -142,7 +168,8 @@ function Notices({ app }: { readonly app: App }) {
 function Overlays({ app }: { readonly app: App }) {
   const close = (): void => {
     overlay.value = undefined;
-    newDevice.value = undefined;
+    keyFor.value = undefined;
+    describing.value = undefined;
   };
   if (overlay.value === "help") return <Help onClose={close} />;
   if (overlay.value === "track") {
@@ -157,7 +184,8 @@ function Overlays({ app }: { readonly app: App }) {
       close();
       if (id !== undefined) select(id);
     };
-    return <AddDevice begin={newDevice.value} onClose={close} onAdded={added} />;
+    return <AddDevice begin={keyFor.value} onClose={close} onAdded={added} />;
   }
+  if (overlay.value === "describe" && describing.value) return <Describe app={app} payload={describing.value} onClose={close} />;
   return null;
 }

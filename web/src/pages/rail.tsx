@@ -13,7 +13,7 @@ import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
 import { markOf, shortSource } from "../ui/state";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
-import { type App, connect, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app";
+import { type App, connect, linkOf, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app";
 
 /** The device whose removal was asked for once; asking twice removes it. */
 const removing = signal<string | undefined>(undefined);
@@ -39,8 +39,8 @@ export function Rail({ app }: { readonly app: App }) {
       </div>
       {devices.length > 0 && (
         <ul class="devs">
-          {devices.map((device) => (
-            <Device key={device.id} app={app} device={device} />
+          {inOrder(devices).map((device) => (
+            <Device key={device.id} app={app} device={device} shared={devices.filter((one) => linkOf(one) === linkOf(device)).length} />
           ))}
         </ul>
       )}
@@ -61,14 +61,26 @@ export function Rail({ app }: { readonly app: App }) {
   );
 }
 
-function Device({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
+/** As the server lists them, but those on one link below each other. */
+export function inOrder(devices: readonly DeviceInfo[]): readonly DeviceInfo[] {
+  return devices.filter(({ parent }) => parent === "").flatMap((own) => [own, ...devices.filter(({ parent }) => parent === own.id)]);
+}
+
+interface DeviceProps {
+  readonly app: App;
+  readonly device: DeviceInfo;
+  /** How many devices are on its link. */
+  readonly shared: number;
+}
+
+function Device({ app, device, shared }: DeviceProps) {
   const current = view.value.device === device.id;
   const health = app.store.health.value.get(device.id);
   const { gaps } = recently(app, device.id);
   const { dot, word } = markOf(device.status, gaps);
   const streams = device.status === "live";
   return (
-    <li class="dev" {...(current ? { "aria-current": "true" as const } : {})}>
+    <li class={device.parent ? "dev sibling" : "dev"} {...(current ? { "aria-current": "true" as const } : {})}>
       <button type="button" class="pick" aria-pressed={current} onClick={() => select(device.id)}>
         <span class={`dot ${dot}`} />
         <span class="vh">{word}: </span>
@@ -82,7 +94,7 @@ function Device({ app, device }: { readonly app: App; readonly device: DeviceInf
         {(streams || app.minute.of(device.id).some((moment) => moment.rate > 0)) && <Mounted key={device.id} class="spark" mount={(host) => mountSpark(host, app, device.id)} />}
         <Why app={app} device={device} health={health} gaps={gaps} />
       </button>
-      {current && <Acts device={device} />}
+      {current && <Acts device={device} shared={shared} />}
     </li>
   );
 }
@@ -101,9 +113,9 @@ function Facts({ device }: { readonly device: DeviceInfo }) {
         </>
       )}
       <span class="nb" title={device.source}>
-        {shortSource(device.source)}
+        {device.parent ? "same link" : shortSource(device.source)}
       </span>
-      {device.baud !== null && (
+      {device.baud !== null && device.parent === "" && (
         <>
           {" · "}
           <span class="nb">{count(device.baud, "Bd", "Bd")}</span>
@@ -178,15 +190,15 @@ const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [st
   ended: ["", "Ended"],
 };
 
-function Acts({ device }: { readonly device: DeviceInfo }) {
+function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared: number }) {
   if (removing.value === device.id) {
     const remove = (): void => {
       removing.value = undefined;
-      void run(api.removeDevice(device.id));
+      void run(api.removeDevice(linkOf(device)));
     };
     return (
       <div class="acts">
-        <span class="grow">Remove {device.name}?</span>
+        <span class="grow">{shared > 1 ? `Remove all ${shared} devices of this link?` : `Remove ${device.name}?`}</span>
         <button type="button" class="btn small edge" onClick={remove}>
           Remove
         </button>
@@ -199,13 +211,13 @@ function Acts({ device }: { readonly device: DeviceInfo }) {
   return (
     <div class="acts">
       {device.status !== "live" && (
-        <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(device.id))}>
+        <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
           {device.status === "ended" ? "Play again" : "Try now"}
         </button>
       )}
       <span class="grow" />
       <button type="button" class="btn small" onClick={() => (removing.value = device.id)}>
-        Remove
+        {shared > 1 ? "Remove the link" : "Remove"}
       </button>
     </div>
   );

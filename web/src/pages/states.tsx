@@ -5,7 +5,7 @@ import { api, type Problem } from "../ui/api";
 import { age } from "../ui/format";
 import { shortSource } from "../ui/state";
 import type { DeviceInfo, Try } from "../wire/types";
-import { type App, connect, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app";
+import { type App, connect, linkOf, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app";
 import { portWords } from "./rail";
 
 /** Why the server does not let us in, once asked. */
@@ -110,11 +110,11 @@ function Choices({ device, stop = false }: { readonly device: DeviceInfo; readon
   return (
     <div class="row">
       {!stop && (
-        <button type="button" class="btn main" onClick={() => void run(api.retryDevice(device.id))}>
+        <button type="button" class="btn main" onClick={() => void run(api.retryDevice(linkOf(device)))}>
           Try now
         </button>
       )}
-      <button type="button" class="btn edge" onClick={() => void run(api.removeDevice(device.id))}>
+      <button type="button" class="btn edge" onClick={() => void run(api.removeDevice(linkOf(device)))}>
         {stop ? "Stop" : "Remove"}
       </button>
       <button type="button" class="btn" onClick={() => (overlay.value = "add")}>
@@ -184,7 +184,7 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
         {last !== null && ` Last sample ${old.value} ${old.unit} ago.`} <NextTry app={app} device={device} /> {device.hint}
       </span>
       <span class="grow" />
-      <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(device.id))}>
+      <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
         {state === "ended" ? "Play again" : "Try now"}
       </button>
     </div>

@@ -6,12 +6,12 @@ import { view } from "../data/view";
 import { type Surface, surface } from "../ui/canvas";
 import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
-import type { DeviceHealth, MessageHealth } from "../wire/types";
+import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
 import { type Figure, type Figures, figuresOf, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
-import { rejections } from "./trust";
+import { rejections, trustOf } from "./trust";
 
 /** Bars in a small sparkline: one for two seconds. */
 const SLOTS = 31;
@@ -91,7 +91,7 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       for (const [key, cell] of cells) cell.set(figures[key]);
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
-      reasons.update(health);
+      reasons.update(health, device);
       words.set(verdict(device, deps.store.events.value, health, dropped));
       note.hidden = words.node.data === "";
       drawSparks(deps, id, sparks, device?.status === "lost");
@@ -120,7 +120,7 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
         lines = several.map((one) => {
           const cell = new Cell();
           const group = channelsOf(deps).find(({ info }) => info.message === one.name)?.info.group;
-          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, group || one.name), el("dd", { class: "mini" }), cell.node);
+          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, group || one.name), cell.node);
           return { name: one.name, row, cell };
         });
         list.firstElementChild?.after(...lines.map((line) => line.row));
@@ -131,15 +131,16 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
 }
 
 /** Lines about trust under the rejects: a count for each reason, and how many samples were verified and how many not. */
-function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined): void } {
+function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined, device: DeviceInfo | undefined): void } {
   const lines = new Map<string, { readonly row: HTMLElement; readonly cell: Cell }>();
   const after = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
   return {
-    update(health) {
+    update(health, device) {
       const wanted = new Map<string, Figure>();
+      const passed = device && trustOf(device, health)?.mark === "○" ? "header checked" : "verified";
       for (const { words, count } of rejections(health)) wanted.set(words, { value: number(count, 0), unit: count === 1 ? "frame" : "frames", tone: "" });
       if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
-      if (typeof health?.verified === "number") wanted.set("verified", { value: number(health.verified, 0), unit: "smp", tone: "" });
+      if (typeof health?.verified === "number") wanted.set(passed, { value: number(health.verified, 0), unit: "smp", tone: "" });
       for (const [name, line] of lines) {
         if (wanted.has(name)) continue;
         line.row.remove();
@@ -150,7 +151,7 @@ function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefi
         let line = lines.get(name);
         if (!line) {
           const cell = new Cell();
-          line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), el("dd", { class: "mini" }), cell.node) };
+          line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), cell.node) };
           lines.set(name, line);
           last?.after(line.row);
         }

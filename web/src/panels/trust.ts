@@ -9,7 +9,7 @@ import type { DeviceHealth, DeviceInfo } from "../wire/types";
 export interface Trust {
   /** Shape and word; a caution for data that nobody could check. */
   readonly mark: "●" | "▲" | "○";
-  readonly word: "verified" | "unverified" | "not protected";
+  readonly word: "verified" | "unverified" | "not protected" | "partly protected";
   readonly tone: "" | "warn";
   /** What protects the frames: "Safety, CRC-32". */
   readonly detail: string;
@@ -25,6 +25,7 @@ export function trustOf(device: Pick<DeviceInfo, "protection">, health: DeviceHe
   }
   // A Lite frame is checked in its header alone: its payload may be anything.
   if (/^lite/i.test(detail)) return { mark: "○", word: "not protected", tone: "", detail };
+  if (/\blite\b/i.test(detail)) return { mark: "○", word: "partly protected", tone: "", detail };
   if (verified > 0 || detail !== "") return { mark: "●", word: "verified", tone: "", detail: detail.replace(/, verified/i, "") };
   return undefined;
 }

@@ -157,6 +157,12 @@ describe("which plots there are", () => {
     expect(titles([channel("Temperature", "scalar", [["value", ""]], "°C"), channel("BaroPressure", "scalar", [["value", ""]], "Pa")], true)).toEqual(["Temperature", "BaroPressure"]);
   });
 
+  it("keep elements without names together, and say whose they are", () => {
+    const numbered = (n: number): Channel => channel("Wheels", "vector", Array.from({ length: n }, (_, k) => [String(k), ""] as const), "m/s");
+    expect(titles([numbered(2)], true)).toEqual(["Wheels"]);
+    expect(titles([numbered(5)], true)).toEqual(["Wheels 0, 1, 2", "Wheels 3, 4"]);
+  });
+
   it("do not put latitude and longitude on one scale", () => {
     const plots = plotsOf([channel("LatLon", "vector", [["latitude", ""], ["longitude", ""]], "°")]);
     expect(plots.map(({ series }) => series.length)).toEqual([1, 1]);

@@ -131,14 +131,16 @@ function loosePlots(channel: Channel): PlotSpec[] {
   channel.info.columns.forEach((column, c) => {
     if (!isNumber(column) || (column.unit === "" && channel.info.kind === "record")) return;
     // Axes of one vector share a scale; latitude and longitude, height and accuracy do not.
-    const group = column.axis === "" ? `${column.name}` : `${column.unit} ${column.name.replace(/[a-z0-9]$/i, "")}`;
+    const numbered = /^\d+$/.test(column.name); // elements without names of their own
+    const group = numbered ? `# ${Math.floor(Number(column.name) / SERIES_IN_PLOT)}` : column.axis === "" ? `${column.name}` : `${column.unit} ${column.name.replace(/[a-z0-9]$/i, "")}`;
     groups.set(group, [...(groups.get(group) ?? []), c]);
   });
   const alone = groups.size === 1;
   return [...groups.values()].slice(0, MOST_OF_RECORD).map((columns) => {
     const first = channel.info.columns[columns[0]!]!;
     const name = columns.length > 1 ? first.name.replace(/_?[a-z0-9]$/i, "") : first.label || first.name;
-    const words = alone ? title(channel) : sentence(name);
+    const numbers = columns.map((c) => channel.info.columns[c]!.name).filter((own) => /^\d+$/.test(own));
+    const words = alone ? title(channel) : numbers.length > 0 ? `${title(channel)} ${numbers.join(", ")}` : sentence(name);
     return spec(channel, alone ? "" : `/${first.name}`, words, columns.slice(0, SERIES_IN_PLOT), OTHER_WEIGHT, false);
   });
 }

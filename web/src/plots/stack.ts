@@ -183,12 +183,13 @@ class Stack {
     }
   }
 
-  #offerOne({ key, title, unit: unitText, frame }: PlotSpec, on: boolean, group: string): HTMLElement {
+  #offerOne({ key, title, unit: unitText, frame, series }: PlotSpec, on: boolean, group: string): HTMLElement {
     const suffix = ` · ${group}`;
     const words = group !== "" && title.endsWith(suffix) ? title.slice(0, -suffix.length) : title;
     const button = el("button", { type: "button", "aria-pressed": String(on), "data-plot": key }, words);
     const tail = [unitText, frame].filter(Boolean).join(" ");
     if (tail !== "") button.append(unit(tail));
+    if (series[0]?.channel.info.verified === false) button.append(el("span", { class: "warned", title: "Unverified: nobody could check who sent this" }, " ▲"), el("span", { class: "vh" }, "unverified"));
     button.addEventListener("click", () => {
       const next = new Set(asked.peek());
       if (!next.delete(key)) next.add(key);

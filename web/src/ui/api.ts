@@ -71,10 +71,14 @@ export interface HowToRead {
   readonly protocol?: string;
   /** For Secure frames, hex. Goes to the server and is kept nowhere else. */
   readonly key?: string;
+  /** TOML that describes a vendor's own payload types. */
+  readonly schema?: string;
 }
 
 export const api = {
   addDevice: (source: string, how: HowToRead = {}) => request<{ readonly id: string }>("POST", "/api/devices", { source, ...how }),
+  /** What is given changes from here on; the device, its history and whatever else was said of it stay. */
+  readDevice: (id: string, how: HowToRead) => request<{ readonly id: string }>("POST", `/api/devices/${encodeURIComponent(id)}/reading`, how),
   removeDevice: (id: string) => request<unknown>("DELETE", `/api/devices/${encodeURIComponent(id)}`),
   retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
   /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */

@@ -19,6 +19,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   next_try: null,
   last_arrival: null,
   notices: [],
+  parent: "",
 });
 
 describe("pageState", () => {

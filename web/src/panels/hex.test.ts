@@ -1,0 +1,36 @@
+import { describe, expect, it } from "vitest";
+import { bytesOf, descriptionOf, linesOf } from "./hex";
+
+const text = (runs: readonly { readonly text: string }[]): string => runs.map((run) => run.text).join("");
+
+describe("bytes for a person", () => {
+  it("are eight to a line with offset and letters", () => {
+    const lines = linesOf(bytesOf("48656c6c6f2c20776f726c6400ff"), undefined);
+    expect(lines.map(({ offset }) => offset)).toEqual(["0000", "0008"]);
+    expect(lines.map(({ bytes }) => text(bytes))).toEqual(["48 65 6C 6C 6F 2C 20 77 ", "6F 72 6C 64 00 FF       "]);
+    expect(lines.map(({ letters }) => text(letters))).toEqual(["Hello, w", "orld··"]);
+    expect(lines.flatMap(({ bytes }) => bytes).some(({ changed }) => changed)).toBe(false);
+  });
+
+  it("mark what changed, also where a payload grew", () => {
+    const [line] = linesOf(bytesOf("0102030405"), bytesOf("01ff03"));
+    expect(line?.bytes.filter(({ changed }) => changed).map((run) => run.text)).toEqual(["02 ", "04 05 "]);
+    expect(linesOf(bytesOf("0102"), bytesOf("0102"))[0]?.bytes.some(({ changed }) => changed)).toBe(false);
+  });
+
+  it("end at what is no hex", () => {
+    expect([...bytesOf("01zz02")]).toEqual([1]);
+    expect(linesOf(bytesOf(""), undefined)).toEqual([]);
+  });
+});
+
+describe("a description to begin with", () => {
+  it("covers every byte of the payload", () => {
+    expect(descriptionOf(0x80, 6)).toContain("type = 0x80");
+    expect(descriptionOf(0x80, 6)).toContain('type = "i16"');
+    expect(descriptionOf(0x80, 6)).toContain("count = 3");
+    expect(descriptionOf(0x9a, 5)).toContain('type = "u8"');
+    expect(descriptionOf(0x9a, 5)).toContain("count = 5");
+    expect(descriptionOf(0x80, 2)).not.toContain("count");
+  });
+});
