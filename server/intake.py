@@ -35,6 +35,8 @@ SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
 TOLD_ONCE = ("no_key",)  # by server/advice.py: that every frame is refused again is no news
 MOST_PROTECTIONS = 8  # named of one device
+HEARD = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
+"""What sends nothing but messages of that kind, the most telling kind first: any device may speak NMEA."""
 _WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
 _ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
 
@@ -60,6 +62,7 @@ class Identity:
     Args:
         read: what an answer tells.
         sender: what to call who sends, where a stream names its senders.
+        speaks: what to call it while it speaks only what passes through any port; "" to go by the protocol.
     """
 
     read: Callable[[Reply], Mapping[str, str]] = _nothing
@@ -68,6 +71,7 @@ class Identity:
     serial_number: str = ""
     firmware: str = ""
     protection: str = ""
+    speaks: str = ""
     _protections: dict[str, None] = field(default_factory=dict)  # in the order in which they were met
 
     def learn(self, reply: Reply) -> bool:
@@ -155,6 +159,7 @@ class Intake:
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
         self.identity = Identity(about.identity, about.sender)
+        self._kinds: set[str] | None = set()  # of foreign messages, while nothing of the protocol's own was heard
         self.samples = 0
 
     def take(self, events: Sequence[Event]) -> None:
@@ -162,6 +167,8 @@ class Intake:
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
         times = self._host_times(batches)
         texts = [event for event in events if isinstance(event, Text)]
+        if self._kinds is not None:
+            self._hear(events, self._kinds)
         said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
         self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
         for batch in batches:
@@ -172,6 +179,17 @@ class Intake:
         if self._about.protection is not None:
             self._trust(batches, self._about.protection)
         self._tell(events, batches, times)
+
+    def _hear(self, events: Sequence[Event], kinds: set[str]) -> None:
+        """A device is called by its protocol once it has said something in it, and by what it does say until then."""
+        if any(isinstance(event, Batch) or (isinstance(event, Reply) and event.message.id >= 0) for event in events):
+            heard, self._kinds = "", None
+        else:
+            kinds.update(event.protocol for event in events if isinstance(event, Text))
+            heard = next((name for kind, name in HEARD.items() if kind in kinds), "")
+        if heard != self.identity.speaks:
+            self.identity.speaks = heard
+            self._identify(self.identity)
 
     def _trust(self, batches: Sequence[Batch], protection: Callable[[Batch], str]) -> None:
         """Count what is verified; who sends, and how well that is protected, is told when it changes."""

@@ -55,16 +55,17 @@ class Portrait:
             serial_number=identity.serial_number or self.info.serial_number,
             firmware=identity.firmware or self.info.firmware,
             protection=identity.protection or self.info.protection,
-            name=identity.name or self.name(identity.product, self.info.protocol),
+            name=identity.name or self.name(identity.product, self.info.protocol, identity.speaks),
         )
 
-    def name(self, product: str, protocol: str) -> str:
-        """What people call it: the model in its product code (MTi-630 of MTi-630-8A1G6), else protocol or link."""
+    def name(self, product: str, protocol: str, heard: str = "") -> str:
+        """What people call it: the model in its product code (MTi-630 of MTi-630-8A1G6), else what is heard of it,
+        protocol or link."""
         product = product or self.info.product
         model = _MODEL.match(product)
         if product:
             return model.group() if model else product
-        return self._title(protocol) if protocol else short(self.info.source)
+        return heard or (self._title(protocol) if protocol else short(self.info.source))
 
 
 def health(

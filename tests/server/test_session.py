@@ -343,6 +343,24 @@ def test_a_device_that_speaks_in_sentences_alone_is_live() -> None:
     play(test)
 
 
+def test_a_device_that_speaks_in_sentences_alone_is_called_by_them() -> None:
+    """Any port with NMEA on it was called an Xsens MTi."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(b"$", b"$")
+        assert stage.hub.devices["1"].name == "NMEA 0183 device"
+        (link,) = stage.events("link")
+        assert link.text == "NMEA 0183 device is sending."
+        await stage.send(sample(0))  # it was one after all
+        assert stage.hub.devices["1"].name == "Fake sensor"
+        await stage.send(b"$", b"W")
+        assert stage.hub.devices["1"].name == "MTi-630"
+        await stage.send(b"$")
+        assert stage.hub.devices["1"].name == "MTi-630"
+
+    play(test)
+
+
 def test_a_decoder_that_breaks_is_told_and_replaced(caplog: pytest.LogCaptureFixture) -> None:
     async def test(stage: Stage) -> None:
         await stage.send(sample(0), b"!", sample(1))
