@@ -2,13 +2,21 @@
 
 Pure Python, one candidate at a time, nothing imported from the project. Checksums bit by bit, HMAC from the standard
 library's own function, types written here a second time, from the document.
+
+    python -m tests.oracles.idtp
+
+writes tests/golden/idtp/computed.json: a frame of every payload type in every mode, of each kind of type without a
+description and of version 2.0, with simple ramps as readings, marked "computed".
 """
 
 from __future__ import annotations
 
 import hmac
+import json
 import struct
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 LITE, SAFETY, SECURE = 0, 1, 2
 FAR = 2**16
@@ -162,3 +170,39 @@ def values(frame: Frame) -> dict[str, float] | None:
     if names is None or len(frame.payload) < 4 * len(names):
         return None
     return {name: struct.unpack_from("<f", frame.payload, 4 * i)[0] for i, name in enumerate(names)}
+
+
+# -- computed vectors --------------------------------------------------------------------------------------------------
+
+KEY = bytes(range(32))
+OTHERS = (0x07, 0x7F, 0x80, 0xFF)  # reserved, and the vendor's own
+
+
+def build(kind: int, payload: bytes, mode: int, sequence: int, version: int = 0x21) -> bytes:
+    """One frame."""
+    head = struct.pack("<4sIIHHBBB", b"IDTP", 1000 * sequence, sequence, 102, len(payload), version, mode, kind)
+    frame = head + bytes([crc8(head)]) + payload
+    trailer = struct.pack("<I", crc32(frame)) if mode == SAFETY else b""
+    return frame + (hmac.digest(KEY, frame, "sha256") if mode == SECURE else trailer)
+
+
+def computed() -> list[dict[str, Any]]:
+    """All computed vectors."""
+    rows = []
+    for version in (0x21, 0x20):
+        for mode in (LITE, SAFETY, SECURE):
+            for kind in (*TYPES, *OTHERS):
+                names = TYPES.get(kind, ["a", "b"])
+                readings = [1.0, 0.0, 0.0, 0.0] if kind == 6 else [0.5 * (i + 1) * (-1) ** i for i in range(len(names))]
+                payload = struct.pack(f"<{len(names)}f", *readings)
+                frame = build(kind, payload, mode, len(rows) + 1, version)
+                row = {"type": kind, "mode": mode, "version": version, "source": "computed", "frame_hex": frame.hex()}
+                if kind in TYPES and version % 16:
+                    row["values"] = dict(zip(names, readings, strict=True))
+                rows.append(row)
+    return rows
+
+
+if __name__ == "__main__":
+    target = Path(__file__).parents[1] / "golden" / "idtp" / "computed.json"
+    target.write_text("[\n" + ",\n".join(json.dumps(row) for row in computed()) + "\n]\n")

@@ -1,4 +1,8 @@
-"""The IDTP vectors of tests/golden/idtp, encoded and read by the reference implementation."""
+"""The IDTP vectors of tests/golden/idtp, and where each came from.
+
+vectors.json    vendor: encoded and read by the reference implementation
+computed.json   computed by tests/oracles/idtp.py: every payload type in every mode, and what has no description
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from typing import Any
 GOLDEN = Path(__file__).parents[1] / "golden" / "idtp" / "vectors.json"
 ALL: dict[str, Any] = json.loads(GOLDEN.read_text())
 VECTORS: list[dict[str, Any]] = ALL["vectors"]
+COMPUTED: list[dict[str, Any]] = json.loads(GOLDEN.with_name("computed.json").read_text())
 NEGATIVE: list[dict[str, Any]] = ALL["negative"]
 KEY = bytes(range(32))
 
@@ -26,5 +31,5 @@ def frame(vector: dict[str, Any]) -> bytes:
 
 def everything() -> Iterator[bytes]:
     """The frames of all vectors."""
-    for vector in VECTORS:
+    for vector in (*VECTORS, *COMPUTED):
         yield frame(vector)

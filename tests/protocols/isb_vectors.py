@@ -2,7 +2,7 @@
 
 data.json, commands.json   vendor: encoded by the vendor's public code
 computed.json              computed by tests/oracles/isb.py, for data sets that the others do not meet
-forms.json                 computed by tests/oracles/isb_forms.py: packet types, raw GNSS data, structures of other firmware
+forms.json                 computed by tests/oracles/isb_forms.py: packet types, raw GNSS kinds, older structures
 formats.json               the structures as the facts give them, for the oracle
 """
 
