@@ -1,4 +1,4 @@
-"""The command line: `imuscope`, `imuscope serve`, `imuscope ports`, `imuscope inspect`.
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
 needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
@@ -12,15 +12,16 @@ import os
 import sys
 import time
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
 from server.compiled import prepare_cache
 from server.config import Config, ConfigError, default_data, load
-from server.reading import MODES, ReadingError, key_text, reading, schema_text, taken_from
+from server.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "inspect")
+COMMANDS = ("serve", "ports", "inspect", "compose", "send")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 
 
@@ -64,6 +65,21 @@ def parser() -> argparse.ArgumentParser:
     inspect.add_argument("--rejects", action="store_true", help="also show what failed its checks")
     inspect.add_argument("--no-replay-check", action="store_true", help="accept frames of any sequence number")
     _add_data(inspect)
+
+    compose = commands.add_parser("compose", help="print a frame as hex")
+    compose.add_argument("message", nargs="?", metavar="MESSAGE", help="a command, or any message that inspect names")
+    compose.add_argument("pairs", nargs="*", metavar="FIELD=VALUE", help="400, 0x400F, a name, [1, 2], outputs.0.x=…")
+    compose.add_argument("--jsonl", metavar="FILE", help='what inspect printed ("-": standard input), a frame a line')
+    _add_reading(compose, "xbus, isb or idtp (found by the message's name when left out)")
+    _add_data(compose)
+
+    send = commands.add_parser("send", help="send one command and print the answer as JSON")
+    send.add_argument("source", metavar="SOURCE", help=SOURCES)
+    send.add_argument("message", metavar="MESSAGE", help="a command, or the name of a setting")
+    send.add_argument("pairs", nargs="*", metavar="FIELD=VALUE", help="as for compose")
+    send.add_argument("--yes", action="store_true", help="send also what loses settings, stops output or cuts the line")
+    _add_reading(send, "protocol of the source (recognised when left out)")
+    _add_data(send)
     return root
 
 
@@ -99,6 +115,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _ports(options)
             case "inspect":
                 _inspect(options)
+            case "compose":
+                _compose(options)
+            case "send":
+                _send(options)
     except (UsageError, ConfigError, ReadingError) as error:
         end = "" if str(error).endswith(".") else "."
         print(f"imuscope: {error}{end}", file=sys.stderr)
@@ -215,14 +235,7 @@ def _inspect(options: argparse.Namespace) -> None:
     _compile(load(data=options.data).data)
     from server.inspect import inspect_file
 
-    said = reading(
-        options.protocol or "auto",
-        key_text(options.key) if options.key is not None else "",
-        options.min_mode or "",
-        bool(options.unverified),
-        schema_text(options.schema) if options.schema else "",
-        not options.no_replay_check,
-    )
+    said = _said(options, "auto", replay_check=not options.no_replay_check)
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects")}
     try:
         inspect_file(path, sys.stdout, said, notes=sys.stderr, **how)
@@ -230,6 +243,66 @@ def _inspect(options: argparse.Namespace) -> None:
         if isinstance(error, BrokenPipeError):
             raise
         raise UsageError(str(error)) from None
+
+
+def _said(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> Reading:
+    """What the options say about reading."""
+    return reading(
+        options.protocol or protocol,
+        key_text(options.key) if options.key is not None else "",
+        options.min_mode or "",
+        bool(options.unverified),
+        schema_text(options.schema) if options.schema else "",
+        replay_check,
+    )
+
+
+def _compose(options: argparse.Namespace) -> None:
+    if (options.message is None) == (options.jsonl is None):
+        raise UsageError("give a message, or --jsonl with a file")
+    if options.jsonl not in (None, "-") and not Path(options.jsonl).is_file():
+        raise UsageError(_no_file(options.jsonl))
+    _compile(load(data=options.data).data)
+    from server.compose import ComposeError, chosen, frame_of, frames_of, known_of, tongues
+
+    said = _said(options)
+    spoken = tongues(said.key, said.schema)
+    try:
+        if options.jsonl is None:
+            protocol = "" if said.protocol == "auto" else said.protocol
+            frame, _ = frame_of(
+                chosen(spoken, options.message, protocol), options.message, options.pairs, known_of(said)
+            )
+            print(frame.hex())
+            return
+        with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
+            for frame in frames_of(lines, spoken):
+                sys.stdout.write(frame.hex() + "\n")
+    except (ComposeError, UnicodeDecodeError) as error:
+        raise UsageError(str(error)) from None
+
+
+def _send(options: argparse.Namespace) -> None:
+    import asyncio
+
+    _compile(load(data=options.data).data)
+    from server.compose import ComposeError
+    from server.sending import SendError, Wish, send
+
+    source, said = taken_from(options.source, _said(options))
+    _known(said.protocol, ("auto", *_protocols()))
+    said = replace(said, protocol="" if said.protocol == "auto" else said.protocol)
+    wish = Wish(source, options.message, options.pairs, options.yes)
+    try:
+        asyncio.run(send(wish, said, sys.stdout, sys.stderr))
+    except (ComposeError, SendError) as error:
+        raise UsageError(str(error)) from None
+
+
+def _protocols() -> Collection[str]:
+    from server import speech
+
+    return speech.protocols()
 
 
 def _no_file(path: str) -> str:

@@ -104,8 +104,6 @@ class _Kept:
     write: bool = False
     after: str = ""
     simple: bool = False
-    caution: Caution = ""
-    consequence: str = ""
 
 
 _KEPT: Mapping[int, _Kept] = {
@@ -137,14 +135,6 @@ _KEPT: Mapping[int, _Kept] = {
     120: _Kept(G_ABOUT, "Product, serial number, versions of a GPX."),
     93: _Kept(G_ABOUT, "Product, serial number, versions of an EVB."),
 }
-
-
-def _lost(did: int) -> _Harm | None:
-    if did in (FLASH, 121, 81):
-        return _FLASH
-    if did == NMEA_PERIODS:
-        return None
-    return None
 
 
 # -- fields ------------------------------------------------------------------------------------------------------------
@@ -361,7 +351,7 @@ def _sets() -> list[Command]:
             doc=kept.doc if kept and kept.write else "A device refuses what it does not let be written.",
             source=SOURCE,
         )
-        commands.append(_harmed(command, _lost(did)))
+        commands.append(command)
     return commands
 
 
@@ -390,7 +380,6 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
     ]
     for did, kept in _KEPT.items():
         name = SETS[did].name
-        harm = _lost(did) if kept.write else None
         rows.append(
             Setting(
                 name,
@@ -399,8 +388,6 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
                 write=f"{SET_PREFIX}{name}" if kept.write else "",
                 partial=kept.write and did != NMEA_PERIODS,
                 after=kept.after,  # type: ignore[arg-type]
-                caution=harm.caution if harm else "",
-                consequence=harm.consequence if harm else "",
                 group=kept.group,
                 simple=kept.simple,
                 title=ROWS[did].title,
