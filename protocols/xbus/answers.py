@@ -12,20 +12,29 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from protocols import motion
-from protocols.xbus.settings import ERROR_MESSAGE, ERROR_PARAMETER, RefusedError
+from protocols.xbus.choices import CLOCK_BIAS, SOFTWARE, SYNC_OUT, functions_of, lines_of
+from protocols.xbus.products import ALL, FILTER, RTK
+from protocols.xbus.settings import (
+    ALIGNMENT,
+    ERROR_MESSAGE,
+    ERROR_PARAMETER,
+    OPTIONS,
+    SYNC,
+    RefusedError,
+)
 
 if TYPE_CHECKING:
     from protocols.xbus.device import XbusDevice
 
 MOST_ITEMS = 32  # of an output configuration
-OPTION_FLAGS, SYNC_SETTINGS, ALIGNMENT = 0x48, 0x2C, 0xEC
-SYNC_FUNCTIONS = frozenset({3, 4, 8, 9, 11, 14})  # table 11
-TRIGGER_INDICATION, INTERVAL_TRANSITION = 3, 4
+MOST_DELAY, MOST_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
+RTCM = 0xD3
 TURNING = math.radians(1)  # rad/s: more is no rest
 
 
@@ -105,10 +114,10 @@ def selftest(device: XbusDevice, payload: bytes, now: int) -> bytes:
 def option_flags(device: XbusDevice, payload: bytes, now: int) -> bytes:
     _sized(payload, 0, 8)
     if not payload:
-        return device.settings[OPTION_FLAGS]
+        return device.settings[OPTIONS]
     set_flags, clear_flags = struct.unpack(">II", payload)
-    flags = int.from_bytes(device.settings[OPTION_FLAGS], "big")
-    device.settings[OPTION_FLAGS] = struct.pack(">I", flags & ~clear_flags | set_flags)  # setting has precedence
+    flags = int.from_bytes(device.settings[OPTIONS], "big")
+    device.settings[OPTIONS] = struct.pack(">I", flags & ~clear_flags | set_flags)  # setting has precedence
     return b""
 
 
@@ -130,19 +139,27 @@ def output_configuration(device: XbusDevice, payload: bytes, now: int) -> bytes:
 def sync_settings(device: XbusDevice, payload: bytes, now: int) -> bytes:
     """Twelve bytes an entry: function, line, polarity, once, skip first, skip factor, pulse width, delay."""
     if not payload:
-        return device.settings[SYNC_SETTINGS]
+        return device.settings[SYNC]
     if len(payload) % 12 or len(payload) > 120:
         raise RefusedError(ERROR_MESSAGE)
     entries = [payload[at : at + 12] for at in range(0, len(payload), 12)]
     entries = [entry for entry in entries if entry[2]]  # polarity 0 clears
-    if any(entry[0] not in SYNC_FUNCTIONS or entry[2] > 3 or entry[3] > 1 for entry in entries):
+    if not all(_is_sync(device, entry) for entry in entries):
         raise RefusedError(ERROR_PARAMETER)
-    device.settings[SYNC_SETTINGS] = b"".join(entries)
-    pulses = [int.from_bytes(entry[6:8], "big") + 1 for entry in entries if entry[0] == INTERVAL_TRANSITION]
-    triggered = any(entry[0] == TRIGGER_INDICATION for entry in entries)
-    # Nothing is connected to the trigger line here: once a second stands for a camera.
-    device.change(sync_out_every=pulses[0] if pulses else 0, sync_in_s=1.0 if triggered else 0.0)
+    device.settings[SYNC] = b"".join(entries)
     return b""
+
+
+def _is_sync(device: XbusDevice, entry: bytes) -> bool:
+    """Has the product this function and line, and does the delay go with the function?"""
+    function, line, polarity, once = entry[:4]
+    delay = int.from_bytes(entry[10:12], "big")
+    if function in SYNC_OUT:
+        fits = delay <= MOST_OFFSET or delay >= 65_536 - MOST_OFFSET
+    else:
+        fits = delay <= MOST_DELAY or function == CLOCK_BIAS
+    model = device.product.model
+    return fits and function in functions_of(model) and line in lines_of(model) and polarity <= 3 and once <= 1
 
 
 def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
@@ -163,8 +180,6 @@ def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
 def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
     """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
     _empty(payload)
-    if "orientation" not in device.product.abilities:
-        raise RefusedError(ERROR_MESSAGE)
     rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles]
     return b"".join(rows).ljust(5 * 22, b"\0")
 
@@ -205,7 +220,7 @@ def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
             whole = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "s")
         except ValueError:
             raise RefusedError(ERROR_PARAMETER) from None
-        if not 1999 <= year <= 2099 or ns >= 10**9:
+        if not 1999 <= year <= 2099 or ns > 10**9:
             raise RefusedError(ERROR_PARAMETER)
         device.change(utc_ns=int(whole.astype(np.int64)) * 10**9 + ns - now, utc_valid=True)
     state = device.run.state
@@ -247,36 +262,62 @@ def icc_command(device: XbusDevice, payload: bytes, now: int) -> bytes:
 
 
 def forward_gnss_data(device: XbusDevice, payload: bytes, now: int) -> bytes:
-    if "rtk" not in device.product.abilities or not payload:
+    """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a part of one is refused."""
+    at = 0
+    while at < len(payload):
+        if payload[at] != RTCM or len(payload) < at + 6:
+            raise RefusedError(ERROR_MESSAGE)
+        at += 6 + ((payload[at + 1] & 3) << 8 | payload[at + 2])
+    if at != len(payload) or not payload:
         raise RefusedError(ERROR_MESSAGE)
     return b""
 
 
+def request_data(device: XbusDevice, payload: bytes, now: int) -> None:
+    """The latest sample, where SendLatest waits for the software line."""
+    _empty(payload)
+    if SOFTWARE not in device.send_latest:
+        raise RefusedError(ERROR_MESSAGE)
+    device.send_newest()
+
+
 Action = Callable[["XbusDevice", bytes, int], bytes | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What answers a message, in which states, and which products have it."""
+
+    phases: tuple[str, ...]
+    action: Action
+    on: frozenset[int] = ALL
+
+
 _CONFIG, _MEASUREMENT, _BOTH = ("config",), ("measurement",), ("config", "measurement")
 
-ACTIONS: Mapping[int, tuple[tuple[str, ...], Action]] = {
-    0x3F: (("wake-up",), wake_up_ack),
-    0x30: (_BOTH, go_to_config),
-    0x10: (_CONFIG, go_to_measurement),
-    0x40: (_BOTH, reset),
-    0x0E: (_CONFIG, restore_factory),
-    0x00: (_CONFIG, device_id),
-    0x1C: (_CONFIG, product_code),
-    0x1E: (_CONFIG, hardware_version),
-    0x12: (_CONFIG, firmware),
-    0x24: (_CONFIG, selftest),
-    OPTION_FLAGS: (_CONFIG, option_flags),
-    0x0C: (_CONFIG, configuration),
-    0xC0: (_CONFIG, output_configuration),
-    SYNC_SETTINGS: (_CONFIG, sync_settings),
-    ALIGNMENT: (_CONFIG, alignment),
-    0x62: (_CONFIG, filter_profiles),
-    0xA4: (_BOTH, reset_orientation),
-    0x22: (_MEASUREMENT, no_rotation),
-    0x60: (_CONFIG, utc_time),
-    0xA8: (_CONFIG, adjust_utc_time),
-    0x74: (_BOTH, icc_command),
-    0xE2: (_MEASUREMENT, forward_gnss_data),
+ACTIONS: Mapping[int, Answer] = {
+    0x3F: Answer(("wake-up",), wake_up_ack),
+    0x30: Answer(_BOTH, go_to_config),
+    0x10: Answer(_CONFIG, go_to_measurement),
+    0x40: Answer(_BOTH, reset),
+    0x0E: Answer(_CONFIG, restore_factory),
+    0x00: Answer(_CONFIG, device_id),
+    0x1C: Answer(_CONFIG, product_code),
+    0x1E: Answer(_CONFIG, hardware_version),
+    0x12: Answer(_CONFIG, firmware),
+    0x24: Answer(_CONFIG, selftest),
+    OPTIONS: Answer(_CONFIG, option_flags),
+    0x0C: Answer(_CONFIG, configuration),
+    0xC0: Answer(_CONFIG, output_configuration),
+    SYNC: Answer(_CONFIG, sync_settings),
+    ALIGNMENT: Answer(_CONFIG, alignment),
+    0x62: Answer(_CONFIG, filter_profiles, FILTER),
+    0x34: Answer(_MEASUREMENT, request_data),
+    0xA4: Answer(_BOTH, reset_orientation, FILTER),
+    0x22: Answer(_MEASUREMENT, no_rotation, FILTER),
+    0x60: Answer(_CONFIG, utc_time),
+    0xA8: Answer(_CONFIG, adjust_utc_time),
+    0x74: Answer(_BOTH, icc_command, FILTER),
+    0xE2: Answer(_MEASUREMENT, forward_gnss_data, RTK),
 }
 """Message number → the states in which it is valid, and what answers it."""

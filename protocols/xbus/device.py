@@ -6,9 +6,10 @@
 
 `XbusDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
 device has sent by then; what it is told, it answers as section 5 of the document says, from a configuration that it
-keeps. Settings are stored at once; a new baud rate acts after Reset. What is wrong is answered with Error: 4 for a
+keeps. Settings are stored at once, in a memory that outlives Reset and power (`repowered`), unless the option flag
+DisableAutoStore keeps them out of it; a new baud rate acts after Reset. What is wrong is answered with Error: 4 for a
 message that is unknown, of a wrong size, or not valid in this state, 33 for a parameter, 32 for a baud rate, 3 for a
-period.
+period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
 
 What it measures is quantities.py, from the shared drive. What it does not do: alignment matrices, filter profiles and
 orientation resets are kept and answered but do not turn the output; it sends no eMTS (0x91), whose content is
@@ -23,6 +24,7 @@ Source: MT0101P 2020.A, sections 4 and 5.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal
 
@@ -30,16 +32,24 @@ import numpy as np
 
 from protocols.xbus import frames
 from protocols.xbus.answers import ACTIONS
-from protocols.xbus.measurement import BLOCK_NS, Measurement, granted, source_of
+from protocols.xbus.changes import BAUD_RATES
+from protocols.xbus.choices import INTERVAL, SEND_LATEST, TRIGGER
+from protocols.xbus.hearing import Ear
+from protocols.xbus.measurement import BLOCK_NS, Measurement
+from protocols.xbus.outputs import granted, greatest, output_of
 from protocols.xbus.quantities import Run
 from protocols.xbus.settings import (
-    BAUD_RATES,
     BAUDRATE,
     ERROR_MESSAGE,
     ERROR_PARAMETER,
+    LOCATION,
+    OPTIONS,
     PORT_CONFIG,
     PRODUCTS,
     SETTINGS,
+    SKIP,
+    STRINGS,
+    SYNC,
     Product,
     RefusedError,
     factory_settings,
@@ -47,7 +57,9 @@ from protocols.xbus.settings import (
 
 WAKE_UP_WINDOW_NS = 500_000_000
 BOOT_NS = 300_000_000  # from Reset to WakeUp
-STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
+BOOT_BAUD = 115_200  # at which it listens for 0xDE while it boots
+GO_TO_CONFIG, RESTORE = 0x30, 0xDE
+DISABLE_AUTO_STORE, DISABLE_AUTO_MEASUREMENT = 1, 2
 
 Phase = Literal["boot", "wake-up", "config", "measurement"]
 
@@ -66,6 +78,8 @@ class XbusDevice:
         clock_jump: (device time s, by s): SampleTimeFine jumps once.
         road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
         measuring: True to be powered long ago and already in the measurement state at `start_ns`.
+        baud: rate that is stored when it comes, one of table 7; None for the factory's.
+        stubborn: it does not hear GoToConfig until it has been Reset, as some devices do.
     Raises:
         ValueError: the product is not known.
     """
@@ -84,6 +98,8 @@ class XbusDevice:
         clock_jump: tuple[float, float] | None = None,
         road: float = 0.0,
         measuring: bool = False,
+        baud: int | None = None,
+        stubborn: bool = False,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
@@ -97,13 +113,35 @@ class XbusDevice:
         self._rate = max(int(rate), 1)
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
-        self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road)
+        self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
         self.settings: dict[int, bytes] = {}
         self.output: tuple[tuple[int, int], ...] = ()
+        self._baud, self._stubborn = baud, stubborn
+        self._make_anew: Callable[[int], XbusDevice] = lambda start_ns: XbusDevice(
+            product,
+            self.serial,
+            seed,
+            start_ns,
+            rate=rate,
+            drop=drop,
+            corrupt=corrupt,
+            clock_drift_ppm=clock_drift_ppm,
+            clock_jump=clock_jump,
+            road=road,
+            baud=baud,
+            stubborn=stubborn,
+        )
+        self._restored = False  # 0xDE was heard while it boots
+        self._newest = b""  # sample, while SendLatest waits for a trigger
+        self._asked_for: list[bytes] = []
         self.restore()
+        code = next((code for code, rate in BAUD_RATES.items() if rate == baud), None)
+        if code is not None:
+            self.settings[BAUDRATE] = bytes([code])
+            self._couple(BAUDRATE)
+        self._memory = self._present()
         self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
-        self._heard = bytearray()
-        self._heard_ns = 0
+        self._ear = Ear()
         self._measurement: Measurement | None = None
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
@@ -118,11 +156,14 @@ class XbusDevice:
         now = self._local(now_ns)
         out: list[bytes] = []
         if self.phase == "boot" and now >= 0:
-            self.phase = "wake-up"
+            self._wake_up()
             out.append(frames.build(0x3E))
         if self.phase == "wake-up" and now >= WAKE_UP_WINDOW_NS:
-            out.append(frames.build(0x0D, self.configuration()))
-            self.measure(WAKE_UP_WINDOW_NS)
+            if self.flagged(DISABLE_AUTO_MEASUREMENT):
+                self.stop()
+            else:
+                out.append(frames.build(0x0D, self.configuration()))
+                self.measure(WAKE_UP_WINDOW_NS)
         if self.phase == "measurement":
             self._due(now, out)
         return b"".join(out)
@@ -132,13 +173,12 @@ class XbusDevice:
         out = [self.advance(now_ns)]
         now = self._local(now_ns)
         if self.phase == "boot":
-            return b""  # nobody listens yet
-        if now - self._heard_ns > STALL_NS:
-            self._heard.clear()
-        self._heard += data
-        self._heard_ns = now
-        while (request := self._next_request()) is not None:
-            bid, mid, payload = request
+            self._restored |= RESTORE in data  # nobody listens yet, but for this
+            return b""
+        self._ear.hear(data, now)
+        for bid, mid, payload in self._ear.requests():
+            if mid == GO_TO_CONFIG and self._stubborn:
+                continue
             try:
                 answer = self._answer(mid, payload, now)
             except RefusedError as refused:
@@ -146,35 +186,13 @@ class XbusDevice:
             else:
                 if answer is not None:
                     out.append(frames.build(mid + 1, answer, bid))
+            out += self._asked_for
+            self._asked_for.clear()
         return b"".join(out)
 
     def _local(self, now_ns: int) -> int:
         """Device time: ns of the device's own oscillator since it was switched on."""
         return int((now_ns - self._start_ns) * self._speed)
-
-    def _next_request(self) -> tuple[int, int, bytes] | None:
-        """The next whole frame that is meant for this device, as (bus identifier, message, payload)."""
-        heard = self._heard
-        while (at := heard.find(frames.PREAMBLE)) >= 0:
-            del heard[:at]
-            if len(heard) < 4:
-                return None
-            head = 4 if heard[3] != frames.EXTENDED else 6
-            if len(heard) < head:
-                return None
-            size = heard[3] if head == 4 else heard[4] << 8 | heard[5]
-            if size <= frames.MAX_SENT:
-                if len(heard) < head + size + 1:
-                    return None
-                if sum(heard[1 : head + size + 1]) & 0xFF == 0:
-                    frame = bytes(heard[: head + size + 1])
-                    del heard[: len(frame)]
-                    if frame[1] in (0xFF, 0x01):
-                        return frame[1], frame[2], frame[head:-1]
-                    continue
-            del heard[0]
-        heard.clear()
-        return None
 
     # -- measuring
 
@@ -208,7 +226,22 @@ class XbusDevice:
             if chance < self._drop + self._corrupt:
                 at, bit = random.integers(len(frame)), random.integers(8)
                 frame = frame[:at] + bytes([frame[at] ^ 1 << bit]) + frame[at + 1 :]
-        out.append(frame)
+        if self.send_latest:
+            self._newest = frame
+        else:
+            out.append(frame)
+
+    @property
+    def send_latest(self) -> frozenset[int]:
+        """The lines that SendLatest waits for; while there are any, nothing is sent without a trigger."""
+        entries = self.settings[SYNC]
+        return frozenset(entries[at + 1] for at in range(0, len(entries), 12) if entries[at] == SEND_LATEST)
+
+    def send_newest(self) -> None:
+        """A trigger of SendLatest. Where nothing was measured since the last one there is nothing to send."""
+        if self._newest:
+            self._asked_for.append(self._newest)
+            self._newest = b""
 
     def change(self, **state: object) -> None:
         """A command changed the status word or UTC: what is made already but not sent is made again."""
@@ -223,32 +256,84 @@ class XbusDevice:
         self.phase, self._measurement, self._waiting = "config", None, []
 
     def reset(self, now: int) -> None:
-        """As if power had failed for a moment: device time begins anew, a stored baud rate acts."""
+        """As if power had failed for a moment: device time begins anew, what is stored acts, the rest is lost."""
         self.stop()
-        self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
+        self.settings, self.output = dict(self._memory[0]), self._memory[1]
+        self._stubborn = False
         off = now + BOOT_NS
-        self.change(utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False)
+        self.change(
+            utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
+        )
         self._start_ns += round(off / self._speed)
-        self.phase, self._counter, self._heard_ns = "boot", 0, -BOOT_NS
-        self._heard.clear()
+        self.phase, self._counter, self.baud = "boot", 0, BOOT_BAUD
+        self._ear = Ear()
+
+    def repowered(self, start_ns: int) -> XbusDevice:
+        """The same device after its power was off: what it had stored, and a receiver that starts cold."""
+        device = self._make_anew(start_ns + BOOT_NS)
+        device._memory, device.baud = self._memory, BOOT_BAUD
+        device.settings, device.output = dict(self._memory[0]), self._memory[1]
+        device.change(**device._consequences())
+        return device
+
+    def _wake_up(self) -> None:
+        """Booted: from here on it speaks."""
+        self.phase = "wake-up"
+        if self._restored:
+            self._restored = False
+            self.restore_communication()
+        self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
+
+    # -- memory
+
+    def _present(self) -> tuple[dict[int, bytes], tuple[tuple[int, int], ...]]:
+        return dict(self.settings), self.output
+
+    def store(self) -> None:
+        """What is set now outlives a reset, unless an option flag forbids it."""
+        if not self.flagged(DISABLE_AUTO_STORE):
+            self._memory = self._present()
+        else:  # the flags themselves are always kept
+            self._memory = ({**self._memory[0], OPTIONS: self.settings[OPTIONS]}, self._memory[1])
+
+    def flagged(self, flag: int) -> bool:
+        """Is this option flag set?"""
+        return bool(int.from_bytes(self.settings[OPTIONS], "big") & flag)
+
+    def _consequences(self) -> dict[str, object]:
+        """What settings say about the status word and accompanying items."""
+        entries = self.settings[SYNC]
+        kinds = {entries[at]: int.from_bytes(entries[at + 6 : at + 8], "big") for at in range(0, len(entries), 12)}
+        return {
+            "location": int.from_bytes(self.settings[LOCATION], "big"),
+            "sync_out_every": kinds[INTERVAL] + 1 if INTERVAL in kinds else 0,
+            # Nothing is connected to the trigger line here: once a second stands for a camera.
+            "sync_in_s": 1.0 if TRIGGER in kinds else 0.0,
+        }
 
     # -- answering
 
     def _answer(self, mid: int, payload: bytes, now: int) -> bytes | None:
         """The payload of the acknowledgement; None where there is none."""
-        action = ACTIONS.get(mid)
-        setting = SETTINGS.get(mid)
-        if action is None and (setting is None or (setting.needs and setting.needs not in self.product.abilities)):
+        action, setting = ACTIONS.get(mid), SETTINGS.get(mid)
+        on = action.on if action else setting.on if setting else frozenset()
+        if self.product.model.number not in on:
             raise RefusedError(ERROR_MESSAGE)
-        phases, method = action or (("config",), None)
-        if self.phase not in phases:
+        if self.phase not in (action.phases if action else ("config",)):
             raise RefusedError(ERROR_MESSAGE)
-        if method is not None:
-            return method(self, payload, now)
-        assert setting is not None
-        if not payload:
+        before = self._present()
+        answer = action.action(self, payload, now) if action else self._keep(mid, payload)
+        if self._present() != before and self.phase == "config":
+            self.change(**self._consequences())
+            self.store()
+        return answer
+
+    def _keep(self, mid: int, payload: bytes) -> bytes:
+        """Ask for a setting, or set one that is only kept."""
+        setting = SETTINGS[mid]
+        if not payload and setting.asked:
             return self.settings[mid]
-        if len(payload) not in setting.sizes:
+        if not setting.takes(len(payload), self.product):
             raise RefusedError(ERROR_MESSAGE)
         if not setting.valid(payload, self.product):
             raise RefusedError(setting.error)
@@ -266,6 +351,15 @@ class XbusDevice:
 
     # -- what it is set to
 
+    def restore_communication(self) -> None:
+        """Table 41: what 0xDE during wake-up brings back; everything else stays."""
+        kept = self.settings
+        self.restore()
+        mids = (BAUDRATE, PORT_CONFIG, SKIP, SYNC, STRINGS)
+        self.settings = {mid: self.settings[mid] if mid in mids else value for mid, value in kept.items()}
+        self.change(**self._consequences())
+        self.store()
+
     def restore(self) -> None:
         """Factory settings."""
         self.settings = factory_settings(self.product)
@@ -280,10 +374,11 @@ class XbusDevice:
         Raises:
             RefusedError: the product has no such item.
         """
-        source = source_of(identifier, self.product.abilities)
-        if source is None:
+        output = output_of(identifier, self.product.model)
+        if output is None:
             raise RefusedError(ERROR_PARAMETER)
-        return granted(source, wish, self._fastest if self.product.fastest == 400 else self.product.fastest)
+        most = greatest(output, self.product.model)
+        return granted(wish, self._fastest if most == 400 else most)
 
     def identifier(self) -> bytes:
         """Its number as the wire has it: 8 bytes in the 600-series, else 4."""

@@ -1,14 +1,11 @@
 """What does an MTi send while it measures? Every item of MTData2, valued by the shared drive, packed as configured.
 
-    configuration ──> streams: what is sent together, at one rate          drive(t), errors
-    (id, Hz) …          main      samples with all "every message" items        │
-                        GNSS      messages of its own, with an older time       v
-                        HR        one message each, with a timestamp       values ──> rows of bytes ──> frames
+    configuration ──> streams: what is sent together, at one rate (outputs.py)
+    (id, Hz) …                  │
+    drive(t), errors ──> values ┴──> rows of bytes ──> frames
 
-A product fixes what it can send and how fast (`Source.hertz`); `granted` says what it makes of a wish: the greatest
-rate that divides the item's own. An item appears in the messages in which it is due, as in a real device: with a
-quaternion at 100 Hz beside an acceleration at 400 Hz, three messages of four carry no quaternion. PacketCounter counts
-messages, of all streams.
+An item appears in the messages in which it is due, as in a real device. PacketCounter counts messages, of all streams.
+The receiver's items come with an older time.
 
 All messages of a quarter of a second are made at once: those with the same items are rows of one array, in which an
 item is some columns, so that the cost is per item and not per message. The result depends on seed and time only, not
@@ -19,7 +16,6 @@ Source: MT0101P 2020.A, 5.3.5 SetOutputConfiguration and 5.3.6 MTData2.
 
 from __future__ import annotations
 
-import math
 import zlib
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -30,36 +26,12 @@ from numpy.typing import NDArray
 
 from protocols import motion
 from protocols.xbus import frames
-from protocols.xbus.quantities import ALWAYS, LOCALS, SOURCES, Run, Source, Values
+from protocols.xbus.outputs import ALWAYS, streams
+from protocols.xbus.quantities import Run, Values
 
 Array = NDArray[Any]
 
 BLOCK_NS = 250_000_000
-
-
-def source_of(identifier: int, abilities: frozenset[str]) -> Source | None:
-    """The row for a full identifier, precision and coordinate system included; None where the product lacks it."""
-    source = SOURCES.get(identifier & 0xFFF0)
-    if source is None or (source.needs and source.needs not in abilities):
-        return None
-    precision, local = identifier & 3, identifier & 0xC
-    if (precision and not source.real) or (local and not source.local) or local not in LOCALS:
-        return None
-    return source
-
-
-def granted(source: Source, wish: int, fastest: int) -> int:
-    """The rate that a device makes of `wish` Hz: the greatest that divides the item's own and is not above the wish.
-
-    Args:
-        fastest: greatest rate of the 400 Hz items in this device.
-    """
-    if source.hertz == ALWAYS:
-        return ALWAYS
-    most = fastest if source.hertz == 400 else min(source.hertz, fastest) if source.hertz == 100 else source.hertz
-    if wish in (0, ALWAYS) or wish >= most:
-        return most
-    return max(rate for rate in range(1, wish + 1) if most % rate == 0)
 
 
 @dataclass(frozen=True)
@@ -79,24 +51,10 @@ class Measurement:
     @cached_property
     def streams(self) -> tuple[_Stream, ...]:
         """The main stream, then GNSS, then high-rate ones."""
-        always = tuple(pair for pair in self.configuration if pair[1] == ALWAYS)
-        by_kind: dict[str, list[tuple[int, int]]] = {}
-        for identifier, rate in self.configuration:
-            source = SOURCES[identifier & 0xFFF0]
-            if rate != ALWAYS:
-                kind = source.name if source.stream == "hr" else source.stream
-                by_kind.setdefault(kind, []).append((identifier, rate))
-        if not by_kind and always:
-            by_kind["main"] = []
-        found = []
-        for kind, items in sorted(by_kind.items(), key=lambda pair: (pair[0] != "main", pair[0] != "gnss", pair[0])):
-            keep = always if kind == "main" else tuple(p for p in always if p[0] in (0x1020, 0x1060))
-            ordered = tuple(p for p in self.configuration if p in items or p in keep)
-            if kind == "gnss":
-                ordered = (*items, *reversed(keep))  # as captured: the solution first, then time and counter
-            rate = math.lcm(*(rate for _, rate in items)) if items else 100
-            found.append(_Stream(self.run, kind, ordered, rate, self.begin_ns))
-        return tuple(found)
+        return tuple(
+            _Stream(self.run, stream.kind, stream.items, stream.rate, self.begin_ns)
+            for stream in streams(self.configuration)
+        )
 
     def block(self, number: int, counter: int) -> list[tuple[int, bytes]]:
         """All messages of a quarter of a second, as (device time ns at which it is sent, frame), in order.

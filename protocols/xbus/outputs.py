@@ -7,15 +7,15 @@ and status accompany every message and have no rate (0xFFFF).
 An output configuration becomes streams of messages:
 
     main      one message a tick of the fastest item, holding the items due at that tick and all accompanying ones
-    gnss      messages of their own for the receiver's items, with PacketCounter and SampleTimeFine
-    scr       the same for the sensors' raw readings
-    hr        one message for each high-rate item, likewise
+    gnss      a message of its own for each of the receiver's items, followed by the items of time, last one first
+    hr        a message of its own for each high-rate item, with the items of time
+    scr       the sensors' raw readings, with the items of time
 
 At differing rates a tick's message holds what is due: with a quaternion at 100 Hz beside an acceleration at 400 Hz,
 three messages of four carry no quaternion.
 
-Source: MT0101P 2020.A, tables 16, 17, 23 and 24; that GNSS and high-rate items travel alone, with counter and time, is
-from captures. Which of two high-rate figures a 1-series device has depends on its hardware: 800 Hz is that of 2.0 on.
+Source: MT0101P 2020.A, tables 16, 17, 23 and 24; that GNSS items travel alone, and with what, is from
+captures. Which of two high-rate figures a 1-series device has depends on its hardware: 800 Hz is that of 2.0 on.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ from protocols.xbus.items import BY_NAME
 from protocols.xbus.products import ALL, BARO, CLASSIC, FILTER, GNSS, ONE, Model, has
 
 ALWAYS = 0xFFFF  # output frequency of items that come with every message
-ACCOMPANY = (0x1020, 0x1060)  # what goes with the messages of the other streams, where it is configured
+TIME = 0x10  # high byte of the items that accompany the messages of the other streams too
+ORDER = ("main", "gnss", "hr", "scr")
 IDLE_HZ = 100  # rate of messages that hold nothing but accompanying items
-SATELLITES = 20  # taken for the size of the satellites' list: it depends on the sky
+SATELLITES = 28  # taken for the length of their list, as in a capture; it depends on the sky
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,19 +167,20 @@ class Stream:
 def streams(configuration: Sequence[tuple[int, int]]) -> list[Stream]:
     """The streams of an output configuration whose rates are granted ones: main, then GNSS, then the others."""
     always = tuple(pair for pair in configuration if pair[1] == ALWAYS)
-    kinds: dict[str, list[tuple[int, int]]] = {}
+    time = tuple(pair for pair in always if pair[0] >> 8 == TIME)
+    together: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for identifier, rate in configuration:
         output = OUTPUTS.get(identifier & 0xFFF0)
         if rate != ALWAYS and output is not None:
-            kinds.setdefault(output.name if output.stream == "hr" else output.stream, []).append((identifier, rate))
-    if not kinds and always:
-        kinds["main"] = []
+            alone = output.name if output.stream in ("gnss", "hr") else ""
+            together.setdefault((output.stream, alone), []).append((identifier, rate))
+    if not together and always:
+        together["main", ""] = []
     found = []
-    for kind in sorted(kinds, key=lambda kind: (kind != "main", kind != "gnss", kind)):
-        items = kinds[kind]
-        keep = always if kind == "main" else tuple(pair for pair in always if pair[0] in ACCOMPANY)
+    for (kind, _), items in sorted(together.items(), key=lambda one: (ORDER.index(one[0][0]), one[0][1])):
+        keep = always if kind == "main" else time
         ordered = tuple(pair for pair in configuration if pair in items or pair in keep)
         if kind == "gnss":
-            ordered = (*items, *reversed(keep))  # as captured: the solution first, then time and counter
+            ordered = (*items, *reversed(time))
         found.append(Stream(kind, ordered, math.lcm(*(rate for _, rate in items)) if items else IDLE_HZ))
     return found

@@ -6,15 +6,15 @@ The truth is protocols/motion.py; a product's limits and a receiver's habits are
 clip, a fix that takes seconds to come, corrections that make it fixed later and lose it now and then, a solution that
 is old when it is sent.
 
-Rules for editing: a new item is a row in `SOURCES` and a method of `Values` marked with its name.
+Rules for editing: a new item is a row in outputs.py and a method of `Values` marked with its name.
 
-Source: MT0101P 2020.A, table 16 (rates), 17 (formats), 25-27 (GNSS, status).
+Source: MT0101P 2020.A, table 17 (formats), 25-27 (GNSS, status), 5.3.6.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols import motion
+from protocols.xbus.outputs import OUTPUTS
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
 
-ALWAYS = 0xFFFF  # output frequency of items that come with every message
 TICKS_S = 10_000  # SampleTimeFine
 GNSS_AGE_NS = 80_000_000  # a receiver's solution is that old when it comes
 
@@ -39,54 +39,6 @@ RTK_PERIOD_S, RTK_LOST_S = 90.0, 6.0  # now and then trees: the fixed solution f
 UTC_2026_NS = 1_767_225_600 * 10**9
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
-    """An item that can be sent.
-
-    Args:
-        hertz: the greatest rate; ALWAYS for items that come with every message.
-        real: True where the identifier chooses the precision.
-        local: True where it chooses the coordinate system.
-        needs: what the product must have: "orientation", "baro", "gnss", "rtk" or "" for nothing.
-        stream: "main", "gnss", or "hr" for messages of its own.
-    """
-
-    name: str
-    hertz: int
-    real: bool = True
-    local: bool = False
-    needs: str = ""
-    stream: str = "main"
-
-
-SOURCES: Mapping[int, Source] = {
-    0x0810: Source("Temperature", 1),
-    0x1010: Source("UtcTime", ALWAYS, real=False),
-    0x1020: Source("PacketCounter", ALWAYS, real=False),
-    0x1060: Source("SampleTimeFine", ALWAYS, real=False),
-    0x1070: Source("SampleTimeCoarse", ALWAYS, real=False),
-    0x2010: Source("Quaternion", 400, local=True, needs="orientation"),
-    0x2020: Source("RotationMatrix", 400, local=True, needs="orientation"),
-    0x2030: Source("EulerAngles", 400, local=True, needs="orientation"),
-    0x3010: Source("BaroPressure", 50, real=False, needs="baro"),
-    0x4010: Source("DeltaV", 400),
-    0x4020: Source("Acceleration", 400),
-    0x4030: Source("FreeAcceleration", 400, needs="orientation"),
-    0x4040: Source("AccelerationHR", 2000, stream="hr"),
-    0x5020: Source("AltitudeEllipsoid", 400, needs="gnss"),
-    0x5030: Source("PositionEcef", 400, needs="gnss"),
-    0x5040: Source("LatLon", 400, needs="gnss"),
-    0x7010: Source("GnssPvtData", 4, real=False, needs="gnss", stream="gnss"),
-    0x7020: Source("GnssSatInfo", 4, real=False, needs="gnss", stream="gnss"),
-    0x7030: Source("GnssPvtPulse", 4, real=False, needs="rtk", stream="gnss"),
-    0x8020: Source("RateOfTurn", 400),
-    0x8030: Source("DeltaQ", 400),
-    0x8040: Source("RateOfTurnHR", 1600, stream="hr"),
-    0xC020: Source("MagneticField", 100),
-    0xD010: Source("VelocityXYZ", 400, local=True, needs="gnss"),
-    0xE010: Source("StatusByte", ALWAYS, real=False),
-    0xE020: Source("StatusWord", ALWAYS, real=False),
-}
 PRECISIONS = {0: ">f4", 1: "fp1220", 2: "fp1632", 3: ">f8"}
 LOCALS = {0: "ENU", 4: "NED", 8: "NWU"}
 _TURN_TO = {  # quaternion that turns ENU vectors into the other system
@@ -102,6 +54,7 @@ _PVT = np.dtype(
     + [("sAcc", ">u4"), ("headAcc", ">u4"), ("headVeh", ">i4")]
     + [(name + "dop", ">u2") for name in "gptvhne"]
 )
+_RAW = np.dtype([("acc", ">u2", 3), ("gyr", ">u2", 3), ("mag", ">u2", 3), ("temp", ">i2")])
 _UTC = np.dtype(
     [("ns", ">u4"), ("year", ">u2"), *((name, "u1") for name in ("month", "day", "hour", "min", "sec", "flags"))]
 )
@@ -121,6 +74,7 @@ class State:
         sync_out_every: a pulse is given every so many samples; 0 never.
         sync_in_s: a trigger comes every so many seconds; 0 never.
         utc_ns: UTC at device time 0, ns since the Unix epoch; and whether somebody set it.
+        location: the number that a user gave the device.
     """
 
     no_rotation: tuple[int, int, int] | None = None
@@ -129,6 +83,7 @@ class State:
     sync_in_s: float = 0.0
     utc_ns: int = UTC_2026_NS
     utc_valid: bool = False
+    location: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +96,7 @@ class Run:
         wrap: ticks at which SampleTimeFine wraps.
         jump: (device time ns, by ticks): the clock's one jump, a fault; None for none.
         road: how much of the vehicle's shaking reaches the sensor, 0 to 1.
+        serial: device identifier.
     """
 
     abilities: frozenset[str]
@@ -148,6 +104,7 @@ class Run:
     wrap: int = 2**32
     jump: tuple[int, int] | None = None
     road: float = 0.0
+    serial: int = 0
     state: State = field(default_factory=State)
 
     def ticks(self, device_ns: Array) -> Array:
@@ -237,7 +194,7 @@ class Values:
     def bytes_of(self, identifier: int) -> Array:
         """(n, size) uint8."""
         if identifier not in self._bytes:
-            source = SOURCES[identifier & 0xFFF0]
+            source = OUTPUTS[identifier & 0xFFF0]
             method = _ITEMS[source.name]
             value = method(self, LOCALS[identifier & 0xC]) if source.local else method(self)
             self._bytes[identifier] = encode(value, identifier & 3) if source.real else raw(value)
@@ -386,6 +343,33 @@ class Values:
     @_item("StatusWord")
     def status_word(self) -> Array:
         return self.status.astype(">u4")
+
+    @_item("DeviceId")
+    def device_id(self) -> Array:
+        return np.full(len(self.times), self.run.serial, ">u4")
+
+    @_item("LocationId")
+    def location_id(self) -> Array:
+        return np.full(len(self.times), self.run.state.location, ">u2")
+
+    @_item("RawAccGyrMagTemp")
+    def raw_readings(self) -> Array:
+        """Converter readings: the whole of 16 bits is the whole of each sensor's range."""
+        out = np.empty(len(self.times), _RAW)
+        limits = (
+            ("acc", self.force, ACCELERATION_RANGE),
+            ("gyr", self.turn, TURN_RANGE),
+            ("mag", self.field, FIELD_RANGE),
+        )
+        for name, (values, _), limit in limits:
+            out[name] = np.clip(np.rint(32768 + values / limit * 32767), 0, 65535)
+        out["temp"] = np.rint(self.temperature()[:, 0] * 256)
+        return out
+
+    @_item("RawGyroTemp")
+    def raw_gyro_temperatures(self) -> Array:
+        three = self.temperature() + np.array([0.0, 0.5, -0.5])
+        return np.asarray(np.rint(three * 256), ">i2")
 
     @_item("GnssPvtPulse")
     def gnss_pvt_pulse(self) -> Array:

@@ -12,21 +12,20 @@ Source: MT0101P 2020.A; sizes of the answers as the vendor's public code reads t
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from protocols.xbus.quantities import ALWAYS
+from protocols.xbus.changes import BAUD_RATES
+from protocols.xbus.codes import GNSS_PLATFORMS
+from protocols.xbus.outputs import ALWAYS
+from protocols.xbus.products import ALL, CLASSIC, FILTER, ONE, RTK, SIX, Model, model_of
 
 ERROR_PERIOD, ERROR_MESSAGE, ERROR_BAUD, ERROR_PARAMETER = 3, 4, 32, 33  # table 5
-BAUDRATE, PORT_CONFIG = 0x18, 0x8C
+BAUDRATE, PORT_CONFIG, LOCATION, STRINGS, PERIOD, SKIP = 0x18, 0x8C, 0x84, 0x8E, 0x04, 0xD4
+OPTIONS, SYNC, ALIGNMENT = 0x48, 0x2C, 0xEC
 WRAP_DAY = 864_000_000
-
-BAUD_RATES: Mapping[int, int] = {
-    **{0x0D: 4_000_000, 0x0E: 3_500_000, 0x0C: 2_000_000, 0x80: 921_600, 0x0A: 921_600, 0x00: 460_800, 0x01: 230_400},
-    **{0x02: 115_200, 0x03: 76_800, 0x04: 57_600, 0x05: 38_400, 0x06: 28_800, 0x07: 19_200, 0x08: 14_400},
-    **{0x09: 9_600, 0x0B: 4_800},
-}
 
 
 class RefusedError(Exception):
@@ -50,7 +49,6 @@ class Product:
     Args:
         series: 1, 10, 100 or 600.
         abilities: what its items need: "orientation", "baro", "gnss", "rtk"; "selftest" where the status has that bit.
-        fastest: greatest rate of the 400 Hz items.
         profiles: filter profiles, (number, label).
         output: the output configuration it comes with here: a page's worth, more than the factory's.
     """
@@ -60,12 +58,18 @@ class Product:
     series: int
     first_serial: int
     abilities: frozenset[str]
-    fastest: int
     firmware: tuple[int, int, int, int, int]
     hardware: tuple[int, int]
     profiles: tuple[tuple[int, str], ...]
     profile: str
     output: tuple[tuple[int, int], ...]
+
+    @property
+    def model(self) -> Model:
+        """Its row among the document's products."""
+        model = model_of(self.name)
+        assert model is not None
+        return model
 
     @property
     def wrap(self) -> int:
@@ -82,7 +86,7 @@ _SERIES: Mapping[int, tuple[str, int, tuple[int, int, int, int, int], tuple[int,
 _VRU = ((54, "VRU_general"),)
 _CLASSIC = ((39, "General"), (40, "High_mag_dep"), (41, "Dynamic"), (42, "Low_mag_dep"), (43, "VRU_general"))
 _ONE = ((50, "General"), (51, "High_mag_dep"), (52, "Dynamic"), (53, "North_reference"), (54, "VRU_general"))
-_BASE = ((1, "Responsive"), (2, "Robust"), (3, "General"))
+_BASE = ((1, "Responsive"), (2, "Robust"), (3, "General"))  # of five that a device can list
 _GNSS = ((1, "General"), (2, "GeneralNoBaro"), (3, "GeneralMag"))
 
 
@@ -106,14 +110,13 @@ def _product(
     }
     items = (*_ACCOMPANY, *(((0x2010, -1),) if orientation else ()), *_INERTIAL)
     items += tuple(item for item in _SLOW if baro or item[0] != 0x3010)
-    items += _PLACE if gnss else ()
+    items += tuple(item for item in _PLACE if series != 1 or item[0] != 0x7020) if gnss else ()
     return Product(
         name,
         f"{name}-{ending}",
         series,
         serial,
         frozenset(abilities),
-        100 if series == 1 else 400,
         firmware,
         hardware,
         profiles,
@@ -164,18 +167,26 @@ class Setting:
         name: of the request without Req or Set.
         factory: its value in a new device.
         sizes: payload sizes that set it.
+        on: products that have it.
         valid: whether a payload of such a size is allowed; otherwise Error `error`.
-        needs: an ability that the product must have; "" for none.
         kept: from payload and the value before to what a request then returns.
+        asked: whether it can be asked for.
     """
 
     name: str
     factory: Callable[[Product], bytes]
     sizes: frozenset[int]
+    on: frozenset[int] = ALL
     valid: Callable[[bytes, Product], bool] = _any
     error: int = ERROR_PARAMETER
-    needs: str = ""
     kept: Callable[[bytes, bytes], bytes] = _keep
+    asked: bool = True
+
+    def takes(self, size: int, product: Product) -> bool:
+        """Is a payload of this size one that sets it? Of two sizes the longer is the 600-series'."""
+        if len(self.sizes) == 2:
+            return size == (max(self.sizes) if product.series == 600 else min(self.sizes))
+        return size in self.sizes
 
 
 def _is_baud(payload: bytes, product: Product) -> bool:
@@ -183,14 +194,14 @@ def _is_baud(payload: bytes, product: Product) -> bool:
 
 
 def _are_ports(payload: bytes, product: Product) -> bool:
-    return all(
-        word & 0xFF in BAUD_RATES and word >> 16 & 0xF in (0, 1, 5) for (word,) in struct.iter_unpack(">I", payload)
-    )
+    """The two host ports; the third word is the receiver's own."""
+    words = [word for (word,) in struct.iter_unpack(">I", payload)]
+    return all(word & 0xFF in BAUD_RATES and word >> 16 & 0xF in (0, 1, 5) for word in words[:2])
 
 
 def _is_place(payload: bytes, product: Product) -> bool:
-    latitude, longitude, _ = struct.unpack(">3d", payload)
-    return bool(abs(latitude) <= 90 and abs(longitude) <= 180)
+    latitude, longitude, altitude = struct.unpack(">3d", payload)
+    return bool(abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude))
 
 
 def _is_profile(payload: bytes, product: Product) -> bool:
@@ -209,47 +220,58 @@ def _keep_profile(payload: bytes, before: bytes) -> bytes:
     return bytes([before[0], payload[1]]) if len(payload) == len(before) == 2 else payload
 
 
-def _is_period(payload: bytes, product: Product) -> bool:
-    return 225 <= int.from_bytes(payload, "big") <= 1152
+def _between(low: float, high: float, form: str = ">H") -> Callable[[bytes, Product], bool]:
+    """All numbers of the payload within a range; what is not a number is not."""
+    return lambda payload, product: all(low <= one <= high for (one,) in struct.iter_unpack(form, payload))
 
 
-def _is_heading(payload: bytes, product: Product) -> bool:
-    return bool(abs(struct.unpack(">f", payload)[0]) <= 180)
+def _is_platform(payload: bytes, product: Product) -> bool:
+    return int.from_bytes(payload, "big") in GNSS_PLATFORMS
+
+
+def _are_can_outputs(payload: bytes, product: Product) -> bool:
+    return all(form <= 1 for _, form, _, _ in struct.iter_unpack(">BBIH", payload))
 
 
 def _strings(product: Product) -> bytes:
     return bytes(6 if product.series == 600 else 2)
 
 
+def _word(value: int) -> Callable[[Product], bytes]:
+    return lambda product: struct.pack(">H", value)
+
+
 _UNITY = struct.pack(">4f", 1, 0, 0, 0)
 _PLACE_STORED = struct.pack(">3d", 45.0, 0.0, 60.0)
+_BYTE, _TWO, _FOUR = frozenset({1}), frozenset({2}), frozenset({4})
+_PORTS = struct.pack(">3I", 0x10002, 0x10002, 0)
 
 SETTINGS: Mapping[int, Setting] = {
-    BAUDRATE: Setting("Baudrate", lambda p: b"\x02", frozenset({1}), _is_baud, ERROR_BAUD),
-    0x84: Setting("LocationID", lambda p: bytes(2), frozenset({2})),
-    0xDC: Setting("TransmitDelay", lambda p: struct.pack(">H", 590), frozenset({2}), needs="selftest"),
-    0x8E: Setting("StringOutputType", _strings, frozenset({2, 6})),
-    0x04: Setting(
-        "Period", lambda p: struct.pack(">H", 1152), frozenset({2}), _is_period, ERROR_PERIOD, needs="selftest"
-    ),
-    0xD4: Setting("OutputSkipFactor", lambda p: bytes(2), frozenset({2}), needs="selftest"),
-    0x86: Setting("ExtOutputMode", lambda p: bytes(2), frozenset({2}), needs="selftest"),
-    PORT_CONFIG: Setting("PortConfig", lambda p: struct.pack(">3I", 0x10002, 0x10002, 0), frozenset({12}), _are_ports),
-    0xE8: Setting("CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8))),
-    0xE6: Setting("CanConfig", lambda p: struct.pack(">I", 0x0C), frozenset({4})),
-    0x6E: Setting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), _is_place),
+    BAUDRATE: Setting("Baudrate", lambda p: b"\x02", _BYTE, ALL, _is_baud, ERROR_BAUD),
+    LOCATION: Setting("LocationID", _word(0), _TWO),
+    0xDC: Setting("TransmitDelay", _word(590), _TWO, CLASSIC, _between(590, 0xFFFF)),
+    STRINGS: Setting("StringOutputType", _strings, frozenset({2, 6}), ALL - ONE),
+    PERIOD: Setting("Period", _word(1152), _TWO, CLASSIC, _between(225, 1152), ERROR_PERIOD),
+    SKIP: Setting("OutputSkipFactor", _word(0), _TWO, CLASSIC),
+    0x86: Setting("ExtOutputMode", _word(0), _TWO, CLASSIC),
+    PORT_CONFIG: Setting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),
+    0xE8: Setting("CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8)), SIX, _are_can_outputs),
+    0xE6: Setting("CanConfig", lambda p: struct.pack(">I", 0x0C), _FOUR, SIX),
+    0x6E: Setting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), ALL, _is_place),
     0x64: Setting(
-        "FilterProfile", _first_profile, frozenset(range(1, 63)), _is_profile, needs="orientation", kept=_keep_profile
+        "FilterProfile", _first_profile, frozenset(range(1, 63)), FILTER, _is_profile, ERROR_PARAMETER, _keep_profile
     ),
-    0x76: Setting("GnssPlatform", lambda p: bytes(2), frozenset({2}), needs="gnss"),
-    0x68: Setting("GnssLeverArm", lambda p: bytes(12), frozenset({12}), needs="rtk"),
-    0xD6: Setting("InitialHeading", lambda p: bytes(4), frozenset({4}), _is_heading, needs="gnss"),
+    0x76: Setting("GnssPlatform", _word(0), _TWO, frozenset({7, 710}), _is_platform),
+    0x68: Setting("GnssLeverArm", lambda p: bytes(12), frozenset({12}), RTK, _between(-1e9, 1e9, ">f")),
+    0xD6: Setting(
+        "InitialHeading", lambda p: bytes(4), _FOUR, frozenset({710, 670, 680}), _between(-180, 180, ">f"), asked=False
+    ),
 }
 
 KEPT_BY_ACTIONS: Mapping[int, bytes] = {
-    0x48: bytes(4),  # option flags
-    0x2C: b"",  # sync settings: none
-    0xEC: b"\0" + _UNITY + b"\1" + _UNITY,  # alignment of sensor and local frame
+    OPTIONS: bytes(4),
+    SYNC: b"",
+    ALIGNMENT: b"\0" + _UNITY + b"\1" + _UNITY,
 }
 
 

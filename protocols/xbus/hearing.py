@@ -1,0 +1,60 @@
+"""How does the simulated MTi find the requests in what it hears?
+
+By the resync rule of protocols/framing.py, on the few bytes a host sends: noise is skipped, a candidate that fails
+gives way to the next preamble, one that is not complete waits, and is forgotten when the host falls silent for a while.
+
+Source: MT0101P 2020.A, 5.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from protocols.xbus import frames
+
+STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
+ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a single device answers
+
+
+class Ear:
+    """Bytes in, requests out."""
+
+    def __init__(self) -> None:
+        self._heard = bytearray()
+        self._heard_ns = 0
+
+    def clear(self) -> None:
+        """Forget what was begun."""
+        self._heard.clear()
+
+    def hear(self, data: bytes, now: int) -> None:
+        """Bytes that came at a device time, ns."""
+        if now - self._heard_ns > STALL_NS:
+            self._heard.clear()
+        self._heard += data
+        self._heard_ns = now
+
+    def requests(self) -> Iterator[tuple[int, int, bytes]]:
+        """The whole frames for this device, as (bus identifier, message, payload); those for others are passed over."""
+        heard = self._heard
+        while (at := heard.find(frames.PREAMBLE)) >= 0:
+            del heard[:at]
+            if len(heard) < 4:
+                return
+            head = 4 if heard[3] != frames.EXTENDED else 6
+            if len(heard) < head:
+                return
+            size = heard[3] if head == 4 else heard[4] << 8 | heard[5]
+            end = head + size + 1
+            if size > frames.MAX_SENT:
+                del heard[0]
+            elif len(heard) < end:
+                return
+            elif sum(heard[1:end]) & 0xFF:
+                del heard[0]
+            else:
+                frame = bytes(heard[:end])
+                del heard[:end]
+                if frame[1] in ADDRESSES:
+                    yield frame[1], frame[2], frame[head:-1]
+        heard.clear()
