@@ -11,6 +11,7 @@
     POST   …/restore      {}             Job: the guided restore-communication procedure
     DELETE …/jobs/{job}                  takes a job out of the queue, or stops it where that is safe
     GET    …/control                     ControlState
+    GET    …/values                      SnapshotBody: what the device has, as last read; `taken` 0: never read
     GET    …/exchange?before=&limit=     the log of the exchange, newest last: list[ExchangeEntry]
     GET    …/snapshots                   list[SnapshotInfo], newest first, by serial number
     GET    …/snapshots/{name}            the snapshot as YAML (application/yaml); ?format=json for SnapshotBody
