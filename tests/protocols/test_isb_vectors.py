@@ -126,6 +126,42 @@ def test_commands_are_the_vendors() -> None:
             assert packet_of(record) == packet(vector)
 
 
+def said_by(vector: dict[str, Any]) -> dict[str, Any]:
+    """The fields that a command's vector says it has, by the vendor's names."""
+    arguments = vector["args"]
+    about = ("did", "did_name", "flags")
+    match vector["what"].split("_")[0]:
+        case "get":
+            return {"id": arguments["did"], **{name: arguments[name] for name in ("size", "offset", "period")}}
+        case "ack" | "nack":
+            names = {"acked_flags": "pktInfo.flags", "acked_did": "pktInfo.id"}
+            names |= {"body_size": "body.dataHdr.size", "body_offset": "body.dataHdr.offset"}
+            return {names[name]: value for name, value in arguments.items() if name not in about}
+        case "rmc":
+            return {"bits": int(arguments["bits"], 16), "options": arguments["options"]}
+    names = {"checksum_u32": "checksum", "field": ""}
+    if "field" in arguments:
+        return {arguments["field"]: arguments["value"]} if "value" in arguments else {}
+    kept = {name: value for name, value in arguments.items() if name not in (*about, "size", "offset")}
+    return {names.get(name, name): value for name, value in kept.items()}
+
+
+@pytest.mark.parametrize("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
+def test_commands_say_what_the_vendor_put_in(vector: dict[str, Any]) -> None:
+    """No argument of any vector is passed over."""
+    said, arguments = plain(packet(vector)), vector["args"]
+    assert len(packet(vector)) == vector["len"]
+    expected = said_by(vector)
+    assert {name: said["fields"][name] for name in expected} == expected
+    if vector["what"].startswith(("set", "rmc", "save", "software", "mag")):
+        assert said["message"] == f"SET_{arguments['did_name']}"
+        assert said["fields"].keys() >= expected.keys()
+        assert len(packet(vector)) == 8 + arguments["size"] + 2 * bool(arguments["offset"])
+    if vector["what"] == "data_partial_offset":
+        assert list(said["fields"]) == [arguments["field"]]
+        assert packet(vector)[6:8] == arguments["offset"].to_bytes(2, "little")
+
+
 def test_the_document_preset() -> None:
     preset = bytes.fromhex("ef4905090c00e23c3501900000c000010000f7b0")
     said = plain(preset)
