@@ -10,9 +10,10 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from server import speech as default_speech
-from server.api import build, devices, errors, live, page, ports
+from server.api import build, control, devices, errors, forms, live, map_tiles, page, ports, snapshots
 from server.auth import Access, Guard
 from server.config import Config
+from server.desks import Desks
 from server.hub import Hub
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
@@ -44,11 +45,14 @@ def create_app(
     hub = Hub(lambda: now_ns() / 1e9, history_s=config.history_s, budget=config.memory_mb * 1024 * 1024)
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
 
+    desks = Desks(hub, sessions, config.data, config.trial_s)
+
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         sessions.start()
         for source in config.sources or DEFAULT_SOURCES:
             sessions.add(source, reading if config.sources else Reading())
+        await desks.resume()
         yield
         await sessions.close()
 
@@ -63,11 +67,23 @@ def create_app(
     )
     app.state.hub = hub
     app.state.sessions = sessions
+    app.state.desks = desks
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.scan_lock = asyncio.Lock()
+    app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()
     errors.install(app)
-    for module in (devices, ports, build, live, page):  # the page last: it takes every path that is left
+    for module in (
+        devices,
+        control,
+        forms,
+        snapshots,
+        ports,
+        build,
+        map_tiles,
+        live,
+        page,
+    ):  # the page last: it takes every path that is left
         app.include_router(module.router)
     return Guard(app, access)

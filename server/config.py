@@ -11,6 +11,10 @@
     allowed_hosts = ["robot.example"]
     allowed_origins = ["https://fleet.example"]
 
+    [map]  # a map under the track; without it nothing is asked of anybody, and the track is on a plain grid
+    tiles = "http://maps.local/{z}/{x}/{y}.png"
+    attribution = "© OpenStreetMap contributors"
+
 A name in the file that is not a setting is an error, because a mistyped token that is silently ignored is worse than a
 server that does not start.
 """
@@ -23,6 +27,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import platformdirs
 
@@ -43,6 +48,19 @@ def default_data() -> Path:
 
 
 @dataclass(frozen=True, slots=True)
+class MapTiles:
+    """A tile server.
+
+    Args:
+        tiles: address with {z}, {x} and {y} in it; "" for no map.
+        attribution: whom its tiles are owed to, as it stands on the map.
+    """
+
+    tiles: str = ""
+    attribution: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """Everything that is decided before the server starts.
 
@@ -53,10 +71,12 @@ class Config:
         protocol: of those sources; "" to guess.
         key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
             vendor types; unverified: show Secure frames without a key, marked (see server/reading.py).
+        trial_s: how long a person has to keep settings that could have cut the line, before they go back.
         history_s, memory_mb: how far back the server remembers samples, whichever is less.
         view_token, control_token: "" means that one is made when it is needed.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
+        map: the tile server for a map under the track (server/api/map_tiles.py).
     """
 
     host: str = DEFAULT_HOST
@@ -68,12 +88,14 @@ class Config:
     min_mode: str = ""
     schema: str = ""
     unverified: bool = False
+    trial_s: float = 20.0
     history_s: float = 600.0
     memory_mb: int = 256
     view_token: str = ""
     control_token: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
+    map: MapTiles = MapTiles()
 
     def reading(self) -> Reading:
         """How the sources are to be read.
@@ -133,6 +155,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     config = replace(default, **changes)
     if not 0 <= config.port <= 65535:
         raise ConfigError(f"port {config.port} is outside 0 … 65535.")
+    if not 1 <= config.trial_s <= 600:
+        raise ConfigError(f"trial_s {config.trial_s:g} is outside 1 … 600 s.")
     if not 0 < config.history_s <= 86_400:
         raise ConfigError(f"history_s {config.history_s:g} is outside 0 … 86 400 s.")
     if not 1 <= config.memory_mb <= MOST_MEMORY_MB:
@@ -148,6 +172,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
 
 def _converted(name: str, value: Any, default: Any) -> Any:
     """`value` as the type of the default."""
+    if isinstance(default, MapTiles):
+        return value if isinstance(value, MapTiles) else _map(value)
     if isinstance(default, tuple):
         if isinstance(value, str) or not all(isinstance(item, str) for item in value):
             raise ConfigError(f"{name} must be a list of strings, not {value!r}.")
@@ -160,3 +186,21 @@ def _converted(name: str, value: Any, default: Any) -> Any:
         shown = "…" if name == "key" else repr(value)  # a secret, however it is written
         raise ConfigError(f"{name} must be {type(default).__name__}, not {shown}.")
     return value
+
+
+def _map(value: Any) -> MapTiles:
+    """The [map] table."""
+    known = [item.name for item in fields(MapTiles)]
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"map must be a table with {' and '.join(known)}, not {value!r}.")
+    for name, text in value.items():
+        if name not in known:
+            raise ConfigError(f"map.{name} is no setting; there are: {', '.join(known)}.")
+        if not isinstance(text, str):
+            raise ConfigError(f"map.{name} must be str, not {text!r}.")
+    found = MapTiles(**value)
+    parts = urlsplit(found.tiles)
+    missing = [part for part in ("{z}", "{x}", "{y}") if part not in found.tiles]
+    if found.tiles and (missing or parts.scheme not in ("http", "https") or not parts.netloc or "{" in parts.netloc):
+        raise ConfigError(f"map.tiles {found.tiles!r} must be an http address with {{z}}, {{x}} and {{y}} in its path.")
+    return found
