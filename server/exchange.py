@@ -58,6 +58,7 @@ class ExchangeLog:
         self._entries: deque[ExchangeEntry] = deque(maxlen=KEPT)
         self._fresh: list[tuple[Event, bool]] = []
         self._asked_at: float | None = None
+        self._last_sent, self._again = b"", 0
         self._second, self._in_second, self._left_out = 0.0, 0, 0
 
     def tail(self, before: int | None = None, limit: int = 200) -> list[ExchangeEntry]:
@@ -71,14 +72,28 @@ class ExchangeLog:
         """Bytes that go to the device now."""
         self.flush()
         self._asked_at = self._hub.now()
+        if frame == self._last_sent:
+            self._again += 1  # GoToConfig until it is heard, the byte that restores communication
+            return
+        self._say_again()
+        self._last_sent = frame
         line = self._decode(frame) or {}
         name = what or str(line.get("message") or "") or self._name_of(frame)
         text = said(line.get("fields", {})) if line.get("size", len(frame)) == len(frame) else ""
         self._add("tx", name, frame, text)
+        data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
+        self._hub.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
+
+    def _say_again(self) -> None:
+        """How often the last frame was sent again, before anything else is told."""
+        again, self._again, self._last_sent = self._again, 0, b""
+        if again:
+            self._add("note", "", b"", f"Sent {again} more time{'s' if again > 1 else ''}.")
 
     def note(self, text: str, *, fault: bool = False) -> None:
         """A sentence between the frames."""
         self.flush()
+        self._say_again()
         self._add("note", "", b"", text, level="fault" if fault else "info")
 
     def hear(self, event: Event) -> None:
@@ -124,6 +139,7 @@ class ExchangeLog:
 
     def _heard(self, event: Event, answers: bool) -> None:
         name, values, frame, arrival = self._read(event)
+        self._say_again()
         ms = None
         if answers and self._asked_at is not None:
             ms = max(0.0, (arrival - self._asked_at) * 1e3)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from server import wire
 from server.hub import Hub
 from server.links.base import Link, LinkError, LinkSettings
+from server.listeners import Listeners
 from server.reading import OPTIONS, Reading, ReadingError, taken_from
 from server.recognition import Speech
 from server.session import Session
@@ -49,6 +50,7 @@ class Sessions:
         self._settings = settings
         self._wall_ns = wall_ns
         self._sessions: dict[str, Session] = {}
+        self._added: Listeners[[Session]] = Listeners()
         self._next_id = 1
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
@@ -89,8 +91,13 @@ class Sessions:
         device = str(self._next_id)
         self._next_id += 1
         session = self._sessions[device] = Session(device, link, self._hub, self._speech, reading)
+        self._added.tell(session)
         session.start()
         return session
+
+    def on_added(self, callback: Callable[[Session], None]) -> None:
+        """Call `callback` with every session, before it starts."""
+        self._added.add(callback)
 
     async def remove(self, device: str) -> None:
         """Close a device and forget it. KeyError when there is none of that id."""

@@ -88,7 +88,7 @@ assert HEADER.size == 40
 Dtype = Literal["f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
 Severity = Literal["", "caution", "fault"]
 DeviceStatus = Literal["connecting", "live", "lost", "denied", "idle", "ended"]
-EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device"]
+EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device", "command"]
 Level = Literal["info", "caution", "fault"]
 
 

@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
+from server.control import DeskError
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.api")
@@ -58,6 +59,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(LinkError)
     async def _(_: Request, error: LinkError) -> Response:
         return problem(LINK_STATUS.get(error.kind, 502), error.kind, error.message, error.hint)
+
+    @app.exception_handler(DeskError)
+    async def _(_: Request, error: DeskError) -> Response:
+        return problem(404 if error.kind == "not-found" else 409, error.kind, error.message, error.hint)
 
     @app.exception_handler(HTTPException)
     async def _(request: Request, error: HTTPException) -> Response:

@@ -38,7 +38,7 @@ export type Severity = "" | "caution" | "fault";
 
 export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
 
-export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device";
+export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
 
 export type Level = "info" | "caution" | "fault";
 

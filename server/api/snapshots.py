@@ -1,0 +1,146 @@
+"""Snapshots of a device, by serial number, and comparisons between them, devices, files and the factory."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from fastapi.responses import Response
+
+from protocols.dialogues import Known
+from server.api.control import AllDesks, OneDesk, desk_of
+from server.api.errors import ApiError, responses
+from server.compare import NO_DEFAULT, SideValues, compare
+from server.control import Desk
+from server.desks import Desks
+from server.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
+from server.jobs import plain_values
+from server.snapshots import Snapshot, SnapshotError, from_text
+
+router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
+
+NOT_READ = "The device has not been read yet."
+READ_FIRST = "POST …/read reads its settings."
+
+
+def _who(desk: Desk) -> tuple[str, str]:
+    """Protocol and serial number: where a device's snapshots are."""
+    return desk.session.info.protocol, desk.known.serial_number
+
+
+@router.get("/snapshots", responses=responses(404, 422))
+async def list_snapshots(desk: OneDesk, desks: AllDesks) -> list[SnapshotInfo]:
+    """Newest first. Empty while the device has not told its serial number."""
+    return await asyncio.to_thread(desks.snapshots.all, *_who(desk))
+
+
+@router.get("/snapshots/{name}", responses=responses(404, 409, 422), response_model=None)
+async def get_snapshot(
+    name: str, desk: OneDesk, desks: AllDesks, format: Annotated[Literal["yaml", "json"], Query()] = "yaml"
+) -> Response | SnapshotBody:
+    """As YAML, to read and to keep; as JSON for programs."""
+    if format == "json":
+        return (await _load(desk, desks, name)).body(name)
+    try:
+        text = await asyncio.to_thread(desks.snapshots.text, *_who(desk), name)
+    except KeyError:
+        raise _none(name) from None
+    file = f'attachment; filename="{name}.yaml"' if name.isascii() and '"' not in name else "attachment"
+    return Response(text, media_type="application/yaml", headers={"content-disposition": file})
+
+
+@router.post("/snapshots", status_code=201, responses=responses(404, 409, 422))
+async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotInfo:
+    """Keep a text, or what the device had when it was last read, under a name."""
+    title = " ".join(body.title.split())[:120]
+    if not title:
+        raise ApiError(422, "bad-request", "A snapshot needs a name.", "For example: New mast fitted.")
+    protocol, serial_number = _who(desk)
+    if body.text:
+        snapshot = replace(_parsed(body.text), title=title, pinned=True, taken=desk.hub.now())
+        if snapshot.protocol not in ("", protocol):
+            hint = f"This device speaks {protocol}."
+            raise ApiError(422, "bad-snapshot", f"This file is of a device that speaks {snapshot.protocol}.", hint)
+        reason = f"From a file of {snapshot.product or 'a device'} {snapshot.serial_number}".strip()
+        snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason)
+    elif desk.values:
+        known = desk.known
+        snapshot = Snapshot(protocol, known.product, serial_number, known.firmware, title, "Kept by a person")
+        snapshot = replace(snapshot, taken=desk.hub.now(), pinned=True, values=plain_values(desk.values))
+    else:
+        raise ApiError(409, "not-read", NOT_READ, READ_FIRST)
+    try:
+        return await asyncio.to_thread(desks.snapshots.keep, snapshot, desk.rows)
+    except SnapshotError as error:
+        raise ApiError(409, "not-kept", str(error), error.hint) from None
+
+
+@router.delete("/snapshots/{name}", status_code=204, responses=responses(404, 409, 422))
+async def delete_snapshot(name: str, desk: OneDesk, desks: AllDesks) -> Response:
+    """Delete a snapshot."""
+    try:
+        await asyncio.to_thread(desks.snapshots.delete, *_who(desk), name)
+    except KeyError:
+        raise _none(name) from None
+    return Response(status_code=204)
+
+
+@router.post("/compare", responses=responses(404, 409, 422))
+async def compare_sides(body: Compare, desk: OneDesk, desks: AllDesks) -> Difference:
+    """Two sides, field by field, and what to write to make the left one what the right one is."""
+    left, right = await _side(body.left, desk, desks), await _side(body.right, desk, desks)
+    return compare(desk.driver, desk.known, left, right)
+
+
+async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
+    match ref.side:
+        case "device":
+            return _device(desk, "Device, as last read")
+        case "other":
+            other = desk_of(ref.device, desks)
+            if other.session.info.protocol != desk.session.info.protocol:
+                message = f"{other.session.info.name} speaks another protocol."
+                raise ApiError(409, "not-alike", message, "Compare with a device of the same family.")
+            return _device(other, other.session.info.name)
+        case "factory":
+            return SideValues("Factory default", desk.driver.factory(_certain(desk)), otherwise=NO_DEFAULT)
+        case "snapshot":
+            snapshot = await _load(desk, desks, ref.snapshot)
+            return SideValues(snapshot.title or ref.snapshot, snapshot.values, snapshot.missing)
+        case "text":
+            snapshot = _parsed(ref.text)
+            return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing)
+
+
+def _device(desk: Desk, title: str) -> SideValues:
+    if not desk.values:
+        raise ApiError(409, "not-read", f"{desk.session.info.name} has not been read yet.", READ_FIRST)
+    return SideValues(title, desk.values, otherwise="could not be read")
+
+
+def _certain(desk: Desk) -> Known:
+    if not desk.known.product:
+        raise ApiError(409, "not-read", "The product is not known yet, so its defaults are not.", READ_FIRST)
+    return desk.known
+
+
+async def _load(desk: Desk, desks: Desks, name: str) -> Snapshot:
+    try:
+        return await asyncio.to_thread(desks.snapshots.get, *_who(desk), name)
+    except KeyError:
+        raise _none(name) from None
+    except SnapshotError as error:
+        raise ApiError(409, "bad-snapshot", str(error), error.hint) from None
+
+
+def _parsed(text: str) -> Snapshot:
+    try:
+        return from_text(text)
+    except SnapshotError as error:
+        raise ApiError(422, "bad-snapshot", str(error), error.hint) from None
+
+
+def _none(name: str) -> ApiError:
+    return ApiError(404, "not-found", f"There is no snapshot {name!r:.80}.", "GET …/snapshots lists them.")

@@ -1,0 +1,107 @@
+"""What does a wire value mean, in words? For comparisons, outcomes and the comments of a snapshot.
+
+400, Field unit "Hz"          "400 Hz"          2, choices {2: "115 200 Bd"}    "115 200 Bd"
+0x12, named bits              "A, C"            [0.0, 0.0, 1.0], unit "m"       "0, 0, 1 m"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from protocols.schema import Field
+
+LONGEST = 120
+DIGITS = 7  # of a float32
+
+
+def words(field: Field, value: Any) -> str:
+    """A value as a person reads it, in the shown unit; "" for nothing."""
+    if value is None:
+        return ""
+    if isinstance(value, list | tuple):
+        text = ", ".join(_one(field, item) for item in value) if value else "none"
+        return _short(f"{text} {field.unit}" if field.unit and value else text)
+    text = _one(field, value)
+    named = field.choices or field.bits or isinstance(value, str | Mapping)
+    return _short(f"{text} {field.unit}" if field.unit and not named else text)
+
+
+def _one(field: Field, value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {part}" for name, part in value.items())
+    if isinstance(value, str) or not isinstance(value, int | float):
+        return str(value)
+    if field.choices:
+        return field.choices.get(int(value), str(value))
+    if field.bits:
+        return flags(field, int(value))
+    if field.scale == 1 and not field.bias and isinstance(value, int):
+        return str(value)
+    shown = value * field.scale + field.bias
+    return f"{shown:.{field.decimals}f}" if field.decimals >= 0 else f"{shown:.{DIGITS}g}"
+
+
+def flags(field: Field, word: int) -> str:
+    """The bits of a word by name."""
+    names = []
+    for bits in field.bits:
+        part = bits.of(word)
+        if bits.width > 1:
+            names.append(f"{bits.name}: {bits.choices.get(part, part)}")
+        elif part:
+            names.append(bits.name)
+    return ", ".join(names) or "none"
+
+
+def comment(field: Field, value: Any) -> str:
+    """What a snapshot says behind a value: its meaning where the number alone does not tell, and its unit."""
+    if isinstance(value, int | float) and (field.choices or (field.bits and value)):
+        return words(field, value)
+    if isinstance(value, int | float | list) and (field.scale != 1 or field.bias):
+        return words(field, value)
+    return field.unit if isinstance(value, int | float | list) else ""
+
+
+def field_at(fields: Sequence[Field], path: str) -> Field | None:
+    """The field of a path ("outputs.3.output_frequency"); of a place in a vector, the vector."""
+    found: Field | None = None
+    inside: Iterable[Field] = fields
+    for name in path.split("."):
+        if name.isdigit():
+            continue
+        found = next((field for field in inside if field.name == name), None)
+        if found is None:
+            return None
+        inside = found.fields
+    return found
+
+
+def value_at(values: Any, path: str) -> Any:
+    """What stands at a path; None where nothing does."""
+    for name in path.split("."):
+        if isinstance(values, Mapping):
+            values = values.get(name)
+        elif isinstance(values, list | tuple) and name.isdigit() and int(name) < len(values):
+            values = values[int(name)]
+        else:
+            return None
+    return values
+
+
+def title_at(fields: Sequence[Field], path: str) -> str:
+    """A path for a person: "Outputs 4, Rate"."""
+    titles: list[str] = []
+    inside: Iterable[Field] = fields
+    for name in path.split("."):
+        if name.isdigit() and titles:
+            titles[-1] += f" {int(name) + 1}"
+            continue
+        found = next((field for field in inside if field.name == name), None)
+        titles.append((found.title or found.name) if found is not None else name)
+        inside = found.fields if found is not None else ()
+    return ", ".join(titles)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
