@@ -1,6 +1,6 @@
 """A capture (raw bytes of any protocol we know) played as if the device were there.
 
-The pace comes from the device's own clock, see `server.links.pace`. `speed=4` plays four times as fast; `loop=1` begins
+The pace comes from the device's own clock, see recordings/pace.py. `speed=4` plays four times as fast; `loop=1` begins
 again at the end, and says so with the first bytes of each turn (`Chunk.anew`): clocks and counters begin again by our
 doing, and a jump of the device's clock or a loss it is not.
 """
@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from protocols.events import Decoder
+from recordings.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.hearing import hear
-from server.links.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links.pump import Inbox, closed
 from server.links.words import progress_line
 

@@ -13,9 +13,9 @@ import pytest
 
 from protocols.events import batches
 from protocols.registry import PROTOCOLS
+from recordings.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links import open_link
 from server.links.file import FileLink
-from server.links.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from tests.links.bench import dies, fails, frame, gather, joined, left_behind, opened, settings
 
 

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from protocols.events import Batch, Decoder, Event
+from protocols.framing import Ints
 
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16
@@ -44,6 +44,22 @@ class Piece:
     data: bytes
     due_ns: int
     blind: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Many pieces at once: (n,) where each ends in `data`, and when it is due."""
+
+    data: bytes
+    ends: Ints
+    due_ns: Ints
+    blind: bool = False
+
+    def __iter__(self) -> Iterator[Piece]:
+        start = 0
+        for end, due in zip(self.ends.tolist(), self.due_ns.tolist(), strict=True):
+            yield Piece(self.data[start:end], due, self.blind)
+            start = end
 
 
 class Pace:
@@ -67,23 +83,28 @@ class Pace:
         self.skipped_ns = 0
 
     def __iter__(self) -> Iterator[Piece]:
+        for pieces in self.blocks():
+            yield from pieces
+
+    def blocks(self) -> Iterator[Pieces]:
+        """All pieces, many at once."""
         while block := self._file.read(BLOCK_BYTES):
             self._held += block
             if self._decoder is None:
-                yield from self._blind(len(self._held))
+                yield self._blind(len(self._held))
                 continue
             self._decoder.feed(block, 0)
             yield from self._clocked(self._decoder.drain())
             if len(self._held) > BLIND_BYTES + self._decoder.buffered:
-                yield from self._blind(len(self._held) - self._decoder.buffered)
+                yield self._blind(len(self._held) - self._decoder.buffered)
         if self._decoder is not None:
             yield from self._clocked(self._decoder.drain(stalled=True))
         if self._held and self._clock_ns is None:
-            yield from self._blind(len(self._held))
+            yield self._blind(len(self._held))
         elif self._held:
-            yield self._take(len(self._held))
+            yield self._take(np.array([len(self._held)]), np.array([self._due_ns]))
 
-    def _clocked(self, events: list[Event]) -> Iterator[Piece]:
+    def _clocked(self, events: list[Event]) -> Iterator[Pieces]:
         """Pieces up to the last frame with a clock among `events`; that one waits for the start of the next."""
         clocked = [event for event in events if isinstance(event, Batch) and event.time_ns is not None and len(event)]
         for batch in clocked:
@@ -94,36 +115,33 @@ class Pace:
         if leader != self._leader:
             self._leader, self._clock_ns = leader, None
         starts, times = _in_order([batch for batch in clocked if _kind(batch) == leader])
-        for start, time_ns in zip(starts.tolist(), times.tolist(), strict=True):
-            if self._clock_ns is not None and start > self._base:
-                yield self._take(start - self._base)
-            self._advance(time_ns)
-
-    def _advance(self, time_ns: int) -> None:
-        if self._clock_ns is None:
-            self._clock_ns = time_ns
+        if not len(starts):
             return
-        step_ns = time_ns - self._clock_ns
-        if step_ns > LONGEST_PAUSE_NS:
-            self.skipped_ns += step_ns
-        elif step_ns > 0:
-            self._due_ns += step_ns
-        self._clock_ns = time_ns
+        unknown = self._clock_ns is None  # then the first frame sets the clock and ends nothing
+        steps = np.diff(times, prepend=times[0] if self._clock_ns is None else self._clock_ns)
+        self.skipped_ns += int(steps[steps > LONGEST_PAUSE_NS].sum())
+        due = self._due_ns + np.cumsum(np.where((steps > 0) & (steps <= LONGEST_PAUSE_NS), steps, 0))
+        before = np.concatenate(([self._due_ns], due[:-1]))
+        ends = starts - self._base
+        ended = ends > 0
+        ended[0] &= not unknown
+        self._clock_ns, self._due_ns = int(times[-1]), int(due[-1])
+        if ended.any():
+            yield self._take(ends[ended], before[ended])
 
-    def _take(self, size: int) -> Piece:
+    def _take(self, ends: Ints, due_ns: Ints, *, blind: bool = False) -> Pieces:
+        size = int(ends[-1])
         data = bytes(self._held[:size])
         del self._held[:size]
         self._base += size
-        return Piece(data, self._due_ns)
+        return Pieces(data, ends, due_ns, blind)
 
-    def _blind(self, size: int) -> Iterator[Piece]:
+    def _blind(self, size: int) -> Pieces:
         """The first `size` held bytes at a constant rate, in pieces of 10 ms."""
-        step = BLIND_RATE // 100
-        while size > 0:
-            piece = self._take(min(step, size))
-            size -= len(piece.data)
-            self._due_ns += round(len(piece.data) * 1e9 / BLIND_RATE)
-            yield Piece(piece.data, self._due_ns, blind=True)
+        ends = np.append(np.arange(BLIND_RATE // 100, size, BLIND_RATE // 100), size)
+        due = self._due_ns + np.round(ends * (1e9 / BLIND_RATE)).astype(np.int64)
+        self._due_ns = int(due[-1])
+        return self._take(ends, due, blind=True)
 
 
 def _kind(batch: Batch) -> Kind:
@@ -131,7 +149,7 @@ def _kind(batch: Batch) -> Kind:
     return batch.message.name, *(field.name for field in batch.message.fields)
 
 
-def _in_order(batches: list[Batch]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _in_order(batches: list[Batch]) -> tuple[Ints, Ints]:
     """Where each frame begins and what its clock says, in stream order."""
     starts = [batch.offset for batch in batches]
     times = [batch.time_ns for batch in batches if batch.time_ns is not None]

@@ -1,0 +1,231 @@
+"""What is in this file, and how is it read? A format is one row: what its name and its first bytes say, and its reader.
+
+    .mcap              a recording of ours; of others, where their messages are plain numbers (recordings/tables.py)
+    .mtb               frames of an Xsens device, one after the other
+    .raw .dat          logs of Inertial Sense devices (recordings/inertial_logs.py); all parts of a split log are one
+    .csv               a table with a time column (recordings/tables.py)
+    everything else    bytes as they came from a port, of any protocol
+
+A capture has no times of arrival. They are made from the device's own clock, as if the line had been quick (Pace):
+`timed` is False then, and the page says so. It ends when the file was last written.
+
+Source: of each format, see its module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from protocols.registry import guess, lenient
+from recordings import inertial_logs
+from recordings.blocks import MAGIC, Damage
+from recordings.container import RecordingError
+from recordings.pace import Pace
+from recordings.parts import McapSource, Part, Source, SourceDevice
+
+GUESS_BYTES = 1 << 16
+GUESS_SCORE = 0.5
+SUFFIXES = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".log", ".txt", ".csv", ".hex", ".ubx", ".nmea", ".idtp", ".isb")
+DEVICE = "1"
+
+
+class CaptureSource:
+    """Bytes of one device, without times: a capture, an .mtb, a .raw log and its further parts.
+
+    Args:
+        files: one after the other.
+        protocol: "" to recognise it.
+    """
+
+    timed = False
+
+    def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
+        self.path = files[0]
+        self.format = format
+        self.about: Mapping[str, str] = {}
+        self._files = files
+        self._size = sum(file.stat().st_size for file in files)
+        self.protocol = protocol or self._recognise()
+        self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
+        self._damage: list[Damage] = []
+
+    @property
+    def damage(self) -> list[Damage]:
+        return self._damage
+
+    def _recognise(self) -> str:
+        with self.path.open("rb") as file:
+            guesses = guess(file.read(GUESS_BYTES))
+        return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
+
+    def _bytes(self) -> BinaryIO:
+        return _Joined(self._files)  # type: ignore[return-value]  # Pace reads, no more
+
+    def parts(self) -> Iterator[Part]:
+        start = self._started()
+        done = 0
+        for pieces in self._pace().blocks():
+            done += len(pieces.data)
+            yield Part(DEVICE, "rx", pieces.data, pieces.ends, pieces.due_ns + start, done / max(self._size, done))
+
+    def _pace(self) -> Pace:
+        return Pace(self._bytes(), lenient(self.protocol) if self.protocol else None)
+
+    def _started(self) -> int:
+        """When the capture began: at its name's time, or so long before it was last written as its clock says."""
+        name = inertial_logs.log_name(self.path)
+        if name is not None:
+            return name.started_ns
+        last = 0
+        for pieces in self._pace().blocks():
+            last = int(pieces.due_ns[-1])
+        return max(0, self._files[-1].stat().st_mtime_ns - last)
+
+    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Nothing was kept beside the bytes."""
+        return iter(())
+
+
+class IndexedSource(CaptureSource):
+    """A raw log with an index beside it: that knows when its bytes came, to the millisecond.
+
+    Where the index is in another time than the device (a log that was written faster than it was measured) it is not
+    used: `fits` compares the two.
+    """
+
+    timed = True
+
+    @property
+    def fits(self) -> bool:
+        """Does the index last about as long as the device's own clock says?"""
+        pieces = list(self._pace().blocks())
+        clock_ms = (int(pieces[-1].due_ns[-1]) - int(pieces[0].due_ns[0])) / 1e6 if pieces else 0.0
+        indexes = [inertial_logs.read_index(file) for file in self._files]
+        if any(index is None for index in indexes):
+            return False
+        last = max(int(index[1][-1]) for index in indexes if index is not None)
+        return 0.8 * clock_ms <= last + 100 and last <= 1.25 * clock_ms + 100
+
+    def parts(self) -> Iterator[Part]:
+        start = self._started()
+        done = 0
+        for file in self._files:
+            data = file.read_bytes()
+            index = inertial_logs.read_index(file)
+            assert index is not None
+            offsets, ms = index
+            inside = (offsets > 0) & (offsets < len(data))
+            ends = np.append(offsets[inside], len(data))
+            times = start + np.append(ms[inside], ms[-1]) * 1_000_000
+            done += len(data)
+            yield Part(DEVICE, "rx", data, ends, times, done / max(self._size, 1))
+
+
+class DatSource(CaptureSource):
+    """A .dat log: its records as the packets that brought them."""
+
+    def _bytes(self) -> BinaryIO:
+        self._damage.clear()
+        return _Generated(self._packets())  # type: ignore[return-value]
+
+    def _packets(self) -> Iterator[bytes]:
+        for file in self._files:
+            yield from inertial_logs.packets(file.read_bytes(), self._damage)
+
+
+def open_file(path: Path, protocol: str = "") -> Source:
+    """A file of any format that can be read.
+
+    Args:
+        protocol: of a capture; "" to recognise it.
+    Raises:
+        RecordingError: it is not there, may not be read, is empty, or nothing that is known.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC) + 8)
+    except IsADirectoryError:
+        raise RecordingError(f"{path.name} is a folder.", "Give a file in it.") from None
+    except OSError as error:
+        raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.") from None
+    if not head:
+        raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
+    if head.startswith(MAGIC):
+        return McapSource(path)
+    suffix = path.suffix.lower()
+    maker = _LOGS.get(suffix)
+    if maker is not None:
+        return maker(path, protocol)
+    source = CaptureSource([path], "bin", protocol)
+    if not source.protocol:
+        hint = "Name its protocol with --protocol if you know it."
+        raise RecordingError(f"Nothing known was found in {path.name}.", hint)
+    return source
+
+
+def _mtb(path: Path, protocol: str) -> Source:
+    return CaptureSource([path], "mtb", protocol or "xbus")
+
+
+def _raw(path: Path, protocol: str) -> Source:
+    files = inertial_logs.parts_of(path)
+    name = inertial_logs.log_name(path)
+    about = {"serial_number": name.serial_number} if name is not None else {}
+    if name is not None:
+        indexed = IndexedSource(files, "raw", protocol, about)
+        if indexed.fits:
+            return indexed
+    return CaptureSource(files, "raw", protocol, about)
+
+
+def _dat(path: Path, protocol: str) -> Source:
+    with path.open("rb") as file:
+        if file.read(4) != inertial_logs.MARKER:
+            return CaptureSource([path], "bin", protocol)
+    name = inertial_logs.log_name(path)
+    about = {"serial_number": name.serial_number} if name is not None else {}
+    return DatSource(inertial_logs.parts_of(path), "dat", protocol or "isb", about)
+
+
+_LOGS: Mapping[str, Callable[[Path, str], Source]] = {".mtb": _mtb, ".raw": _raw, ".dat": _dat}
+
+
+class _Joined:
+    """Files read as one."""
+
+    def __init__(self, files: list[Path]) -> None:
+        self._files = list(files)
+        self._open: BinaryIO | None = None
+
+    def read(self, size: int) -> bytes:
+        while True:
+            if self._open is None:
+                if not self._files:
+                    return b""
+                self._open = self._files.pop(0).open("rb")
+            data = self._open.read(size)
+            if data:
+                return data
+            self._open.close()
+            self._open = None
+
+
+class _Generated:
+    """Bytes that are made as they are read."""
+
+    def __init__(self, pieces: Iterator[bytes]) -> None:
+        self._pieces = pieces
+        self._held = b""
+
+    def read(self, size: int) -> bytes:
+        while not self._held:
+            piece = next(self._pieces, None)
+            if piece is None:
+                return b""
+            self._held = piece
+        data, self._held = self._held[:size], self._held[size:]
+        return data

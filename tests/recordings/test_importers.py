@@ -1,0 +1,167 @@
+"""Files of other programs: every record of the vendor's logs has its listed values, and no damage raises."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.registry import PROTOCOLS
+from recordings.container import RecordingError
+from recordings.importers import open_file
+from recordings.inertial_logs import HEADER, log_name, parts_of
+from recordings.parts import Source
+from tests.protocols.isb_vectors import leaves
+
+LOGS = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"
+CAPTURES = Path(__file__).parents[3] / "shared" / "captures" / "xbus"
+NAME = "LOG_SN60339_20261120_120000_0001"
+
+needs_logs = pytest.mark.skipif(not LOGS.exists(), reason="the vendor's logs are not beside this project")
+needs_captures = pytest.mark.skipif(not CAPTURES.exists(), reason="the device captures are not beside this project")
+
+
+def lines_of(source: Source) -> list[dict[str, Any]]:
+    """Every ISB packet of a file as plain values, in order."""
+    listing = PROTOCOLS["isb"].listing()
+    found: list[dict[str, Any]] = []
+    for part in source.parts():
+        listing.feed(part.data)
+        found += listing.drain()
+    found += listing.drain(stalled=True)
+    return [line for line in found if line.get("protocol") == "isb"]
+
+
+def listed(name: str) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (LOGS / name).read_text().splitlines()]
+
+
+@needs_logs
+@pytest.mark.parametrize("suffix", ["raw", "dat"])
+def test_the_vendors_logs_have_their_listed_values(suffix: str) -> None:
+    source = open_file(LOGS / f"{NAME}.{suffix}")
+    wanted = [line for line in listed(f"{suffix}.values.jsonl") if "did" in line]
+    found = lines_of(source)
+    assert len(found) == len(wanted) > 1000
+    for got, line in zip(found, wanted, strict=True):
+        assert got["id"] == line["did"]
+        have, want = leaves(got["fields"]), leaves(line["fields"])
+        for name in want.keys() & have.keys():
+            for a, b in zip(have[name], want[name], strict=False):
+                assert a == b or a == pytest.approx(b, rel=1e-7), (line["n"], name)
+        assert want.keys() & have.keys()
+    assert not source.damage
+    assert source.devices["1"].about["serial_number"] == "60339"
+
+
+@needs_logs
+def test_the_index_says_when_the_bytes_came(tmp_path: Path) -> None:
+    shutil.copy(LOGS / f"{NAME}.raw", tmp_path)
+    by_clock = list(open_file(tmp_path / f"{NAME}.raw").parts())
+    lasts_ms = int(by_clock[-1].times[-1] - by_clock[0].times[0]) // 1_000_000
+    size = (tmp_path / f"{NAME}.raw").stat().st_size
+    rows = [(lasts_ms * n // 100, size * n // 100, n, 0) for n in range(100)]
+    rows.insert(50, (rows[50][0], rows[48][1], 50, 0))  # as the vendor's writer does at times
+    (tmp_path / f"{NAME}.idx").write_bytes(np.array(rows, "<u4").tobytes())
+    source = open_file(tmp_path / f"{NAME}.raw")
+    assert source.timed
+    (part,) = source.parts()
+    name = log_name(source.path)
+    assert name is not None
+    assert part.times[0] == name.started_ns + rows[1][0] * 1_000_000
+    assert part.ends[0] == rows[1][1]
+    assert part.ends[-1] == len(part.data) == size
+    assert (np.diff(part.times) >= 0).all()
+
+
+@needs_logs
+def test_an_index_in_another_time_than_the_device_is_not_used() -> None:
+    """The logs beside this project were written in 47 ms."""
+    source = open_file(LOGS / f"{NAME}.raw")
+    assert not source.timed
+    parts = list(source.parts())
+    assert parts[-1].times[-1] - parts[0].times[0] > 1e9
+
+
+@needs_logs
+def test_a_log_without_an_index_goes_by_its_own_clock(tmp_path: Path) -> None:
+    shutil.copy(LOGS / f"{NAME}.raw", tmp_path)
+    source = open_file(tmp_path / f"{NAME}.raw")
+    assert not source.timed
+    times = np.concatenate([part.times for part in source.parts()])
+    assert (np.diff(times) >= 0).all()
+    assert times[-1] > times[0]
+
+
+@needs_logs
+@pytest.mark.parametrize("suffix", ["raw", "dat"])
+def test_a_split_log_is_one(suffix: str, tmp_path: Path) -> None:
+    """Cut where it may be: a raw log anywhere, a .dat between its chunks."""
+    whole = (LOGS / f"{NAME}.{suffix}").read_bytes()
+    at = len(whole) // 2 if suffix == "raw" else HEADER.size + int.from_bytes(whole[16:20], "little")
+    for number, data in enumerate((whole[:at], whole[at:]), start=1):
+        (tmp_path / f"{NAME[:-4]}{number:04}.{suffix}").write_bytes(data)
+    files = parts_of(tmp_path / f"{NAME[:-4]}0002.{suffix}")
+    assert [file.stem[-4:] for file in files] == ["0001", "0002"]
+    again = lines_of(open_file(files[0]))
+    once = lines_of(open_file(LOGS / f"{NAME}.{suffix}"))
+    assert [line["fields"] for line in again] == [line["fields"] for line in once]
+
+
+@needs_logs
+def test_old_headers_are_read(tmp_path: Path) -> None:
+    """Version 1 has a classification where version 2 has an offset; data follow its 40 bytes."""
+    data = bytearray((LOGS / f"{NAME}.dat").read_bytes())
+    at = 0
+    while at < len(data):
+        size = int.from_bytes(data[at + 16 : at + 20], "little")
+        data[at + 4 : at + 8] = b"\x01\x00U "
+        at += HEADER.size + size
+    (tmp_path / "a.dat").write_bytes(data)
+    assert len(lines_of(open_file(tmp_path / "a.dat"))) == len(lines_of(open_file(LOGS / f"{NAME}.dat")))
+
+
+@needs_logs
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_log_is_read_around_its_damage(seed: int, tmp_path: Path) -> None:
+    data = bytearray((LOGS / f"{NAME}.dat").read_bytes())
+    rng = np.random.default_rng(seed)
+    for at in rng.integers(4, len(data), 3):
+        data[at] ^= int(rng.integers(1, 256))
+    cut = int(rng.integers(len(data) // 2, len(data)))
+    (tmp_path / "a.dat").write_bytes(data[:cut])
+    source = open_file(tmp_path / "a.dat")
+    assert len(lines_of(source)) > 0
+    if cut < len(data) - 5:
+        assert source.damage
+
+
+@needs_captures
+def test_a_headerless_capture_is_recognised_and_paced_by_its_clock() -> None:
+    source = open_file(CAPTURES / "mti_100hz_49s.bin")
+    assert source.devices["1"].protocol == "xbus"
+    assert not source.timed
+    parts = list(source.parts())
+    assert b"".join(part.data for part in parts) == source.path.read_bytes()
+    times = np.concatenate([part.times for part in parts])
+    assert (np.diff(times) >= 0).all()
+    assert 45e9 < times[-1] - times[0] < 55e9
+    assert parts[-1].done == 1.0
+
+
+def test_an_mtb_file_is_xbus_whatever_it_begins_with(tmp_path: Path) -> None:
+    (tmp_path / "a.mtb").write_bytes(bytes.fromhex("FAFF3E00C3"))
+    assert open_file(tmp_path / "a.mtb").devices["1"].protocol == "xbus"
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.bin", b""), ("a.bin", b"\x55" * 5000), ("a.txt", b"hello\n" * 50)])
+def test_what_is_nothing_is_told_in_a_sentence(name: str, content: bytes, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError) as failed:
+        open_file(tmp_path / name)
+    assert failed.value.message.endswith(".")
+    assert failed.value.hint
