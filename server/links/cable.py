@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 from server.links.uart import as_heard
 
+WORN = 0.77  # edges so late that every byte is read as at another rate
 FULL_NS = 500_000_000  # a device whose line is so far behind drops what it cannot send, as a real output buffer does
 
 
@@ -29,12 +30,14 @@ class Faults:
         corrupt: share of frames of which one bit is flipped, 0..1.
         burst_ms: the adapter hands over only so often; 0 at once.
         baud: the line's rate; a receiver set to another one hears noise. None: no line, bytes are there at once.
+        dead_baud: a rate that the line cannot carry (too long, too slow a driver): all of it is noise. None: no such.
     """
 
     drop: float = 0.0
     corrupt: float = 0.0
     burst_ms: float = 0.0
     baud: int | None = None
+    dead_baud: int | None = None
 
 
 class Cable:
@@ -43,7 +46,7 @@ class Cable:
     Args:
         protocol: whose frames are lost or harmed, a key of SIZES.
     Attributes:
-        baud: rate at which the sender speaks now.
+        baud: rate at which the device at one end speaks now; what is under way keeps the rate at which it was sent.
         overflowed: bytes that the line had no time for.
     """
 
@@ -53,7 +56,7 @@ class Cable:
         self.baud = faults.baud
         self.overflowed = 0
         self._chance = random.Random(seed)
-        self._under_way: deque[tuple[int, bytes]] = deque()  # when it arrives, what
+        self._under_way: deque[tuple[int, bytes, int | None]] = deque()  # when it arrives, what, at which rate
         self._free_ns = 0  # when the line has sent everything before
         self._kept = b""  # the beginning of a frame whose end has not been sent yet
 
@@ -80,7 +83,7 @@ class Cable:
         if self.faults.burst_ms:
             period_ns = round(self.faults.burst_ms * 1e6)
             start_ns = -(-start_ns // period_ns) * period_ns
-        self._under_way.append((start_ns, frame))
+        self._under_way.append((start_ns, frame, self.baud))
 
     @property
     def next_ns(self) -> int | None:
@@ -89,12 +92,20 @@ class Cable:
 
     def arrived(self, now_ns: int, receiver_baud: int | None = None) -> bytes:
         """What has arrived by now at a receiver that is set to `receiver_baud`."""
-        out = bytearray()
+        out = b""
         while self._under_way and self._under_way[0][0] <= now_ns:
-            out += self._under_way.popleft()[1]
-        data = bytes(out)
-        if self.baud and receiver_baud and receiver_baud != self.baud:
-            data = as_heard(data, self.baud, receiver_baud)
+            rate = self._under_way[0][2]
+            data = bytearray()
+            while self._under_way and self._under_way[0][0] <= now_ns and self._under_way[0][2] == rate:
+                data += self._under_way.popleft()[1]
+            out += self._as_heard(bytes(data), rate, receiver_baud)
+        return out
+
+    def _as_heard(self, data: bytes, rate: int | None, receiver_baud: int | None) -> bytes:
+        if rate and rate == self.faults.dead_baud:
+            return as_heard(data, rate, round(rate * WORN))
+        if rate and receiver_baud and receiver_baud != rate:
+            return as_heard(data, rate, receiver_baud)
         return data
 
 

@@ -13,6 +13,8 @@ So what is tested with a twin is what runs with a sensor: the port, the reading 
     ?rate=400                       samples/s
     ?baud=921600                    rate of the line (else the slowest that carries the samples); bytes take their time
                                     on it, and a port at another rate hears noise
+    ?dead_baud=921600               a rate that the line cannot carry: at it, both sides hear noise
+    ?stubborn=1                     an MTi that does not hear GoToConfig until it has been reset
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
     ?burst_ms=16                    a USB adapter with its latency timer at 16 ms
     ?drift_ppm=50                   the device clock runs fast by so much
@@ -52,7 +54,7 @@ HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIM
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 OPTIONS = (
-    *("product", "mode", "rate", "baud", "drop", "corrupt", "burst_ms"),
+    *("product", "mode", "rate", "baud", "dead_baud", "stubborn", "drop", "corrupt", "burst_ms"),
     *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
 )
 MODES = ("lite", "safety", "secure")
@@ -84,7 +86,7 @@ def _mti() -> tuple[str, ...]:
 
 
 FAMILIES: Mapping[str, Family] = {
-    "xbus": Family(_mti, 88, options=("product",)),
+    "xbus": Family(_mti, 88, options=("product", "stubborn")),
     "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product",)),
     "idtp": Family(lambda: (), 104, options=("mode",)),  # of Safety; Secure has 56 more
 }
@@ -118,6 +120,7 @@ class TwinOptions:
     unplug_s: float = 0.0
     away_s: float = 5.0
     seed: int = 0
+    stubborn: bool = False
 
     @classmethod
     def of(cls, source: Source) -> TwinOptions:
@@ -145,7 +148,9 @@ class TwinOptions:
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
                 baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
+                dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),
+            stubborn=bool(source.whole("stubborn", 0, 0, 1)),
             drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
             jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
             reset_s=source.number("reset_s", 0, 0, 86_400, "s"),
@@ -186,16 +191,37 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             clock_drift_ppm=drift,
             clock_jump=jump,
         )
-    make = IsbDevice if options.protocol == "isb" else XbusDevice
-    return make(
-        product=options.product,
+    if options.protocol == "isb":
+        return IsbDevice(
+            product=options.product,
+            rate=options.rate,
+            seed=seed,
+            start_ns=start_ns,
+            clock_drift_ppm=drift,
+            clock_jump=jump,
+            road=1.0,
+        )
+    return XbusDevice(
+        options.product,
+        None,
+        seed,
+        start_ns,
         rate=options.rate,
-        seed=seed,
-        start_ns=start_ns,
         clock_drift_ppm=drift,
         clock_jump=jump,
         road=1.0,
+        baud=options.faults.baud,
+        stubborn=options.stubborn,
     )
+
+
+def again(device: Device | None, now_ns: int, make: Callable[[int], Device]) -> Device:
+    """The device after its power was off: with what it stored, where it has such a memory; otherwise a new one."""
+    repowered = getattr(device, "repowered", None)
+    if repowered is None:
+        return make(now_ns)
+    same: Device = repowered(now_ns)
+    return same
 
 
 class Bench(threading.Thread):
@@ -204,19 +230,27 @@ class Bench(threading.Thread):
     Args:
         make: a freshly powered device; it is given the time, on `now_ns`, at which power comes.
         now_ns: a clock that does not step.
+        before: the device that was here before its power was off; None for a new one.
     Attributes:
         slave: path of the port at which the device is found.
+        device: what is at the other end.
     """
 
     def __init__(
-        self, make: Callable[[int], Device], options: TwinOptions, now_ns: Callable[[], int] = time.monotonic_ns
+        self,
+        make: Callable[[int], Device],
+        options: TwinOptions,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+        before: Device | None = None,
     ) -> None:
         super().__init__(name=f"twin {options.protocol}", daemon=True)
         self._make = make
         self._options = options
         self._now_ns = now_ns
+        self.device = before
         self._to_host = Cable(options.faults, options.seed, options.protocol)
-        self._to_device = Cable(Faults(baud=options.faults.baud), options.seed, options.protocol)
+        line = Faults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
+        self._to_device = Cable(line, options.seed, options.protocol)
         self._stop_read, self._stop_write = os.pipe()
         self._master, self._slave_fd = os.openpty()
         # Without this the terminal would echo what the device says back to the device until the port is opened.
@@ -238,7 +272,8 @@ class Bench(threading.Thread):
         """Until it is stopped or unplugged."""
         options = self._options
         born_ns = powered_ns = told_ns = self._now_ns()
-        device = self._make(powered_ns)
+        device = again(self.device, powered_ns, self._make)
+        self.device = device
         baud = device.baud
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
@@ -248,7 +283,8 @@ class Bench(threading.Thread):
             if options.unplug_s and now_ns - born_ns >= options.unplug_s * 1e9:
                 break
             if options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9:
-                powered_ns, device = now_ns, self._make(now_ns)
+                powered_ns, device = now_ns, again(device, now_ns, self._make)
+                self.device = device
             for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
                 self._to_host.send(device.advance(at_ns), at_ns)
             told_ns = now_ns
@@ -353,6 +389,7 @@ class TwinLink(Link):
         self._open_baud = options.faults.baud if baud is None else baud or None
         self._bench: Bench | None = None
         self._serial: SerialLink | None = None
+        self._device: Device | None = None  # as it was when the link was last open: it keeps what it stores
         self._away_until_s = 0.0
 
     async def open(self, progress: Progress | None = None) -> None:
@@ -362,7 +399,7 @@ class TwinLink(Link):
         # The first device loads what is compiled: not on the loop, and before the port exists.
         await asyncio.to_thread(self._make, 0)
         try:
-            self._bench = Bench(self._make, self.options)
+            self._bench = Bench(self._make, self.options, before=self._device)
         except OSError as error:
             hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
             raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
@@ -400,6 +437,7 @@ class TwinLink(Link):
         if self._serial is None or self._bench is None:
             raise closed(self.source)
         self._bench.hold()
+        self._open_baud = baud or self._open_baud
         try:
             await self._serial.relink(baud)
         finally:
@@ -417,4 +455,5 @@ class TwinLink(Link):
             self._serial = None
         if self._bench is not None:
             self._bench.stop()
+            self._device = self._bench.device
             self._bench = None

@@ -141,3 +141,25 @@ def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, 
         assert b"".join(pieces + more) == data
         assert end == b""
         assert (pieces + more)[-len(frames) :] == frames
+
+
+def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
+    """Host and device agree on the rate, and still nothing can be read."""
+    cable = Cable(Faults(baud=921_600, dead_baud=921_600))
+    sent = b"".join(FRAMES[:20])
+    cable.send(sent, 0)
+    heard = cable.arrived(FOREVER, 921_600)
+    assert heard
+    assert not any(one in heard for one in FRAMES[:20])
+    cable.baud = 115_200
+    cable.send(sent, FOREVER)
+    assert cable.arrived(2 * FOREVER, 115_200) == sent
+
+
+def test_what_is_under_way_keeps_the_rate_at_which_it_was_sent() -> None:
+    """The acknowledgement of a reset is still read at the old rate, although the device has gone to the new one."""
+    cable = Cable(Faults(baud=115_200))
+    cable.send(FRAMES[0], 0)
+    cable.baud = 921_600
+    cable.send(FRAMES[1], 1)
+    assert cable.arrived(FOREVER, 115_200).startswith(FRAMES[0])

@@ -12,11 +12,12 @@ import pytest
 
 from protocols.events import Gap, Reject, batches
 from protocols.registry import PROTOCOLS
+from protocols.xbus.frames import build
 from server.links import LinkError, open_link, serial
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink, open_port
 from server.links.twin import Bench, TwinLink
-from tests.links.bench import Metronome, dies, fails, frame, gather, joined, left_behind, settings, xbus
+from tests.links.bench import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
 
 
 def run(coroutine: Any) -> Any:
@@ -289,3 +290,35 @@ def test_a_serial_link_can_be_made_without_a_source() -> None:
     """What twins do: the port's path and its line, whatever the source is called."""
     link = SerialLink("twin:x", settings(), "/dev/ttyX", Line(baud=9600))
     assert (link.source, link.place) == ("twin:x", "/dev/ttyX")
+
+
+def test_a_rate_that_the_cable_cannot_carry() -> None:
+    """The device takes the new rate and the port follows, and still nothing can be read until both go back."""
+
+    async def check() -> None:
+        link = open_link("twin:xbus?product=MTi-3&dead_baud=921600", settings())
+        async with opened(link):
+            await gather(link, 2000)
+            for request, answer in ((build(0x30), build(0x31)), (build(0x18, b"\x80") + build(0x40), build(0x41))):
+                await link.write(request)
+                await gather(link, until=lambda data, answer=answer: answer in data)  # type: ignore[misc]
+            await link.relink(921_600)
+            noise = joined(await gather(link, 3000))
+            assert b"\xfa\xff\x36" not in noise
+            assert not hear(noise).certain
+
+    run(check())
+
+
+def test_a_twin_keeps_what_it_stored_when_its_power_fails() -> None:
+    async def check() -> None:
+        link = open_link("twin:xbus?reset_s=1.5", settings())
+        async with opened(link):
+            await gather(link, 500)
+            await link.write(bytes.fromhex("FAFF3000D1FAFF8402123435"))
+            await gather(link, until=lambda data: bytes.fromhex("FAFF85007C") in data)
+            await gather(link, until=lambda data: bytes.fromhex("FAFF3E00C3") in data)
+            await link.write(bytes.fromhex("FAFF3F00C2FAFF84007D"))
+            await gather(link, until=lambda data: bytes.fromhex("FAFF8502123434") in data)
+
+    run(check())
