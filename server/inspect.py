@@ -17,18 +17,17 @@ The file is read in pieces, so its size does not matter.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
-from protocols.registry import PROTOCOLS, ProtocolInfo, guess, messages_in
+from protocols.mixture import Mixture
+from protocols.registry import PROTOCOLS, ProtocolInfo, guess
 from server.reading import Reading
 
 CHUNK = 1 << 20
 LONGEST_WORD = 64  # characters of a word or of bytes shown in the table; jsonl has all of them
 GUESSED_FROM = 1 << 16  # bytes of the file that decide the protocol
-FEW = 3  # messages of another protocol; fewer may be chance
 
 EXPLAINED: Mapping[str, str] = {
     "bad_checksum": "the checksum does not fit the bytes",
@@ -108,15 +107,13 @@ def _row(path: Path, protocol: str) -> ProtocolInfo:
 
 
 def _tell_mixture(path: Path, row: ProtocolInfo, notes: TextIO) -> None:
-    """Say so when the beginning or the end of a file holds messages of another protocol."""
+    """Say so when a file holds frames of another protocol, wherever in it."""
+    mixture = Mixture(row.name)
     with path.open("rb") as file:
-        found = messages_in(file.read(GUESSED_FROM))
-        size = file.seek(0, os.SEEK_END)
-        if size > GUESSED_FROM:
-            file.seek(max(GUESSED_FROM, size - GUESSED_FROM))
-            found += messages_in(file.read())
-    others = [PROTOCOLS[name].title for name, count in found.items() if count >= FEW and name != row.name]
-    if others:
+        while chunk := file.read(CHUNK):
+            mixture.feed(chunk)
+    mixture.feed(b"", final=True)
+    if others := [PROTOCOLS[name].title for name in mixture.others]:
         notes.write(
             f"imuscope: {path.name} holds messages of {' and '.join(others)} too; it is listed as {row.title}. "
             "--protocol chooses another.\n"

@@ -168,6 +168,10 @@ def test_a_mixed_file_is_told_so(tmp_path: Path) -> None:
     notes = io.StringIO()
     inspect_file(path, io.StringIO(), notes=notes)
     assert "mixed.bin holds messages of IDTP 2.1 too; it is listed as Inertial Sense" in notes.getvalue()
+    long = IsbDevice().advance(10_000_000_000)
+    path.write_bytes(long + IdtpDevice().advance(50_000_000) + long)  # neither at its beginning nor at its end
+    inspect_file(path, io.StringIO(), notes=(notes := io.StringIO()))
+    assert "IDTP 2.1 too" in notes.getvalue()
     path.write_bytes(IsbDevice().advance(2_000_000_000))
     inspect_file(path, io.StringIO(), notes=(quiet := io.StringIO()))
     assert quiet.getvalue() == ""
