@@ -32,6 +32,7 @@ from protocols.events import Event
 from protocols.schema import Command, Setting
 
 T = TypeVar("T")
+NO_STATES: Mapping[str, str] = {}
 Values = Mapping[str, Any]
 """Wire values by field name, as `imuscope inspect` prints them: integers for choices and flag words, lists, records as
 objects, bytes as hex."""
@@ -217,6 +218,8 @@ class Driver(Protocol):
     """
 
     name: str
+    states: Mapping[str, str]
+    """Message → the state that a device is in when it has sent it ("Config"); empty where there are no states."""
 
     def commands(self, known: Known) -> Sequence[Command]:
         """Every command of the document that this product has; all of the protocol while it is not known."""

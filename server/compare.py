@@ -19,9 +19,8 @@ from protocols.dialogues import Driver, Known, Values
 from protocols.schema import Field, Setting
 from server.forms import Difference, DifferenceRow
 from server.forms_of import flat
-from server.values import words
+from server.values import output_title, output_words, words
 
-ALWAYS = 0xFFFF
 NO_DEFAULT = "the document tells no default"
 
 
@@ -120,7 +119,7 @@ def _output_rows(row: Setting, left: Values, right: Values) -> tuple[list[Differ
     found, same = [], 0
     for quantity in dict.fromkeys([*sides[0], *sides[1]]):
         here, there = (side.get(quantity) for side in sides)
-        said = [_output_words(entry) for entry in (here, there)]
+        said = [output_words(entry) for entry in (here, there)]
         if said[0] == said[1]:
             same += 1
             continue
@@ -132,26 +131,3 @@ def _output_rows(row: Setting, left: Values, right: Values) -> tuple[list[Differ
 
 def _by_quantity(entries: Sequence[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
     return {int(entry["data_identifier"]) & 0xFFF0: entry for entry in entries if entry.get("data_identifier")}
-
-
-def _output_words(entry: Mapping[str, Any] | None) -> str:
-    """ "400 Hz", with precision and frame where they are not the usual ones; "off" for none."""
-    if entry is None:
-        return "off"
-    from protocols.xbus.items import COORDINATES
-
-    identifier, rate = int(entry["data_identifier"]), int(entry["output_frequency"])
-    parts = ["with every message" if rate in (0, ALWAYS) else f"{rate} Hz"]
-    if identifier & 3:
-        parts.append(("Float32", "Fp12.20", "Fp16.32", "Float64")[identifier & 3])
-    if identifier & 0xC and identifier >> 2 & 3 < len(COORDINATES):
-        parts.append(COORDINATES[identifier >> 2 & 3])
-    return ", ".join(parts)
-
-
-def output_title(identifier: int) -> str:
-    """The quantity that a data identifier asks for."""
-    from protocols.xbus.outputs import OUTPUTS
-
-    output = OUTPUTS.get(identifier & 0xFFF0)
-    return (output.field.title or output.name) if output is not None else f"0x{identifier:04X}"

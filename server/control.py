@@ -101,6 +101,8 @@ class Desk:
         )
         self.runner = Runner(session, self.log)
         self.values: dict[str, Values] = {}  # the device's settings, as last read
+        self.missing: dict[str, str] = {}  # what could not be read then, and why
+        self.read_at = 0.0  # unix s
         self.product = ""  # of the last survey, which may know more than has been heard by the way
         self.serial_number = ""
         self.firmware = ""
@@ -157,12 +159,14 @@ class Desk:
         """The device's settings by name."""
         return {row.name: row for row in self.driver.settings(self.known)}
 
-    def learn(self, known: Known, values: Mapping[str, Values]) -> None:
+    def learn(self, known: Known, values: Mapping[str, Values], missing: Mapping[str, str]) -> None:
         """What a survey found out. Another serial number is another device: what was known is forgotten."""
         if known.serial_number != self.serial_number:
-            self.values = {}
+            self.values, self.missing = {}, {}
         self.product, self.serial_number, self.firmware = known.product, known.serial_number, known.firmware
         self.values = {**self.values, **values}
+        self.missing = {name: why for name, why in {**self.missing, **missing}.items() if name not in values}
+        self.read_at = self.hub.now()
 
     # ── queue ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -296,7 +300,7 @@ class Desk:
         self.log.hear(event)
         if isinstance(event, Batch | Reply):
             try:
-                states: Mapping[str, str] = getattr(self.driver, "states", {})
+                states: Mapping[str, str] = self.driver.states
             except DeskError:
                 return
             state = states.get(event.message.name, self.state)

@@ -62,7 +62,7 @@ class Jobs:
         driver, known = desk.driver, desk.known
         body = errands.survey(driver, known, names, lambda words: desk.step(task, words))
         found = await desk.run(driver.within(body, known))
-        desk.learn(found.known, found.values)
+        desk.learn(found.known, found.values, found.missing)
         return found
 
     async def _keep(self, desk: Desk, found: errands.Survey, title: str, reason: str, *, pinned: bool = False) -> str:

@@ -20,7 +20,7 @@ class Patience:
     def __init__(self) -> None:
         self._interval = 0.0  # the usual time between chunks of this device, s
         self._chunks = 0
-        self._hushed = False
+        self.hushed = False
         self._hushed_until = 0.0
 
     def heard(self, arrival: float, before: float | None) -> None:
@@ -32,12 +32,12 @@ class Patience:
 
     def hush(self, on: bool, now: float) -> None:
         """From now on (until it is taken off) silence is meant."""
-        self._hushed = on
+        self.hushed = on
         self._hushed_until = now
 
     def quiet(self, now: float, since: float) -> float:
         """How long nothing came that should have, s: `since` the last byte, or the opening of the link."""
-        return 0.0 if self._hushed else now - max(since, self._hushed_until)
+        return 0.0 if self.hushed else now - max(since, self._hushed_until)
 
     @property
     def limit(self) -> float:

@@ -334,6 +334,8 @@ class Session:
         self._stalled = False
         self._dirty = True
         self._hub.request_flush()
+        if self._patience.hushed and self._intake is not None:
+            self._drain()  # somebody waits for an answer, and there are few bytes beside it
 
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""

@@ -16,7 +16,7 @@
       # Output configuration
       OutputConfiguration:
         outputs:
-          - {data_identifier: 0x2010, output_frequency: 100}  # Quaternion, 100 Hz
+          - {data_identifier: 8208, output_frequency: 100}  # Quaternion, 100 Hz
       # Filter profile
       FilterProfile:
         profile: "Responsive/VRU"
@@ -47,7 +47,7 @@ import yaml
 from protocols.schema import Field, Setting
 from server import durable
 from server.forms import SnapshotBody, SnapshotInfo
-from server.values import comment, words
+from server.values import comment, entry_comment
 
 FORMAT = 1
 KEPT = 200  # of one device; the oldest that nobody pinned go first
@@ -141,7 +141,7 @@ def _record(values: Mapping[str, Any], fields: tuple[Field, ...], indent: str) -
         if row is not None and row.fields and isinstance(value, list) and value:
             yield f"{indent}{_key(name)}:"
             for one in value:
-                said = ", ".join(filter(None, (words(part, one.get(part.name)) for part in row.fields)))
+                said = entry_comment(row.fields, one)
                 yield f"{indent}  - {_flow(one)}" + (f"  # {_line(said)}" if said else "")
         elif row is not None and row.fields and isinstance(value, Mapping) and value:
             yield f"{indent}{_key(name)}:"

@@ -162,6 +162,7 @@ class Hand:
         written = [replace(one, got=back.get(one.setting, one.got)) for one in written]
         if await self._ask():
             await self._end("kept", "The settings are kept.")
+            self._task.job.hint = self._source_hint()
             return written
         await self.go_back("Nobody kept the settings in time." if not self._desk.answer.is_set() else "")
         who = "as somebody asked" if self._desk.answer.is_set() else "as nobody kept the new ones in time"
@@ -198,6 +199,7 @@ class Hand:
         record.deadline = desk.hub.now() + record.seconds
         await self._stand("asking", f"The device answers{rate}. If you say nothing, it goes back{before}.")
         desk.session.hush(False)
+        self._tell("Keep these settings?")
         try:
             await asyncio.wait_for(desk.answer.wait(), record.seconds)
         except TimeoutError:
@@ -205,6 +207,14 @@ class Hand:
         finally:
             desk.session.hush(True)
         return desk.kept
+
+    def _source_hint(self) -> str:
+        """A source that names the old rate does not find the device after the next start of the server."""
+        record = self.record
+        if record.new_baud in (None, record.old_baud) or f"baud={record.old_baud}" not in record.source:
+            return ""
+        source = record.source.replace(f"baud={record.old_baud}", f"baud={record.new_baud}")
+        return f"Open it as {source} when this server is started again."
 
     # ── back ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -301,7 +311,7 @@ class Hand:
             self._desk.log.note(str(error), fault=True)
             return None
         self._is_it(found.known)
-        self._desk.learn(found.known, found.values)
+        self._desk.learn(found.known, found.values, found.missing)
         return found
 
     def _known(self, baud: int | None) -> Known:

@@ -12,6 +12,7 @@ from typing import Any
 from protocols.schema import Field
 
 LONGEST = 120
+ALWAYS = 0xFFFF  # the rate of what comes with every message
 DIGITS = 7  # of a float32
 
 
@@ -101,6 +102,44 @@ def title_at(fields: Sequence[Field], path: str) -> str:
         titles.append((found.title or found.name) if found is not None else name)
         inside = found.fields if found is not None else ()
     return ", ".join(titles)
+
+
+# ── an entry of an Xsens output configuration: two numbers that say more together ────────────────────────────────────
+
+
+def output_words(entry: Mapping[str, Any] | None) -> str:
+    """ "400 Hz", with precision and frame where they are not the usual ones; "off" for none."""
+    if entry is None:
+        return "off"
+    from protocols.xbus.items import COORDINATES
+
+    identifier, rate = int(entry["data_identifier"]), int(entry["output_frequency"])
+    parts = ["with every message" if rate in (0, ALWAYS) else f"{rate} Hz"]
+    if identifier & 3:
+        parts.append(("Float32", "Fp12.20", "Fp16.32", "Float64")[identifier & 3])
+    if identifier & 0xC and identifier >> 2 & 3 < len(COORDINATES):
+        parts.append(COORDINATES[identifier >> 2 & 3])
+    return ", ".join(parts)
+
+
+def output_title(identifier: int) -> str:
+    """The quantity that a data identifier asks for."""
+    from protocols.xbus.outputs import OUTPUTS
+
+    output = OUTPUTS.get(identifier & 0xFFF0)
+    return (output.field.title or output.name) if output is not None else f"0x{identifier:04X}"
+
+
+def entry_comment(fields: Sequence[Field], entry: Mapping[str, Any]) -> str:
+    """What a snapshot says behind one record of a list; "" where the values speak for themselves."""
+    if "data_identifier" in entry and "output_frequency" in entry:
+        if not entry["data_identifier"]:
+            return "nothing"
+        return f"{output_title(int(entry['data_identifier']))}, {output_words(entry)}"
+    said = [(words(field, entry.get(field.name)), entry.get(field.name)) for field in fields]
+    if all(text == str(value) or not text for text, value in said):
+        return ""
+    return ", ".join(text for text, _ in said if text)
 
 
 def _short(text: str) -> str:

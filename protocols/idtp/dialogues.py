@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
-from protocols.dialogues import Dialogue, Expect, Known, LineChange, Load, Relink, Send, Span, Written
+from protocols.dialogues import NO_STATES, Dialogue, Expect, Known, LineChange, Load, Relink, Send, Span, Written
 from protocols.events import Batch, Event, Reply
 from protocols.idtp import spans as annotated
 from protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
@@ -34,6 +34,7 @@ class IdtpDriver:
     """
 
     name = "idtp"
+    states: Mapping[str, str] = NO_STATES
 
     def __init__(self, schema: Schema | None = None) -> None:
         self._schema: Schema = schema or {}

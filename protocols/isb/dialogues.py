@@ -22,6 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from protocols.dialogues import (
+    NO_STATES,
     Dialogue,
     Expect,
     Known,
@@ -167,6 +168,7 @@ class IsbDriver:
     """See protocols.dialogues.Driver."""
 
     name = "isb"
+    states: Mapping[str, str] = NO_STATES
 
     # -- tables --------------------------------------------------------------------------------------------------------
 

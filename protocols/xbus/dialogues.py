@@ -65,6 +65,11 @@ class XbusDriver:
     """See protocols.dialogues.Driver."""
 
     name = "xbus"
+    states: Mapping[str, str] = {
+        "GoToConfigAck": "Config",
+        "GoToMeasurementAck": "Measurement",
+        "MTData2": "Measurement",
+    }
 
     # -- tables
 

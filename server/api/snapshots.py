@@ -30,6 +30,26 @@ def _who(desk: Desk) -> tuple[str, str]:
     return desk.session.info.protocol, desk.known.serial_number
 
 
+@router.get("/values", responses=responses(404, 409, 422))
+async def get_values(desk: OneDesk) -> SnapshotBody:
+    """What the device has, as last read or written; `taken` 0: never read."""
+    return _now(desk).body("")
+
+
+def _now(desk: Desk, title: str = "Device, as last read") -> Snapshot:
+    known = desk.known
+    return Snapshot(
+        protocol=desk.session.info.protocol,
+        product=known.product,
+        serial_number=known.serial_number,
+        firmware=known.firmware,
+        title=title,
+        taken=desk.read_at,
+        values=plain_values(desk.values),
+        missing=desk.missing,
+    )
+
+
 @router.get("/snapshots", responses=responses(404, 422))
 async def list_snapshots(desk: OneDesk, desks: AllDesks) -> list[SnapshotInfo]:
     """Newest first. Empty while the device has not told its serial number."""
@@ -66,9 +86,7 @@ async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotI
         reason = f"From a file of {snapshot.product or 'a device'} {snapshot.serial_number}".strip()
         snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason)
     elif desk.values:
-        known = desk.known
-        snapshot = Snapshot(protocol, known.product, serial_number, known.firmware, title, "Kept by a person")
-        snapshot = replace(snapshot, taken=desk.hub.now(), pinned=True, values=plain_values(desk.values))
+        snapshot = replace(_now(desk, title), reason="Kept by a person", taken=desk.hub.now(), pinned=True)
     else:
         raise ApiError(409, "not-read", NOT_READ, READ_FIRST)
     try:
@@ -117,7 +135,7 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
 def _device(desk: Desk, title: str) -> SideValues:
     if not desk.values:
         raise ApiError(409, "not-read", f"{desk.session.info.name} has not been read yet.", READ_FIRST)
-    return SideValues(title, desk.values, otherwise="could not be read")
+    return SideValues(title, desk.values, desk.missing, "could not be read")
 
 
 def _certain(desk: Desk) -> Known:
