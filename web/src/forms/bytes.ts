@@ -1,0 +1,50 @@
+/** A frame as chips: a few bytes and what they mean together, by the field they belong to. Pure. */
+import type { FrameInfo, SpanInfo } from "./types";
+
+export interface Chip {
+  readonly key: string;
+  /** "40 20 01 90" */
+  readonly bytes: string;
+  readonly words: string;
+  /** The row they belong to: "outputs.3", "roll"; "" for the envelope. */
+  readonly path: string;
+}
+
+/** A long run of bytes is cut here; the copy has them all. */
+const MOST_BYTES = 24;
+const MOST_WORDS = 44;
+
+/** The row that a path belongs to: an element of a list, else the field. Names of fields may have dots in them. */
+export function rowOf(path: string): string {
+  return /^(.+?\.\d+)(?:\.|$)/.exec(path)?.[1] ?? path;
+}
+
+export function chipsOf(frame: FrameInfo): readonly Chip[] {
+  const chips: { spans: SpanInfo[]; path: string }[] = [];
+  for (const span of frame.spans) {
+    const path = rowOf(span.path);
+    const last = chips.at(-1);
+    if (last && path !== "" && last.path === path) last.spans.push(span);
+    else chips.push({ spans: [span], path });
+  }
+  return chips.map(({ spans, path }, k) => {
+    const [first] = spans;
+    const [begin, size] = [first?.offset ?? 0, spans.reduce((sum, span) => sum + span.size, 0)];
+    return { key: `${k}`, bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES), words: cut(spans.map(({ label }) => label).join(" · ")), path };
+  });
+}
+
+/** "FAFF30" → "FA FF 30", with an ellipsis after `most` bytes. */
+export function spaced(hex: string, most = Infinity): string {
+  const pairs = hex.toUpperCase().match(/../g) ?? [];
+  return pairs.slice(0, most).join(" ") + (pairs.length > most ? " …" : "");
+}
+
+const cut = (text: string): string => (text.length > MOST_WORDS ? `${text.slice(0, MOST_WORDS - 1)}…` : text);
+
+/** How a chip reads in full, for the line under the bytes. */
+export function spelled(frame: FrameInfo, path: string): readonly { readonly bytes: string; readonly words: string }[] {
+  return frame.spans
+    .filter((span) => span.path !== "" && rowOf(span.path) === path)
+    .map(({ offset, size, label }) => ({ bytes: spaced(frame.hex.slice(2 * offset, 2 * (offset + size)), MOST_BYTES), words: label }));
+}

@@ -1,0 +1,53 @@
+import { describe, expect, it } from "vitest";
+import { changes, countOf, toApply, touches, wasAt } from "./edits";
+import { field, forms, setting } from "./fixtures";
+
+const outputs = setting({
+  name: "OutputConfiguration",
+  editor: "outputs",
+  fields: [field({ name: "outputs", editor: "list", fields: [field({ name: "data_identifier" }), field({ name: "output_frequency" })] })],
+});
+const out = (...pairs: [number, number][]) => ({ outputs: pairs.map(([data_identifier, output_frequency]) => ({ data_identifier, output_frequency })) });
+const flash = setting({ name: "Flash", partial: true, fields: [field({ name: "a" }), field({ name: "b" }), field({ name: "told", read_only: true })] });
+
+describe("changes", () => {
+  it("are found in records, lists and vectors", () => {
+    const nested = [field({ name: "r", editor: "record", fields: [field({ name: "x" }), field({ name: "y" })] }), field({ name: "v", editor: "vector", length: 2 })];
+    const found = changes(nested, { r: { x: 1, y: 2 }, v: [1, 2] }, { r: { x: 1, y: 3 }, v: [1, 5] });
+    expect(found.map(({ path }) => path.join("."))).toEqual(["r.y", "v"]);
+  });
+  it("count rows of the output configuration, whatever their order", () => {
+    const before = out([0x2010, 100], [0x4020, 100], [0x8020, 100]);
+    expect(countOf(outputs, before, out([0x8020, 100], [0x2010, 400], [0x4021, 100], [0xc020, 50]))).toBe(3);
+    expect(countOf(outputs, before, out([0x2010, 100]))).toBe(2);
+    expect(countOf(outputs, before, before)).toBe(0);
+  });
+  it("know what lies in or around them", () => {
+    const found = changes(outputs.fields, out([1, 1], [2, 2]), out([1, 1], [2, 3]));
+    expect(touches(found, ["outputs", 1])).toBe(true);
+    expect(touches(found, ["outputs", 0])).toBe(false);
+    expect(touches(found, ["outputs", 1, "output_frequency"])).toBe(true);
+  });
+});
+
+describe("what is sent", () => {
+  const all = forms({ settings: [outputs, flash, setting({ name: "Told", writable: false, fields: [field({ name: "x" })] })] });
+  it("is nothing where nothing differs", () => {
+    expect(toApply(all, { Flash: { a: 1, b: 2 } }, { Flash: { a: 1, b: 2 } })).toEqual({});
+  });
+  it("is single fields where the setting allows it, and never what the device only tells", () => {
+    const sent = toApply(all, { Flash: { a: 1, b: 2, told: 5 } }, { Flash: { a: 1, b: 3, told: 6 }, Told: { x: 1 } });
+    expect(sent).toEqual({ Flash: { b: 3 } });
+  });
+  it("is a whole setting elsewhere", () => {
+    expect(toApply(all, { OutputConfiguration: out([1, 1], [2, 2]) }, { OutputConfiguration: out([1, 1], [2, 4]) })).toEqual({
+      OutputConfiguration: out([1, 1], [2, 4]),
+    });
+  });
+});
+
+it("tells what was there, and nothing where that was never read", () => {
+  expect(wasAt({ a: 1 }, { a: 2 }, ["a"])).toBe(1);
+  expect(wasAt({ a: 1 }, { a: 1 }, ["a"])).toBeUndefined();
+  expect(wasAt(undefined, { a: 1 }, ["a"])).toBeUndefined();
+});

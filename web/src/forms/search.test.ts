@@ -1,0 +1,32 @@
+import { expect, it } from "vitest";
+import { command, field, forms, setting } from "./fixtures";
+import { indexOf, search } from "./search";
+
+const index = indexOf(
+  forms({
+    settings: [
+      setting({ name: "PortConfig", title: "Ports", group: "Port and baud rate", fields: [field({ name: "words", choices: { "2": "115 200 Bd" } })] }),
+      setting({ name: "DID_FLASH_CONFIG", title: "Flash configuration", group: "Configuration", fields: [field({ name: "ser0BaudRate", title: "ser0BaudRate" })] }),
+      setting({ name: "FilterProfile", title: "Filter profile", group: "Filter" }),
+    ],
+    commands: [command({ name: "SetBaudrate", title: "Set the baud rate", group: "Port and baud rate" })],
+  }),
+);
+const names = (query: string) => search(index, query).map(({ name }) => name);
+
+it("finds by name, title, field and meaning", () => {
+  expect(names("filter")).toEqual(["FilterProfile"]);
+  expect(names("baud")).toEqual(expect.arrayContaining(["PortConfig", "DID_FLASH_CONFIG", "SetBaudrate"]));
+  expect(names("115200")).toEqual(["PortConfig"]);
+  expect(search(index, "ser0")[0]).toMatchObject({ name: "DID_FLASH_CONFIG", field: "ser0BaudRate" });
+});
+
+it("wants every word", () => {
+  expect(names("set baud")).toEqual(["SetBaudrate"]);
+  expect(names("profile baud")).toEqual([]);
+  expect(names("  ")).toEqual([]);
+});
+
+it("takes names apart", () => {
+  expect(names("port config")).toContain("PortConfig");
+});

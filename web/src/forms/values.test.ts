@@ -1,0 +1,84 @@
+import { describe, expect, it } from "vitest";
+import { field } from "./fixtures";
+import { at, big, bitsOf, initial, put, rangeWords, read, same, small, textProblem, typed, withBits, words } from "./values";
+
+const angle = field({ name: "roll", editor: "number", unit: "°", scale: 180 / Math.PI, low: -Math.PI, high: Math.PI });
+const rate = field({ name: "rate", editor: "integer", unit: "Hz", low: 1, high: 2000, step: 1 });
+
+describe("wire and shown", () => {
+  it("turns units both ways", () => {
+    expect(typed(angle, Math.PI / 4)).toBe("45");
+    expect(read(angle, "45")).toEqual({ value: (45 / 180) * Math.PI });
+    expect(typed(rate, 400)).toBe("400");
+  });
+  it("shows a float32 with the digits that it has, and a double with all", () => {
+    expect(typed(field({ editor: "number" }), Math.fround(0.1))).toBe("0.1");
+    expect(typed(field({ editor: "number" }), 52.22031812345)).toBe("52.22031812345");
+  });
+  it("keeps every bit of a 64-bit word", () => {
+    const word = small(0x8808601001300c00n);
+    expect(typeof word).toBe("string");
+    expect(big(word)).toBe(0x8808601001300c00n);
+    expect(bitsOf(withBits(big(word), { low: 62, width: 1 }, 1n), { low: 62, width: 1 })).toBe(1n);
+    expect(read(field({ editor: "integer", step: 1 }), "18446744073709551615")).toEqual({ value: "18446744073709551615" });
+  });
+});
+
+describe("what is typed", () => {
+  it("is refused with the reason", () => {
+    expect(read(rate, "0")).toEqual({ problem: "1 to 2\u2009000 Hz." });
+    expect(read(rate, "2.5")).toEqual({ problem: "Only whole numbers." });
+    expect(read(rate, "fast")).toEqual({ problem: "This is not a number." });
+    expect(read(rate, " ")).toEqual({ problem: "A number is needed here." });
+    expect(read(angle, "200")).toEqual({ problem: "−180 to 180 °." });
+  });
+  it("may be hex, or have a comma", () => {
+    expect(read(rate, "0x10")).toEqual({ value: 16 });
+    expect(read(field({ editor: "number" }), "1,5")).toEqual({ value: 1.5 });
+  });
+  it("reaches the very limit of a range in another unit", () => {
+    expect(read(angle, "180")).toEqual({ value: Math.PI });
+  });
+  it("is measured where it is text or hex", () => {
+    expect(textProblem(field({ editor: "hex", most: 2 }), "AA BB CC")).toBe("At most 2 bytes.");
+    expect(textProblem(field({ editor: "hex" }), "ABC")).toBe("Two hex digits for each byte.");
+    expect(textProblem(field({ editor: "text", length: 3 }), "abcd")).toBe("At most 3 characters.");
+    expect(textProblem(field({ editor: "text" }), "abcd")).toBeUndefined();
+  });
+});
+
+describe("paths", () => {
+  it("go into lists and into names with dots", () => {
+    const values = { "imu.time": 1, outputs: [{ rate: 1 }, { rate: 2 }] };
+    expect(at(values, ["imu.time"])).toBe(1);
+    expect(put(values, ["outputs", 1, "rate"], 5)).toEqual({ "imu.time": 1, outputs: [{ rate: 1 }, { rate: 5 }] });
+    expect(at(values, ["no", 3, "where"])).toBeUndefined();
+  });
+  it("compare by meaning", () => {
+    expect(same({ a: [1, "2"] }, { a: [1, 2] })).toBe(true);
+    expect(same([1], [1, 2])).toBe(false);
+    expect(same({ f32: "7fc00000" }, { f32: "7fc00000" })).toBe(true);
+  });
+});
+
+describe("words", () => {
+  it("name choices, bits and units", () => {
+    expect(words(rate, 400)).toBe("400 Hz");
+    expect(words(field({ editor: "choice", choices: { "2": "115 200 Bd" } }), 2)).toBe("115 200 Bd");
+    const flags = field({ editor: "flags", bits: [bit("A", 0), bit("B", 4)] });
+    expect(words(flags, 16)).toBe("B");
+    expect(words(flags, 0)).toBe("none");
+    expect(words(rate, undefined)).toBe("—");
+    expect(rangeWords(field({ low: 0, high: null }))).toBe("at least 0");
+  });
+  it("begin with what the table says, else with something allowed", () => {
+    expect(initial(rate)).toBe(1);
+    expect(initial(field({ editor: "vector", length: 3 }))).toEqual([0, 0, 0]);
+    expect(initial(field({ editor: "choice", choices: { "3": "x" } }))).toBe(3);
+    expect(initial(field({ editor: "hex", length: 2 }))).toBe("0000");
+  });
+});
+
+function bit(name: string, low: number) {
+  return { name, low, width: 1, choices: {}, severity: "" as const, normal_set: false, doc: "" };
+}

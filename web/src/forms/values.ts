@@ -1,0 +1,209 @@
+/**
+ * How is a wire value shown and typed, and what is wrong with what was typed? Pure; the server judges again before it sends.
+ *
+ *     wire 0.7854 ──× scale + bias──▶ shown 45 °        typed "45" ──(− bias) ÷ scale──▶ wire 0.7854
+ *
+ * A float32 is shown with the seven digits that it has. Integers beyond 2^53 are decimal strings, as on the wire.
+ */
+import { NONE, number } from "../ui/format";
+import type { FieldForm } from "./types";
+
+export type Values = Readonly<Record<string, unknown>>;
+/** Where a value stands: names of fields (which may have dots in them) and places in lists. */
+export type Path = readonly (string | number)[];
+
+/** As paths are written by the server: "outputs.3.output_frequency". */
+export const joined = (path: Path): string => path.join(".");
+
+/** The value at a path; undefined where there is none. */
+export function at(values: unknown, path: Path): unknown {
+  return path.reduce<unknown>((inside, key) => (inside as Record<string | number, unknown> | undefined | null)?.[key], values);
+}
+
+/** The same values with another one at that path; what is not on the way is shared. */
+export function put<T>(values: T, path: Path, value: unknown): T {
+  const [key, ...rest] = path;
+  if (key === undefined) return value as T;
+  const inner = put(at(values, [key]), rest, value);
+  if (Array.isArray(values)) return values.map((one, place) => (place === key ? inner : one)) as T;
+  return { ...values, [key]: inner };
+}
+
+/** Do two wire values mean the same? */
+export function same(a: unknown, b: unknown): boolean {
+  if (a === b) return true;
+  if (typeof a !== typeof b) return isWhole(a) && isWhole(b) && String(a) === String(b);
+  if (typeof a !== "object" || a === null || b === null) return false;
+  if (Array.isArray(a) !== Array.isArray(b)) return false;
+  const [one, other] = [Object.entries(a), Object.entries(b as object)];
+  return one.length === other.length && one.every(([key, value]) => same(value, (b as Record<string, unknown>)[key]));
+}
+
+const isWhole = (value: unknown): boolean => Number.isInteger(value) || (typeof value === "string" && /^-?\d+$/.test(value));
+
+/** An integer of any size. */
+export function big(value: unknown): bigint {
+  if (typeof value === "number" && Number.isFinite(value)) return BigInt(Math.trunc(value));
+  return typeof value === "string" && /^-?\d+$/.test(value) ? BigInt(value) : 0n;
+}
+
+/** As it travels: a number where JavaScript can hold it, else its digits. */
+export function small(value: bigint): number | string {
+  const plain = Number(value);
+  return Number.isSafeInteger(plain) ? plain : value.toString();
+}
+
+const FLOAT32_DIGITS = 7;
+
+/** A real number with the digits that it has: a float32 needs seven, anything else all. */
+function digits(value: number, decimals: number): string {
+  if (decimals >= 0) return value.toFixed(decimals);
+  return String(Number(value.toPrecision(FLOAT32_DIGITS)));
+}
+
+/** Text for an input: plain digits that the same input takes back. */
+export function typed(field: FieldForm, wire: unknown): string {
+  if (typeof wire === "string") return wire;
+  if (typeof wire !== "number" || !Number.isFinite(wire)) return "";
+  if (field.step === 1 && field.scale === 1 && field.bias === 0) return String(wire);
+  const shown = wire * field.scale + field.bias;
+  if (Math.fround(wire) !== wire && field.decimals < 0) return String(field.scale === 1 ? shown : Number(shown.toPrecision(15)));
+  return digits(shown, Math.abs(shown) < 1e-4 ? -1 : field.decimals);
+}
+
+export type Reading = { readonly value: unknown } | { readonly problem: string };
+
+/** What a text for a number means, or what is wrong with it. */
+export function read(field: FieldForm, text: string): Reading {
+  const plain = text.trim().replace(/[\u2009\u00a0 ]/g, "").replace("\u2212", "-").replace(",", ".");
+  if (plain === "") return { problem: "A number is needed here." };
+  const whole = field.step === 1 && field.scale === 1 && field.bias === 0;
+  if (/^-?0x[0-9a-f]+$/i.test(plain) && whole) return ranged(field, small(plain.startsWith("-") ? -BigInt(plain.slice(1)) : BigInt(plain)));
+  if (!/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(plain)) return { problem: "This is not a number." };
+  if (whole && /^[-+]?\d+$/.test(plain)) return ranged(field, small(BigInt(plain)));
+  if (whole) return { problem: "Only whole numbers." };
+  const wire = (Number(plain) - field.bias) / field.scale;
+  return ranged(field, field.step === 1 ? Math.round(wire) : wire);
+}
+
+/** A wire value within the allowed range, or the range in words. */
+export function ranged(field: FieldForm, wire: number | string): Reading {
+  const value = Number(wire);
+  const below = field.low !== null && value < field.low - slack(field.low);
+  const above = field.high !== null && value > field.high + slack(field.high);
+  if (!below && !above && Number.isFinite(value)) return { value: wire };
+  return { problem: `${rangeWords(field) || "This number is too large"}.` };
+}
+
+/** Of a limit that was turned into another unit and back. */
+const slack = (limit: number): number => Math.abs(limit) * 1e-6;
+
+/** The allowed range as shown: "0 to 359.9 °", "at least 1 Hz"; "" where there is none. */
+export function rangeWords(field: FieldForm): string {
+  const [low, high] = [field.low, field.high].map((limit) => (limit === null ? "" : plainNumber(limit * field.scale + field.bias)));
+  const unit = field.unit && !field.unit.includes(",") ? ` ${field.unit}` : "";
+  if (low && high) return `${low} to ${high}${unit}`;
+  if (low) return `at least ${low}${unit}`;
+  return high ? `at most ${high}${unit}` : "";
+}
+
+function plainNumber(value: number): string {
+  const text = String(Number(value.toPrecision(6)));
+  return text.includes("e") ? text : number(value, text.split(".")[1]?.length ?? 0);
+}
+
+/** What a form starts with where neither the device nor the table says anything. */
+export function initial(field: FieldForm): unknown {
+  if (field.default !== null && field.default !== undefined) return field.default;
+  switch (field.editor) {
+    case "text":
+      return "";
+    case "hex":
+      return "00".repeat(field.length);
+    case "record":
+      return initials(field.fields);
+    case "list":
+      return Array.from({ length: field.length }, () => initialElement(field));
+    case "vector":
+      return Array.from({ length: field.length }, () => initialNumber(field));
+    case "choice":
+      return Number(Object.keys(field.choices)[0] ?? 0);
+    default:
+      return initialNumber(field);
+  }
+}
+
+/** One new element of a list: a record, or a number. */
+export function initialElement(field: FieldForm): unknown {
+  return field.fields.length > 0 ? initials(field.fields) : initialNumber(field);
+}
+
+function initialNumber(field: FieldForm): number {
+  return Math.max(field.low ?? 0, Math.min(0, field.high ?? 0));
+}
+
+export function initials(fields: readonly FieldForm[]): Values {
+  return Object.fromEntries(fields.map((field) => [field.name, initial(field)]));
+}
+
+/** A wire value as a person reads it, with its unit: "400 Hz", "ENU", "A, C"; "—" for nothing. */
+export function words(field: FieldForm, value: unknown): string {
+  if (value === undefined || value === null) return NONE;
+  if (Array.isArray(value)) {
+    if (value.length === 0) return "none";
+    if (field.fields.length > 0) return value.length === 1 ? "1 entry" : `${value.length} entries`;
+    const parts = value.slice(0, 4).map((one) => oneWord(field, one));
+    return `${parts.join(", ")}${value.length > 4 ? " …" : ""}${field.unit ? ` ${field.unit}` : ""}`;
+  }
+  if (typeof value === "object") return "…";
+  const text = oneWord(field, value);
+  const isNamed = field.editor === "choice" || field.editor === "flags" || field.editor === "bool" || typeof value === "string";
+  return field.unit && !isNamed ? `${text} ${field.unit}` : text;
+}
+
+function oneWord(field: FieldForm, value: unknown): string {
+  if (field.editor === "bool") return value ? "on" : "off";
+  if (Object.keys(field.choices).length > 0) return field.choices[String(value)] ?? String(value);
+  if (field.bits.length > 0) return bitWords(field, value);
+  if (typeof value === "number") return typed(field, value).replace("-", "\u2212");
+  return value === "" ? "empty" : String(value);
+}
+
+/** The set bits of a word by name. */
+export function bitWords(field: FieldForm, value: unknown): string {
+  const word = big(value);
+  const names = field.bits.flatMap((bits) => {
+    const part = bitsOf(word, bits);
+    if (bits.width > 1) return part === 0n && !("0" in bits.choices) ? [] : [`${bits.name} ${bits.choices[String(part)] ?? part}`];
+    return part ? [bits.name] : [];
+  });
+  return names.join(", ") || "none";
+}
+
+interface Place {
+  readonly low: number;
+  readonly width: number;
+}
+
+export function bitsOf(word: bigint, { low, width }: Place): bigint {
+  return (word >> BigInt(low)) & ((1n << BigInt(width)) - 1n);
+}
+
+/** The same word with other bits at that place. */
+export function withBits(word: bigint, { low, width }: Place, part: bigint): bigint {
+  const mask = ((1n << BigInt(width)) - 1n) << BigInt(low);
+  return (word & ~mask) | ((part << BigInt(low)) & mask);
+}
+
+/** What is wrong with a text or hex field, or undefined. */
+export function textProblem(field: FieldForm, text: string): string | undefined {
+  if (field.editor === "hex") {
+    const plain = text.replace(/\s/g, "");
+    if (!/^[0-9a-f]*$/i.test(plain)) return "Only hex digits: 0 to 9, A to F.";
+    if (plain.length % 2 !== 0) return "Two hex digits for each byte.";
+    const most = field.length || field.most;
+    return most > 0 && plain.length / 2 > most ? `At most ${most} bytes.` : undefined;
+  }
+  const most = field.length || field.most;
+  return most > 0 && text.length > most ? `At most ${most} characters.` : undefined;
+}

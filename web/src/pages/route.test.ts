@@ -1,0 +1,17 @@
+import { expect, it } from "vitest";
+import { href, parse } from "./route";
+
+it("reads what it writes, whatever the names hold", () => {
+  const place = "AlignmentRotation.RotSensor";
+  expect(parse(href("configure", "1.102", place))).toEqual({ page: "configure", device: "1.102", place, more: undefined });
+  expect(parse(href("configure", "1", "compare", "a/b %"))).toMatchObject({ place: "compare", more: "a/b %" });
+  expect(href("configure", "1", undefined, "x")).toBe("#/configure/1");
+  expect(parse(href("live"))).toMatchObject({ page: "live" });
+});
+
+it("leaves other hashes alone", () => {
+  expect(parse("#plots")).toBeUndefined();
+  expect(parse("#/nowhere/1")?.page).toBe("live");
+  expect(parse("")?.page).toBe("live");
+  expect(parse("#/configure/%")?.device).toBe("%");
+});
