@@ -6,8 +6,9 @@
                   └─ clocks, in stream order over all sets ──> Step, times
 
 Packets of one data set, offset, size and variant have one form (messages.py) and become one batch. A packet with a part
-of a set whose whole value was seen gives a row of the whole: the last value with the part written over it, at that
-value's time. A part of something never seen whole gives its own fields, without a time.
+of a set whose whole value was seen gives a row of the whole: the last value with the part written over it. A part of
+something never seen whole gives its own fields. Neither has a device time: the clock is not in it, and the last value's
+may be hours old when a device was asked for parts alone.
 
 Which structure a payload has follows the firmware that the device information (DID 1; 93 of an EVB, 120 of a GPX) named
 when it passed by, and the payload's size. Time is timeline.py's business.

@@ -7,7 +7,8 @@ order only:
            firmware (4 bits) | DID (8) | offset (11) | size (11) | variant (8) | count (8)
     PART   the offset of a packet that carries a part of a set whose whole value was seen before; else -1. It has the
            key of that value, and its row is the value with the part written over it.
-    TIME, TIMED, STEP, BY      see timeline.py; a part has the time of the value that it changes.
+    TIME, TIMED, STEP, BY      see timeline.py. A part has no time: the clock in its row is that of the value it
+           changes, and a device that was asked for parts alone sends no other for hours.
 
 `variant` tells apart what the same set can mean: the data type of raw GNSS data, the frame of a GNSS velocity. `count`
 is how many elements of a list are in use. Sets that hardly ever come (device information, configuration) have the key
@@ -57,8 +58,8 @@ RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
 
 # The last whole value of each data set, one row per DID; WHOLE_UP of this start of the device.
-WHOLE_KEY, WHOLE_SIZE, WHOLE_TIME, WHOLE_TIMED, WHOLE_UP = range(5)
-WHOLES = 5
+WHOLE_KEY, WHOLE_SIZE, WHOLE_UP = range(3)
+WHOLES = 3
 
 DATA_TYPE_AT, OBSERVATIONS_AT, RAW_AT, OBSERVATION_SIZE = 1, 2, 4, 69
 RAW_OBSERVATION = 1
@@ -167,8 +168,6 @@ def sort(
             if wholes[did, WHOLE_KEY] >= 0 and offset + length <= wholes[did, WHOLE_SIZE]:
                 out[KEY, f] = wholes[did, WHOLE_KEY]
                 out[PART, f] = offset
-                out[TIME, f] = wholes[did, WHOLE_TIME]
-                out[TIMED, f] = wholes[did, WHOLE_TIMED]
             else:
                 out[KEY, f] = layout | offset << 27 | length << 16
             continue
@@ -214,8 +213,6 @@ def sort(
         out[KEY, f] = layout | length << 16 | variant << 8 | count
         wholes[did, WHOLE_KEY] = out[KEY, f]
         wholes[did, WHOLE_SIZE] = length
-        wholes[did, WHOLE_TIME] = out[TIME, f]
-        wholes[did, WHOLE_TIMED] = out[TIMED, f]
     memory[0], memory[1], memory[2], memory[3], memory[4], memory[5] = state
 
 

@@ -199,7 +199,15 @@ def test_parts_merge_into_the_last_value(split: bool) -> None:
         for i, o in enumerate(b.offset.tolist())
     ]  # fmt: skip
     assert [(round(roll, 6), week) for _, roll, week in sorted(rows)] == [(r, WEEK) for r in (1, 2, 3, 0, 4)]
-    assert times(events, "DID_INS_1")[-1] == MIDNIGHT + 1
+    timed = {int(o) for b in batches if b.time_ns is not None for o in b.offset.tolist()}
+    starts = [sum(map(len, parts[:i])) for i in range(len(parts))]
+    assert timed == {starts[1], starts[4]}  # a part has none: the clock in its row is the last value's
+
+
+def test_a_stream_of_parts_does_not_stand_still() -> None:
+    """Asked for a part alone, a device sends nothing else of the set: all rows had the time of a value of long ago."""
+    events = decode(ins(WEEK, 18.0), *(theta((i, 0, 0)) for i in range(5)))
+    assert times(events, "DID_INS_1") == [MIDNIGHT, *[None] * 5]
 
 
 def test_parts_of_configuration_merge_too() -> None:

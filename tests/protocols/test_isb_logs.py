@@ -92,14 +92,16 @@ def test_every_record_of_a_raw_log() -> None:
     decoder = IsbDecoder()
     decoder.feed(data, 0)
     events = decoder.drain(stalled=True)
-    ins = next(event for event in events if isinstance(event, Batch) and event.message.name == "DID_INS_1")
+    ins = [event for event in events if isinstance(event, Batch) and event.message.name == "DID_INS_1"]
+    found_rows = sorted((int(offset), batch, i) for batch in ins for i, offset in enumerate(batch.offset))
     attitudes = [row for row in sets if row["did"] == 4]
-    assert len(ins) == len(attitudes)
+    assert len(found_rows) == len(attitudes)
     last: dict[str, Any] = {}
-    for i, row in enumerate(attitudes):
+    for (_, batch, i), row in zip(found_rows, attitudes, strict=True):
         last.update(row["fields"])
-        np.testing.assert_allclose(ins.columns["theta"][i], np.degrees(last["theta"]), rtol=1e-6)
-        assert ins.columns["lla"][i].tolist() == pytest.approx(last["lla"], rel=1e-14)
+        assert (batch.time_ns is None) == (row["offset"] > 0)
+        np.testing.assert_allclose(batch.columns["theta"][i], np.degrees(last["theta"]), rtol=1e-6)
+        assert batch.columns["lla"][i].tolist() == pytest.approx(last["lla"], rel=1e-14)
     others = [row for row in expected if "did" not in row]
     texts = [event for event in events if isinstance(event, Text)]
     rejects = [event for event in events if getattr(event, "reason", "")]
