@@ -7,6 +7,8 @@ doing, and a jump of the device's clock or a loss it is not.
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -20,6 +22,8 @@ from server.links.pump import Inbox, closed
 from server.links.words import progress_line
 
 FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
+EXAMINED_BYTES = 1 << 18
+AT_ONCE_BYTES = 1 << 24  # a tenth of a second; a larger file is examined while it plays
 SPEEDS = (0.01, 1000.0)
 TURN_S = 0.1  # between two turns of a loop: the lines of a plot break there, and must not run into each other
 
@@ -43,6 +47,9 @@ class FileLink(Link):
         self._inbox: Inbox | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self._examiner: threading.Thread | None = None
+        self._said: list[str] = []  # notices
+        self._mixed: list[str] = []
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
@@ -50,8 +57,14 @@ class FileLink(Link):
         heard = hear(head)
         self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
         progress_line(progress, self.path.name, heard.words)
-        self.notices = [] if self._protocol else [f"{self.path.name}: {_blind_words()}"]
         self._stop.clear()
+        self._mixed = []
+        self._remark([] if self._protocol else [f"{self.path.name}: {_blind_words()}"])
+        if self._protocol and self.path.stat().st_size <= AT_ONCE_BYTES:
+            await asyncio.to_thread(self._examine)
+        elif self._protocol:
+            self._examiner = threading.Thread(target=self._examine, name=f"examining {self.source}", daemon=True)
+            self._examiner.start()
         self._inbox = Inbox(self.settings.now_ns)
         self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
         self._thread.start()
@@ -75,6 +88,27 @@ class FileLink(Link):
         if not head:
             raise LinkError("ended", f"{self.path} is empty.", "Give a capture with something in it.")
         return head
+
+    def _examine(self) -> None:
+        """Say so where the file holds frames of another protocol, of which playing it may show nothing."""
+        from protocols.mixture import Mixture
+        from protocols.registry import PROTOCOLS
+
+        mixture = Mixture(self._protocol)
+        with contextlib.suppress(OSError), self.path.open("rb") as file:  # playing it finds that out, and says so
+            while (block := file.read(EXAMINED_BYTES)) and not self._stop.is_set():
+                mixture.feed(block)
+            mixture.feed(b"", final=True)
+        if others := [PROTOCOLS[name].title for name in mixture.others]:
+            here = PROTOCOLS[self._protocol].title
+            words = f"{self.path.name} holds messages of {' and '.join(others)} too; it is read as {here}."
+            self._mixed = [f"{words} Choose the other protocol to see them."]
+            self._remark(self._said)
+
+    def _remark(self, said: list[str]) -> None:
+        """What playing the file has to say, and what examining it found."""
+        self._said = said
+        self.notices = [*said, *self._mixed]
 
     def _run(self, inbox: Inbox) -> None:
         """The thread: play, as often as asked."""
@@ -115,7 +149,7 @@ class FileLink(Link):
                 notices = [f"{self.path.name}: {_blind_words()}"] if piece.blind else []
                 if pace.skipped_ns:
                     notices.append(f"Pauses of {pace.skipped_ns / 1e9:.0f} s in {self.path.name} are skipped.")
-                self.notices = notices
+                self._remark(notices)
             yield piece
 
     def _wait_for(self, inbox: Inbox) -> Callable[[float], bool]:
@@ -142,6 +176,9 @@ class FileLink(Link):
 
     async def close(self) -> None:
         self._stop.set()
+        if self._examiner is not None:
+            self._examiner.join()
+            self._examiner = None
         if self._thread is not None:
             self._thread.join()
             self._thread = None

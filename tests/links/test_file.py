@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from protocols.events import batches
+from protocols.idtp.device import IdtpDevice
 from protocols.registry import PROTOCOLS
 from recordings.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links import open_link
@@ -173,6 +174,33 @@ def test_loop_begins_again(capture: Path) -> None:
             sizes = np.array([len(chunk.data) for chunk in chunks])
             turns = (np.cumsum(sizes) - sizes)[[chunk.anew for chunk in chunks]]
             assert turns.tolist()[:2] == [size, 2 * size], "each turn but the first says that it begins again"
+
+    run(check())
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_a_short_stretch_of_another_protocol_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: bool
+) -> None:
+    """In a fast replay it went by between two looks at what had just come."""
+    if not at_once:
+        monkeypatch.setattr("server.links.file.AT_ONCE_BYTES", 0)
+    path = tmp_path / "mixed.bin"
+    path.write_bytes(stream(5.0) + IdtpDevice().advance(50_000_000) + stream(5.0))
+
+    async def check() -> None:
+        link = open_link(f"{path}?speed=2", settings())
+        async with opened(link):
+            for _ in range(500):
+                if link.notices:
+                    break
+                await asyncio.sleep(0.01)
+            (notice,) = link.notices
+            assert "mixed.bin holds messages of IDTP 2.1 too; it is read as Xsens MTi (Xbus)." in notice
+        path.write_bytes(stream(5.0))
+        async with opened(link):
+            await asyncio.sleep(0 if at_once else 0.3)
+            assert link.notices == []
 
     run(check())
 
