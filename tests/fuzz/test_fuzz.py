@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,12 @@ def test_a_seed_repeats_its_cases(protocol: str) -> None:
         assert len({str(search.step()) for search in searches}) == 1
         assert len({str(search.corpus[-1]) for search in searches}) == 1
         assert len({search.bytes for search in searches}) == 1
+
+
+@pytest.mark.parametrize("protocol", TARGETS)
+def test_every_protocol_has_run_for_ten_minutes(protocol: str) -> None:
+    runs = json.loads((Path(__file__).parent / "runs.json").read_text())
+    assert max(run["minutes"] for run in runs if run["protocol"] == protocol and run["compiled"]) >= 10
 
 
 def test_a_finding_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
