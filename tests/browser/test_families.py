@@ -12,9 +12,11 @@ import socket
 import struct
 import threading
 import time
+import zlib
 from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -202,6 +204,79 @@ def test_the_track_opens_large(families: ServerProcess, open_page: OpenPage) -> 
     assert page.evaluate("document.activeElement.className") == "enlarge"
 
 
+class Maps(BaseHTTPRequestHandler):
+    """A tile server: every tile is one square of magenta, a colour that the page has nowhere else."""
+
+    asked: ClassVar[list[str]] = []
+
+    def do_GET(self) -> None:
+        self.asked.append(self.path)
+        self.send_response(200)
+        self.send_header("content-type", "image/png")
+        self.send_header("content-length", str(len(MAGENTA)))
+        self.end_headers()
+        self.wfile.write(MAGENTA)
+
+    def log_message(self, *args: Any) -> None:
+        return
+
+
+def png(red: int, green: int, blue: int, size: int = 256) -> bytes:
+    """A square of one colour."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    rows = (b"\0" + bytes((red, green, blue)) * size) * size
+    head = struct.pack(">IIBBBBB", size, size, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+
+
+MAGENTA = png(255, 0, 255)
+COVERED = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+    let n = 0; for (let k = 0; k < data.length; k += 4) n += data[k] > 150 && data[k + 1] < 60 && data[k + 2] > 150;
+    return n / (canvas.width * canvas.height); }"""
+
+
+def test_a_map_lies_under_the_track_where_a_tile_server_is_configured(
+    serve: Serve, open_page: OpenPage, tmp_path: Path
+) -> None:
+    with ThreadingHTTPServer(("127.0.0.1", 0), Maps) as maps:
+        threading.Thread(target=maps.serve_forever, daemon=True).start()
+        config = tmp_path / "imuscope.toml"
+        address = f"http://127.0.0.1:{maps.server_port}/{{z}}/{{x}}/{{y}}.png"
+        config.write_text(f'[map]\ntiles = "{address}"\nattribution = "© the survey"\n')
+        page = open_page(serve("twin:isb", arguments=("--config", str(config))).url)
+        until(page, "/3D/.test(document.querySelector('.gnss .cap')?.innerText)")
+        page.get_by_role("button", name="Track within the window").click()
+        until(page, "document.querySelector('.attribution')?.innerText.includes('the survey')")
+        canvas = page.locator(".trackbox canvas")
+        assert any(canvas.evaluate(COVERED) > 0.9 or page.wait_for_timeout(200) for _ in range(50))
+        for _ in range(8):  # at rest all of it is within one tile
+            page.get_by_role("button", name="Zoom out", exact=True).click()
+            page.wait_for_timeout(150)
+        assert any(canvas.evaluate(COVERED) > 0.9 or page.wait_for_timeout(200) for _ in range(50))
+        assert 4 < len(Maps.asked) < 200
+        assert len(Maps.asked) == len(set(Maps.asked)), "each is asked for once"
+        page.get_by_role("button", name="Map", exact=True).click()
+        page.wait_for_timeout(300)
+        assert canvas.evaluate(COVERED) == 0
+        maps.shutdown()
+
+
+def test_without_a_tile_server_none_is_asked(families: ServerProcess, open_page: OpenPage) -> None:
+    page = open_page(families.url)
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    looking_at(page, "1")
+    until(page, "/3D/.test(document.querySelector('.gnss .cap')?.innerText)")
+    page.get_by_role("button", name="Track within the window").click()
+    page.wait_for_timeout(1500)
+    assert [url for url in asked if "/api/map" in url]
+    assert not [url for url in asked if "/tiles/" in url]
+    assert page.get_by_role("button", name="Map", exact=True).count() == 0
+
+
 def test_position_and_status_without_set_up(families: ServerProcess, open_page: OpenPage) -> None:
     page = open_page(families.url)
     looking_at(page, "1")
@@ -357,12 +432,7 @@ def test_raw_payloads_are_shown_and_can_be_described(serve: Serve, open_page: Op
     panel.get_by_role("button", name="Describe this type").click()
     text = page.get_by_label("Its fields, in the order of the bytes")
     assert "count = 2" in text.input_value()
-    text.fill(
-        text.input_value()
-        
-        .replace('unit = ""', 'unit = "m/s"')
-        .replace("scale = 1.0", "scale = 0.001")
-    )
+    text.fill(text.input_value().replace('unit = ""', 'unit = "m/s"').replace("scale = 1.0", "scale = 0.001"))
     page.get_by_role("button", name="Use this description").click()
     until(page, "[...document.querySelectorAll('.leg b')].some(b => b.innerText.startsWith('Values'))")
     values = """() => { const channel = window.imuscope.store.channels.value.find(({info}) => info.name === "Values");

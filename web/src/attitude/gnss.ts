@@ -21,7 +21,7 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position, ope
   const list = el("dl", {}, el("dt", {}, "Lat"), el("dd", {}, texts.lat.node, unit("°")));
   list.append(el("dt", {}, "Lon"), el("dd", {}, texts.lon.node, unit("°")));
   if (position.horizontal && position.vertical) {
-    list.append(el("dt", {}, "±"), el("dd", {}, texts.h.node, unit("m h"), "\u2002", texts.v.node, unit("m v")));
+    list.append(el("dt", {}, "±"), el("dd", {}, texts.h.node, unit("m hor."), "\u2002", texts.v.node, unit("m vert.")));
   }
   list.append(el("dt", {}, "Age"), el("dd", {}, texts.age.node, el("span", { class: "u" }, texts.ageUnit.node)));
   const cap = el("div", { class: "cap" }, el("span", {}, "GNSS track"), el("span", { class: "ell" }, texts.fix.node));

@@ -1,16 +1,21 @@
 /**
  * The track, large: on a metric grid with scale bar and north, drag to move, wheel or buttons to zoom, the arrow keys and
- * + − 0 by keyboard. It follows the window until a person moves it; `Fit` makes it follow again.
+ * + − 0 by keyboard. It follows the window until a person moves it; `Fit` makes it follow again. Where a tile server is configured,
+ * a map lies under it, which can be switched off.
  */
 import { channelsOf, type Deps, reading, sampleAt } from "../panels/deps";
-import { surface } from "../ui/canvas";
+import { type Surface, surface } from "../ui/canvas";
 import { el, every, Live, type Panel } from "../ui/dom";
 import { geographic, NONE } from "../ui/format";
+import { api } from "../ui/api";
 import { pathOf } from "./path";
 import { fixLine, isPlace, positionOf } from "./position";
-import { drawTrack, STYLES, stretches, type TrackView, zoomed } from "./track";
+import { drawTrack, type Ground, STYLES, stretches, type TrackView, zoomed } from "./track";
+import { type Origin, TileBook, tilesUnder } from "./tiles";
 
 const POINTS = 4000;
+/** So strong is a map: the track is what is looked at. */
+const MAP_ALPHA = 0.75;
 const ZOOM = 1.5;
 const KEY_PX = 60;
 
@@ -45,6 +50,7 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
     button.addEventListener("click", act);
     tools.append(button);
   }
+  const map = mountMap(host.querySelector<HTMLElement>(".trackbox")!, tools, to, () => (due = true));
   listen(canvas, move, zoom, () => change(undefined));
   const tick = every(10);
   let kinds = "";
@@ -56,8 +62,9 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
       if (!position) return;
       const at = reading(deps);
       const i = sampleAt(position.channel, at);
-      const { points, here } = pathOf(position, at, i, POINTS);
-      shown = drawTrack(to, points, here, kept);
+      const { points, here, origin } = pathOf(position, at, i, POINTS);
+      shown = drawTrack(to, points, here, kept, origin && map.under(origin));
+      map.drawn();
       fix.set(fixLine(position, i) || NONE);
       const { ring } = position.channel;
       const [lat, lon] = i < 0 ? [NaN, NaN] : [ring.value(position.lat, i), ring.value(position.lon, i)];
@@ -73,6 +80,50 @@ export function mountLargeTrack(host: HTMLElement, deps: Deps): Panel {
       host.replaceChildren();
     },
   };
+}
+
+interface MapUnder {
+  /** What is drawn under a track whose grid begins at `origin`; undefined for the plain grid. */
+  under(origin: Origin): Ground | undefined;
+  /** Asks for the tiles that were missing. */
+  drawn(): void;
+}
+
+/** The map, its switch and its attribution; nothing of it unless a tile server is configured. */
+function mountMap(box: HTMLElement, tools: HTMLElement, to: Surface, changed: () => void): MapUnder {
+  const book = new TileBook(changed);
+  const [words, credit] = [new Live(), new Live()];
+  let shown = false;
+  void api.map().then((outcome) => {
+    if (!outcome.ok || !outcome.value.tiles) return;
+    shown = true;
+    const button = el("button", { type: "button", class: "btn edge", "aria-pressed": "true", title: "Map under the track" }, "Map");
+    button.addEventListener("click", () => {
+      shown = !shown;
+      button.setAttribute("aria-pressed", String(shown));
+      changed();
+    });
+    tools.append(button);
+    credit.set(outcome.value.attribution);
+    box.append(el("p", { class: "attribution" }, el("span", { class: "tagless" }, words.node), " ", credit.node));
+    changed();
+  });
+  const draw = (origin: Origin): Ground => (view, place) => {
+    const x = to.context;
+    let drawn = 0;
+    x.globalAlpha = MAP_ALPHA;
+    for (const tile of tilesUnder(view, origin, to.width(), to.height())) {
+      const image = book.get(tile);
+      if (!image) continue;
+      const [[left, top], [right, bottom]] = [place(tile.northWest), place(tile.southEast)];
+      x.drawImage(image, left, top, right - left + 0.5, bottom - top + 0.5); // half a pixel more: no seams
+      drawn += 1;
+    }
+    x.globalAlpha = 1;
+    words.set(book.failed > 0 && drawn === 0 ? "The tile server does not answer." : "");
+    return drawn > 0;
+  };
+  return { under: (origin) => (shown ? draw(origin) : undefined), drawn: () => book.fetch() };
 }
 
 /** Pointer, wheel and keys on the picture. */

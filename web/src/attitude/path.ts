@@ -11,6 +11,8 @@ export interface Path {
   readonly points: readonly (TrackPoint | undefined)[];
   /** The point that is read now. */
   readonly here: Point | undefined;
+  /** The place that the grid's zero is; undefined before the first place. */
+  readonly origin: readonly [lat: number, lon: number] | undefined;
 }
 
 /** Where each track's grid has its origin: the first place that was drawn, so that nothing moves when the window does. */
@@ -40,5 +42,5 @@ export function pathOf(position: Position, at: Reading, i: number, most: number)
     const quality = qualityOf(wordsOf(position, position.fix, k), wordsOf(position, position.carrier, k));
     points.push(where && { at: where, quality });
   }
-  return { points, here: i < 0 ? undefined : pointAt(i) };
+  return { points, here: i < 0 ? undefined : pointAt(i), origin: origins.get(position.channel) };
 }

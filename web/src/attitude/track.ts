@@ -68,8 +68,11 @@ export function stretches(points: readonly (TrackPoint | undefined)[]): readonly
   return found;
 }
 
+/** Draws what lies under the track; true when a line on it needs an edge to be seen. */
+export type Ground = (view: TrackView, place: (point: Point) => Point) => boolean;
+
 /** Draws `points`, oldest first; `here` is the one that is read now. Gives the view, fitted where none is given. */
-export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)[], here: Point | undefined, wanted?: TrackView): TrackView | undefined {
+export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)[], here: Point | undefined, wanted?: TrackView, ground?: Ground): TrackView | undefined {
   if (!to.begin()) return wanted;
   const x = to.context;
   const [w, h] = [to.width(), to.height()];
@@ -84,10 +87,11 @@ export function drawTrack(to: Surface, points: readonly (TrackPoint | undefined)
   }
   const place = ([east, north]: Point): Point => [w / 2 + (east - view.middle[0]) * view.scale, h / 2 - (north - view.middle[1]) * view.scale];
   const length = roundLength(Math.min(w * 0.4, 220) / view.scale);
-  drawGrid(x, w, h, place([0, 0]), length * view.scale);
-  for (const stretch of stretches(points)) drawLine(x, stretch.quality, stretch.points.map(place));
+  const covered = ground?.(view, place) ?? false;
+  if (!covered) drawGrid(x, w, h, place([0, 0]), length * view.scale);
+  for (const stretch of stretches(points)) drawLine(x, stretch.quality, stretch.points.map(place), covered);
   if (here) drawHere(x, place(here));
-  drawMarks(x, w, h, length, view.scale);
+  drawMarks(x, w, h, length, view.scale, covered);
   return view;
 }
 
@@ -98,10 +102,8 @@ function drawGrid(x: CanvasRenderingContext2D, w: number, h: number, [u0, v0]: P
   for (let v = ((v0 % step) + step) % step; v < h; v += step) x.fillRect(0, Math.round(v), w, 1);
 }
 
-function drawLine(x: CanvasRenderingContext2D, quality: Exclude<Quality, "none">, points: readonly Point[]): void {
+function drawLine(x: CanvasRenderingContext2D, quality: Exclude<Quality, "none">, points: readonly Point[], edged: boolean): void {
   const { width, dash } = STYLES[quality];
-  x.strokeStyle = css("--ink-2");
-  x.lineWidth = width;
   x.lineJoin = "round";
   x.lineCap = dash.length > 0 ? "butt" : "round";
   x.setLineDash([...dash]);
@@ -109,6 +111,15 @@ function drawLine(x: CanvasRenderingContext2D, quality: Exclude<Quality, "none">
   points.forEach(([u, v], k) => (k === 0 ? x.moveTo(u, v) : x.lineTo(u, v)));
   const [first] = points;
   if (points.length === 1 && first) x.lineTo(first[0] + 0.01, first[1]);
+  if (edged) {
+    x.strokeStyle = css("--bg");
+    x.lineWidth = width + 3.5;
+    x.setLineDash([]);
+    x.stroke();
+    x.setLineDash([...dash]);
+  }
+  x.strokeStyle = css(edged ? "--ink" : "--ink-2");
+  x.lineWidth = width;
   x.stroke();
   x.setLineDash([]);
 }
@@ -124,8 +135,13 @@ function drawHere(x: CanvasRenderingContext2D, [u, v]: Point): void {
 }
 
 /** Scale bar at the lower right, north at the upper left. */
-function drawMarks(x: CanvasRenderingContext2D, w: number, h: number, length: number, scale: number): void {
+function drawMarks(x: CanvasRenderingContext2D, w: number, h: number, length: number, scale: number, covered: boolean): void {
   font(x, 10.5);
+  if (covered) {
+    x.fillStyle = css("--bg");
+    x.fillRect(w - 14 - length * scale, h - 24, length * scale + 14, 24);
+    x.fillRect(0, 0, 18, 28);
+  }
   x.fillStyle = css("--ink-3");
   x.textBaseline = "alphabetic";
   x.textAlign = "right";

@@ -1,6 +1,7 @@
 /**
  * What do the status words say over time? One lane per flag or bit group that has ever been of interest (set once, or an
- * enumeration), under a lane for losses; of a family with dozens, the ten that say most, and the others one click away. Normal is neutral; yellow and crimson are kept for a caution and a fault.
+ * enumeration), under a lane for losses; of a family with dozens, the ten that say most, and the others one click away. Normal is
+ * neutral; yellow and crimson are kept for a caution and a fault.
  *
  * Lanes are drawn from the OR and AND of the word in every pixel (buckets.ts), so that a flag that was up for 5 ms is a mark at any
  * zoom, and the cost is that of the pixels.

@@ -207,7 +207,7 @@ export class Plot {
     setFont(x, look, 11, 650);
     for (const { series, y } of letters) {
       x.fillStyle = look.colour[series.colour];
-      const text = look.narrow ? series.label.slice(0, 3) : series.label;
+      const text = look.narrow && series.label.length > 3 ? series.label.charAt(0) : series.label; // whole, or a letter
       x.fillText(text, w.left + w.width + 4, Math.min(this.sheet.height - 7, Math.max(this.inset(look) + 6, y)), look.tail - 5);
     }
   }

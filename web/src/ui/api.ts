@@ -83,6 +83,8 @@ export const api = {
   retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
   /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */
   probe: () => request<unknown>("GET", "/api/devices"),
+  /** Whether a tile server is configured, and whom its tiles are owed to. */
+  map: () => request<{ readonly tiles: boolean; readonly attribution: string }>("GET", "/api/map"),
   ports: () => request<readonly Port[]>("GET", "/api/ports"),
   /** Listens on every free port; takes some seconds. */
   scanPorts: () => request<readonly Port[]>("POST", "/api/ports/scan", {}),

@@ -1,0 +1,121 @@
+/**
+ * Which tiles of a map lie under the track, and where? A tile is 256 px of the world in Mercator's projection, cut into 2^z by 2^z; the
+ * track is in metres on a plain grid about its first point. The corners of each tile are put onto that grid, so track and map agree
+ * where the track is. Tiles come through our own port (server/api/map_tiles.py), a few at a time, and the last are kept.
+ */
+import { metresFrom } from "./maths";
+import type { Point, TrackView } from "./track";
+
+export const TILE_PX = 256;
+/** Tile servers rarely have more; a closer look shows these larger. */
+const DEEPEST = 19;
+const EQUATOR_M = 40_075_016.7;
+/** More than a screen full: nothing of a picture asks for more, whatever its size. */
+const MOST_TILES = 96;
+const KEPT = 256;
+const AT_ONCE = 6;
+const RADIAN = Math.PI / 180;
+/** Mercator's square ends here. */
+const NORTHMOST = 85.0511;
+
+export type Origin = readonly [lat: number, lon: number];
+
+export interface Placed {
+  readonly z: number;
+  readonly x: number;
+  readonly y: number;
+  /** Corners on the track's grid, m. */
+  readonly northWest: Point;
+  readonly southEast: Point;
+}
+
+/** The zoom at which a tile's pixels are closest to the picture's; `scale` in px a metre. */
+export function zoomOf(scale: number, lat: number): number {
+  const wanted = Math.log2((EQUATOR_M * Math.cos(lat * RADIAN) * scale) / TILE_PX);
+  return Math.min(DEEPEST, Math.max(0, Math.round(wanted)));
+}
+
+/** Column and row, not rounded, of a place at zoom `z`. */
+export function tileAt(lat: number, lon: number, z: number): readonly [x: number, y: number] {
+  const p = Math.min(NORTHMOST, Math.max(-NORTHMOST, lat)) * RADIAN;
+  const n = 2 ** z;
+  return [((lon + 180) / 360) * n, ((1 - Math.asinh(Math.tan(p)) / Math.PI) / 2) * n];
+}
+
+/** The place at a column and row: the inverse of `tileAt`. */
+export function placeAt(x: number, y: number, z: number): Origin {
+  const n = 2 ** z;
+  return [Math.atan(Math.sinh(Math.PI * (1 - (2 * y) / n))) / RADIAN, (x / n) * 360 - 180];
+}
+
+/** The tiles under a picture of `w` by `h` px; none where they would be too many. */
+export function tilesUnder(view: TrackView, origin: Origin, w: number, h: number): readonly Placed[] {
+  const [reachE, reachN] = [w / 2 / view.scale, h / 2 / view.scale];
+  const perDegree = metresFrom([0, 0], 1, 0)[1];
+  const placeOf = (east: number, north: number): Origin => [origin[0] + north / perDegree, origin[1] + east / (perDegree * Math.cos(origin[0] * RADIAN))];
+  const z = zoomOf(view.scale, origin[0]);
+  const [left, top] = tileAt(...placeOf(view.middle[0] - reachE, view.middle[1] + reachN), z).map(Math.floor) as [number, number];
+  const [right, bottom] = tileAt(...placeOf(view.middle[0] + reachE, view.middle[1] - reachN), z).map(Math.floor) as [number, number];
+  const n = 2 ** z;
+  if ((right - left + 1) * (bottom - top + 1) > MOST_TILES) return [];
+  const found: Placed[] = [];
+  for (let x = left; x <= right; x += 1) {
+    for (let y = Math.max(0, top); y <= Math.min(n - 1, bottom); y += 1) {
+      const corner = (dx: number, dy: number): Point => metresFrom(origin, ...placeAt(x + dx, y + dy, z));
+      found.push({ z, x: ((x % n) + n) % n, y, northWest: corner(0, 0), southEast: corner(1, 1) }); // round the world
+    }
+  }
+  return found;
+}
+
+/** The pictures of tiles, as they come. `changed` is called when one more is there. */
+export class TileBook {
+  readonly #images = new Map<string, HTMLImageElement>();
+  readonly #waiting = new Set<string>();
+  #loading = 0;
+  /** Tiles that could not be had, since the last that could. */
+  failed = 0;
+
+  constructor(readonly changed: () => void) {}
+
+  /** The picture of a tile; undefined while it is not here, and it is asked for. */
+  get({ z, x, y }: Placed): HTMLImageElement | undefined {
+    const path = `/api/tiles/${z}/${x}/${y}`;
+    const image = this.#images.get(path);
+    if (image !== undefined) {
+      this.#images.delete(path); // the last one used is the last one to go
+      this.#images.set(path, image);
+      return image.complete && image.naturalWidth > 0 ? image : undefined;
+    }
+    this.#waiting.add(path);
+    return undefined;
+  }
+
+  /** Ask for what was missing; what is not wanted any more is forgotten. To be called after each drawing. */
+  fetch(): void {
+    for (const path of this.#waiting) {
+      if (this.#loading >= AT_ONCE) break;
+      this.#waiting.delete(path);
+      this.#load(path);
+    }
+    this.#waiting.clear();
+  }
+
+  #load(path: string): void {
+    const image = new Image();
+    this.#images.set(path, image);
+    this.#loading += 1;
+    const done = (good: boolean): void => {
+      this.#loading -= 1;
+      this.failed = good ? 0 : this.failed + 1;
+      this.changed();
+    };
+    image.onload = () => done(true);
+    image.onerror = () => done(false);
+    image.src = path;
+    for (const old of this.#images.keys()) {
+      if (this.#images.size <= KEPT) break;
+      this.#images.delete(old);
+    }
+  }
+}
