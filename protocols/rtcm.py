@@ -7,6 +7,9 @@ L has ten bits, so a message has at most 1029 bytes. The CRC is CRC-24Q over eve
 first. Corrections from a base station pass through the ports of an Inertial Sense device; here they are found, checked
 and named. D3 alone is one byte in 256, so a candidate that fails its check is no news and is not reported.
 
+A stream that holds nothing but corrections (a caster's) is taken apart by `Splitter`; there, bytes that belong to no
+message are a loss, and counted.
+
 Source: RTCM 10403.3, section 4 (transport layer) and table 3.5-1 (messages).
 """
 
@@ -68,3 +71,47 @@ def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
     number = frame[3] << 4 | frame[4] >> 4 if length >= 2 else -1
     fields = {"number": number, "title": NAMES.get(number, ""), "length": length}
     return Found(at, size, "rtcm3", str(number) if length >= 2 else "empty", frame.hex(), fields)
+
+
+class Splitter:
+    """Whole messages out of a stream of corrections that arrives in any pieces.
+
+    Attributes:
+        skipped: bytes so far that belong to no message.
+        rejected: how many stretches of such bytes there were: each is at least one message lost or damaged.
+    """
+
+    def __init__(self) -> None:
+        self.skipped = 0
+        self.rejected = 0
+        self._kept = b""
+        self._lost = False  # the last bytes were of no message
+
+    def feed(self, data: bytes) -> list[Found]:
+        """The messages that these bytes complete, with their hex as `line`; offsets mean nothing here."""
+        self._kept += data
+        found: list[Found] = []
+        at = 0
+        while at < len(self._kept):
+            one = message_at(self._kept, at, final=False) if self._kept[at] == SYNC[0] else None
+            if one == WAIT:
+                break
+            if isinstance(one, Found):
+                found.append(one)
+                at += one.size
+                self._lost = False
+                continue
+            self.skipped += 1
+            self.rejected += not self._lost
+            self._lost = True
+            at += 1
+        self._kept = self._kept[at:]
+        return found
+
+
+def epoch_ms(number: int, frame: bytes) -> int | None:
+    """Time of week of the observations in a message, ms; None for a message that has none, or GLONASS's time of day."""
+    timed = 1001 <= number <= 1004 or (1071 <= number <= 1137 and not 1081 <= number <= 1087 and 1 <= number % 10 <= 7)
+    if not timed or len(frame) < HEADER + 7:
+        return None
+    return int.from_bytes(frame[HEADER + 3 : HEADER + 7], "big") >> 2

@@ -10,9 +10,10 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from server import speech as default_speech
-from server.api import build, control, devices, errors, forms, live, map_tiles, page, ports, snapshots
+from server.api import build, control, corrections, devices, errors, forms, live, map_tiles, page, ports, snapshots
 from server.auth import Access, Guard
 from server.config import Config
+from server.correction_desk import CorrectionDesk
 from server.desks import Desks
 from server.hub import Hub
 from server.links import open_link
@@ -54,6 +55,7 @@ def create_app(
             sessions.add(source, reading if config.sources else Reading())
         await desks.resume()
         yield
+        await app.state.corrections.close()
         await sessions.close()
 
     app = FastAPI(
@@ -68,6 +70,7 @@ def create_app(
     app.state.hub = hub
     app.state.sessions = sessions
     app.state.desks = desks
+    app.state.corrections = CorrectionDesk(sessions)
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.scan_lock = asyncio.Lock()
@@ -79,6 +82,7 @@ def create_app(
         control,
         forms,
         snapshots,
+        corrections,
         ports,
         build,
         map_tiles,

@@ -1,0 +1,63 @@
+"""Corrections for a device's receiver: which stream is forwarded, and how it goes."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request
+from pydantic import BaseModel, ConfigDict, Field
+
+from protocols.registry import PROTOCOLS
+from server.api.devices import OneSession
+from server.api.errors import ApiError, responses
+from server.casters import CorrectionError
+from server.correction_desk import CorrectionDesk
+from server.forms import Corrections
+
+router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
+
+
+class SetCorrections(BaseModel):
+    """A stream to forward."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    source: str = Field(
+        min_length=1,
+        max_length=1000,
+        description="ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file on the server; RTCM 3",
+    )
+
+
+def desk_of(request: Request) -> CorrectionDesk:
+    desk: CorrectionDesk = request.app.state.corrections
+    return desk
+
+
+TheDesk = Annotated[CorrectionDesk, Depends(desk_of)]
+
+
+@router.get("/corrections", responses=responses(404, 422))
+async def get_corrections(session: OneSession, desk: TheDesk) -> Corrections:
+    """The stream that is forwarded; an empty source where there is none. The password is never told."""
+    return desk.state(session)
+
+
+@router.put("/corrections", responses=responses(400, 404, 409, 422))
+async def put_corrections(session: OneSession, desk: TheDesk, body: SetCorrections) -> Corrections:
+    """Forward this stream, in place of the one before."""
+    if not desk.takes(session):
+        title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
+        hint = "An MTi-680G takes them, and any Inertial Sense device."
+        raise ApiError(409, "no-receiver", f"{title} {session.info.product} takes no corrections.", hint)
+    try:
+        await desk.begin(session, body.source)
+    except CorrectionError as error:
+        raise ApiError(400, "bad-source", error.message, error.hint) from None
+    return desk.state(session)
+
+
+@router.delete("/corrections", responses=responses(404, 422))
+async def delete_corrections(session: OneSession, desk: TheDesk) -> Corrections:
+    """Stop; what was counted is told a last time."""
+    return await desk.end(session)
