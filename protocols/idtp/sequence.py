@@ -16,9 +16,10 @@ false one. Therefore
     silence     when nothing of a device was accepted for 3 s, an older number is a restart. By arrival time, so it
                 never happens in a file that is read without.
 
-In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). A frame
-changes the state only after all its other checks have passed; a Secure frame that could not be verified never does, and
-is not judged.
+In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). Where
+weaker frames are accepted beside Secure ones, a verified frame is judged by the verified ones before it alone: a forged
+number can neither lock the device out nor make an old frame new. A frame changes the state only after all its other
+checks have passed; a Secure frame that could not be verified never does, and is not judged.
 
 Source: IDTP v2.1.0, section 6.1, with its erratum 6.
 """
@@ -41,7 +42,7 @@ SILENCE_NS = 3_000_000_000
 
 # What is remembered of each device. The table has a row for each of the 2^16 that there can be; the system gives memory
 # only to rows that are used.
-KNOWN, LAST, ACCEPTED_NS, LAST_MODE, CANDIDATE = range(5)
+KNOWN, LAST, ACCEPTED_NS, LAST_MODE, CANDIDATE, VERIFIED, LAST_VERIFIED = range(7)
 STATES = 8  # a power of two: a row is one line of a cache
 
 LOST, TIMESTAMP, MODE, KEY = range(4)
@@ -66,16 +67,17 @@ def _agrees(candidate: int, sequence: int) -> bool:
 def _verdict(states: Ints, sender: int, sequence: int, mode: int, arrival: int) -> int:
     """Of one frame of a known device."""
     device = unsigned(sender)
+    if mode == SECURE:
+        newer = 0 < (sequence - states[device, LAST_VERIFIED]) & MASK < HALF
+        return FRAME if newer or not states[device, VERIFIED] else STALE
     ahead = (sequence - states[device, LAST]) & MASK
-    if 0 < ahead < HALF and (mode == SECURE or ahead <= FAR):
-        return FRAME
-    if mode < SECURE and _agrees(states[device, CANDIDATE], sequence):
+    if 0 < ahead <= FAR or _agrees(states[device, CANDIDATE], sequence):
         return FRAME
     if 0 < ahead < HALF:
         states[device, CANDIDATE] = sequence
         return FAR_AHEAD
     silent = arrival - states[device, ACCEPTED_NS] >= SILENCE_NS
-    return FRAME if silent and mode < SECURE and states[device, LAST_MODE] < SECURE else STALE
+    return FRAME if silent and states[device, LAST_MODE] < SECURE else STALE
 
 
 @compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, STRIDED)
@@ -120,7 +122,7 @@ def judge(
         if states[device, KNOWN]:
             ahead = (sequence - states[device, LAST]) & MASK
             verdict = FRAME
-            if check and ahead != 1:
+            if check and (ahead != 1 or mode == SECURE):
                 verdict = _verdict(states, table[SENDER, f], sequence, mode, arrival[f])
             if verdict != FRAME:
                 out[LOST, f] = -verdict
@@ -133,6 +135,9 @@ def judge(
         states[device, LAST] = sequence
         states[device, ACCEPTED_NS] = arrival[f]
         states[device, LAST_MODE] = mode
+        if mode == SECURE:
+            states[device, VERIFIED] = 1
+            states[device, LAST_VERIFIED] = sequence
         states[device, CANDIDATE] = -1
     return dropped, gaps, other, mixed
 

@@ -135,8 +135,10 @@ def _candidate(data: bytes, key: bytes | None, min_mode: int, unverified: bool) 
 
 
 def judge(frames: list[Frame], *, keyed: bool = False) -> tuple[list[tuple[Frame, int]], list[tuple[int, str]]]:
-    """Frames that count, each with how many were lost before it, and the others with the reason. Nothing is silent."""
+    """Frames that count, each with how many were lost before it, and the others with the reason. Nothing is silent.
+    A verified Secure frame need only be newer than the verified ones."""
     last: dict[int, int] = {}
+    verified: dict[int, int] = {}
     candidate: dict[int, int] = {}
     good, bad = [], []
     for frame in frames:
@@ -147,7 +149,9 @@ def judge(frames: list[Frame], *, keyed: bool = False) -> tuple[list[tuple[Frame
         further = (frame.sequence - candidate.get(frame.device, frame.sequence)) % 2**32
         agrees = frame.mode != SECURE and 0 < further <= FAR
         newer = 0 < ahead < 2**31
-        near = newer and (frame.mode == SECURE or ahead <= FAR)
+        near = newer and ahead <= FAR
+        if frame.mode == SECURE:
+            newer = near = 0 < (frame.sequence - verified.get(frame.device, frame.sequence - 1)) % 2**32 < 2**31
         if newer and not near and not agrees:
             candidate[frame.device] = frame.sequence
             bad.append((frame.offset, "far_ahead"))
@@ -156,8 +160,10 @@ def judge(frames: list[Frame], *, keyed: bool = False) -> tuple[list[tuple[Frame
             bad.append((frame.offset, "stale"))
             continue
         last[frame.device] = frame.sequence
+        if frame.mode == SECURE:
+            verified[frame.device] = frame.sequence
         candidate.pop(frame.device, None)
-        good.append((frame, ahead - 1))
+        good.append((frame, ahead - 1 if 0 < ahead < 2**31 or agrees else 0))
     return good, bad
 
 

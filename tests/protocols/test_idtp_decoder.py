@@ -118,6 +118,18 @@ def test_silence_does_not_weaken_a_secure_device() -> None:
     assert reasons(events) == ["stale"]
 
 
+def test_weaker_frames_neither_lock_a_secure_device_out_nor_let_old_frames_in() -> None:
+    """A key, and Lite accepted beside Secure: one forged Lite number made 2^16 genuine frames stale; and, after 3 s of
+    silence, made a recorded Secure frame new again, shown as verified."""
+    genuine = [(0.001 * n, acc(n, SECURE)) for n in range(5)]
+    forged = (0.01, acc(60_000, LITE))
+    events = play([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
+    assert shown(events) == [0, 1, 2, 3, 4, 60_000, 5, 6]
+    assert [event.missing for event in events if isinstance(event, Gap)] == [60_000 - 5]
+    replay = [forged, (9.0, acc(1, LITE)), (9.1, acc(2, SECURE)), (9.2, acc(3, SECURE))]
+    assert reasons(play([*genuine, *replay], key=KEY, min_mode=LITE)) == ["stale", "stale"]
+
+
 def test_one_frame_far_ahead_does_not_lock_a_device_out() -> None:
     far = 1_000_000
     assert shown(play([acc(5), acc(far), acc(6), acc(7)])) == [5, 6, 7]
