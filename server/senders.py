@@ -171,11 +171,14 @@ class Senders:
             sender.intake.samples = 0  # the next sample makes it live again
 
     def healths(self, now: float, capacity: float | None) -> list[wire.DeviceHealth]:
-        """The figures of every device of the link for the page, its own first."""
+        """The figures of every device of the link for the page, its own first. What was refused is the link's: nobody
+        can say who sent it."""
         found = []
         for sender in self.all:
             clock = sender.intake.clock if sender.intake is not None else None
             found.append(health(sender.portrait.info.id, sender.figures, clock, capacity, now))
+        for one in found[1:]:
+            one.rejects, one.rejects_by = found[0].rejects, found[0].rejects_by
         return found
 
     def raws(self, now: float) -> list[wire.RawPayload]:

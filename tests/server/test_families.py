@@ -288,6 +288,17 @@ def test_what_one_of_several_loses_is_its_own() -> None:
     play(test)
 
 
+def test_what_is_refused_on_a_shared_link_is_shown_with_each_of_its_devices() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9, corrupt=0.2, seed=3)), 3)
+        first, second = stage.session.healths(stage.clock())
+        assert first.rejects > 50
+        assert (first.rejects, first.rejects_by) == (second.rejects, second.rejects_by)
+        assert {event.device for event in stage.events("reject")} == {"1"}, "told once"
+
+    play(test)
+
+
 @pytest.mark.parametrize("stops", [7, 9])
 def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
     async def test(stage: Stage) -> None:

@@ -119,3 +119,18 @@ it("does not join lines over a clock that started again, in channels known befor
     expect(ring.breaks.map((row) => ring.time(row - ring.first))).toEqual([1000.1]);
   }
 });
+
+describe("what is verified and what is not", () => {
+  it("stands in that order where a quantity came both ways, and the horizon is the verified one's", () => {
+    const old = { ...info(7, "Quaternion?", "quaternion", ["q0", "q1", "q2", "q3"].map((name) => column(name))), device: "9", verified: false };
+    const pressure = { ...info(8, "Pressure?", "scalar", [column("value")]), device: "9", verified: false };
+    store.receive({ kind: "text", text: { op: "channels", channels: [old, pressure] } });
+    const names = (): readonly string[] => store.channels.value.filter((one) => one.info.device === "9").map((one) => one.info.name);
+    const euler = (): boolean | undefined => store.channel("9", "EulerAngles")?.info.verified;
+    expect(names()).toEqual(["Quaternion?", "Pressure?", "EulerAngles"]);
+    expect(euler()).toBe(false);
+    store.receive({ kind: "text", text: { op: "channels", channels: [{ ...old, id: 9, name: "Quaternion", verified: true }] } });
+    expect(names()).toEqual(["Pressure?", "Quaternion", "EulerAngles", "Quaternion?"]);
+    expect(euler()).toBe(true);
+  });
+});

@@ -59,15 +59,19 @@ function letter(byte: number): string {
 /** A description of an IDTP payload type to begin with: its bytes as whole numbers, for a person to name. */
 export function descriptionOf(id: number, size: number): string {
   const field = size % 2 === 0 ? { type: "i16", count: size / 2 } : { type: "u8", count: size };
-  const count = field.count > 1 ? `count = ${field.count}               # so many of them, ${size} bytes in all\n` : "";
-  return `[[message]]
+  const count = field.count > 1 ? `count = ${field.count}\n` : "";
+  return `# ${size} bytes in all; one [[message.field]] for each quantity, in the order of the bytes.
+# type: i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
+# count: how many of them; left out, one
+# unit: "m/s", "°C"; shown = sent × scale
+[[message]]
 type = 0x${id.toString(16).toUpperCase().padStart(2, "0")}
 name = "Vendor${id.toString(16).toUpperCase()}"
 
-[[message.field]]          # once for each quantity, in the order of the bytes
+[[message.field]]
 name = "Values"
-type = "${field.type}"             # i8 u8 i16 u16 i32 u32 i64 u64 f32 f64, little-endian
-${count}unit = ""                  # "m/s", "°C"
-scale = 1.0                # shown = sent × scale
+type = "${field.type}"
+${count}unit = ""
+scale = 1.0
 `;
 }

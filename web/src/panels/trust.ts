@@ -38,6 +38,11 @@ const REASONS: Readonly<Record<string, string>> = {
   bad_crc32: "bad CRC-32",
   below_min_mode: "mode too weak",
   stale: "old sequence number",
+  far_ahead: "sequence number far ahead",
+  bad_id: "unknown number",
+  bad_version: "other version",
+  bad_mode: "unknown mode",
+  indt: "successor protocol (INDT)",
   bad_nmea: "bad NMEA line",
 };
 
