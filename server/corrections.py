@@ -216,6 +216,7 @@ class _Counts:
 
     rejected: int = 0
     refused: int = 0
+    asked_at: float | None = None  # when the last message was sent: an error after it answers it
     forwarded_at: float | None = None
 
 
@@ -326,6 +327,7 @@ class Forwarding:
         if not self._is_there():
             raise CorrectionError("The device was removed.", over=True)
         xbus = self._session.info.protocol == "xbus"
+        self._counts.asked_at = time.monotonic()  # before: a twin answers at once
         try:
             await self._session.send(xbus_frame(FORWARD_GNSS_DATA, message) if xbus else message)
         except LinkError as error:
@@ -345,7 +347,7 @@ class Forwarding:
         """Where the device is, and whether it refused."""
         self._places.hear(event)
         if isinstance(event, Reply) and event.message.id == ERROR and self._session.info.protocol == "xbus":
-            at = self._counts.forwarded_at
+            at = self._counts.asked_at
             if at is not None and time.monotonic() - at < ANSWER_S:
                 self._counts.refused += 1
 
