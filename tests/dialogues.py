@@ -18,7 +18,8 @@ STEP_NS = 1_000_000  # how finely time passes while something is awaited
 
 
 class Twin(Protocol):
-    baud: int
+    @property
+    def baud(self) -> int: ...
 
     def advance(self, now_ns: int) -> bytes: ...
 
@@ -47,6 +48,7 @@ class Wire:
         self._step_ns = step_ns
         self._decoder = self._fresh()
         self._events: deque[Event] = deque()
+        self._asking = False
 
     def _fresh(self) -> Decoder:
         return PROTOCOLS[self.protocol].decoder()
@@ -91,8 +93,11 @@ class Wire:
         self._events.clear()
 
     def do(self, act: Act) -> Any:
-        """Do one act; what the dialogue is to be sent."""
+        """Do one act; what the dialogue is to be sent. A Send after a wait forgets what nobody waited for."""
+        asked, self._asking = self._asking, isinstance(act, Send)
         if isinstance(act, Send):
+            if not asked:
+                self._events.clear()
             return self.write(act)
         if isinstance(act, Expect):
             return self.expect(act)

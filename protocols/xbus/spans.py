@@ -94,8 +94,8 @@ def _of_items(payload: bytes, at: int) -> Iterator[Span]:
 def _of_field(field: Field, value: Any, at: int, path: str) -> Iterator[Span]:
     """One field; each element of a list, and each field of a record, by itself."""
     if field.dtype in ("bytes", "ascii") or (field.shape and not field.fields and not isinstance(value, list)):
-        if len(value):
-            yield Span(at, size_of(field), _words(field, value), path)
+        if size := size_of(field):
+            yield Span(at, size, _words(field, value), path)
         return
     elements = value if field.shape else [value]
     step = size_of(field) // max(len(elements), 1)
