@@ -38,7 +38,7 @@ from server.wire import Trial
 
 log = logging.getLogger("imuscope.trials")
 
-ROUNDS = 6  # new and old rate, in turn
+ROUNDS = 4  # new and old rate, in turn
 RESTART_S = 3.0  # a device that restarts answers after 2 s
 PORT_BACK_S = 60.0  # a port that vanished (USB restarts with the device) may take so long
 UNREACHABLE = (

@@ -259,6 +259,11 @@ class Bench(threading.Thread):
         self.slave = os.ttyname(self._slave_fd)
         self._held = b""  # bytes that the pseudo-terminal, which has room for 4 kB, did not take yet
         self._stopped = False
+        self._cycled = False
+
+    def cycle(self) -> None:
+        """Switch the device's power off and on; its port stays."""
+        self._cycled = True
 
     def run(self) -> None:
         try:
@@ -282,7 +287,8 @@ class Bench(threading.Thread):
             now_ns = self._now_ns()
             if options.unplug_s and now_ns - born_ns >= options.unplug_s * 1e9:
                 break
-            if options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9:
+            if self._cycled or (options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9):
+                self._cycled = False
                 powered_ns, device = now_ns, again(device, now_ns, self._make)
                 self.device = device
             for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
@@ -307,6 +313,8 @@ class Bench(threading.Thread):
                 except OSError as error:
                     if error.errno not in (errno.EIO, errno.EAGAIN):  # EIO: nobody has the port open
                         raise
+            elif fd == self._master:
+                time.sleep(TICK_NS / 1e9)  # nobody has the port open, which poll reports without waiting
 
     def _put(self, data: bytes) -> None:
         """Hand bytes to the port. What it cannot hold is lost, as at a real port that nobody reads.

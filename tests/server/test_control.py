@@ -1,0 +1,303 @@
+"""Commands to a real twin behind a real pseudo-terminal: one at a time, seen by everybody, and it measures afterwards."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Expect, Pause, Relink, Send
+from protocols.events import Event
+from server.control import Desk, DeskError
+from server.links.base import LinkError
+from server.runner import Runner
+from server.wire import ExchangeEntry
+from tests.server.desk import house, outputs, over, until
+
+GO_TO_MEASUREMENT = "faff1000f1"
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def sent(desk: Desk) -> list[ExchangeEntry]:
+    return [entry for entry in desk.log.tail(limit=2000) if entry.way == "tx"]
+
+
+def test_a_rate_is_changed_and_measured(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?rate=100&baud=921600")
+            job = await here.apply(desk, {"OutputConfiguration": outputs(400)})
+            assert (job.state, job.outcomes) == ("done", [])
+
+            def rate() -> float:
+                return desk.session.health(here.hub.now()).rate
+
+            await until(lambda: 380 < rate() < 420, "400 samples/s")
+            assert desk.values["OutputConfiguration"] == outputs(400)
+            assert desk.session.info.status == "live"
+
+    run(check())
+
+
+def test_what_the_device_rounds_is_told_field_by_field(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            job = await here.apply(desk, {"OutputConfiguration": outputs(130, 0x2010)})
+            assert job.state == "done"
+            assert [(one.path, one.asked, one.got) for one in job.outcomes] == [
+                ("outputs.2.output_frequency", "130 Hz", "100 Hz")
+            ]
+
+    run(check())
+
+
+def test_what_is_so_already_is_not_written(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            await here.apply(desk, {"LocationID": {"location_id": 7}})
+            job = await here.apply(desk, {"LocationID": {"location_id": 7}})
+            assert "Nothing to change" in job.message
+            assert [entry.name for entry in sent(desk)].count("SetLocationID") == 1
+
+    run(check())
+
+
+def test_two_people_command_at_once_and_take_turns(tmp_path: Path) -> None:
+    """Their exchanges never mix: between GoToConfig and GoToMeasurement there is one job's."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            first = desk.add("first", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 1}}, ""))
+            second = desk.add("second", here.desks.jobs.apply(desk, {"LocationID": {"location_id": 2}}, ""))
+            assert [job.title for job in desk.control.queue] == ["first", "second"]
+            await until(lambda: desk.control.running is not None, "the first runs")
+            running = desk.control.running
+            assert running is not None
+            assert running.title == "first"
+            assert here.hub.controls[desk.device].queue[0].title == "second"  # as browsers are told
+            jobs = [await over(first), await over(second)]
+            assert [job.state for job in jobs] == ["done", "done"]
+            ended = jobs[0].ended
+            assert ended is not None
+            assert jobs[1].started is not None
+            assert jobs[1].started >= ended
+            assert desk.values["LocationID"] == {"location_id": 2}
+
+    run(check())
+
+
+def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?baud=9600&rate=5")
+            task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+            await until(lambda: desk.state == "Config", "the device is in Config")
+            await desk.drop(task.job.id)
+            assert task.job.state == "stopped"
+            assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
+            await until(lambda: desk.state == "Measurement", "it measures again")
+            job = await here.read(desk)  # the queue goes on
+            assert job.state == "done"
+
+    run(check())
+
+
+def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
+    async def check() -> None:
+        desk: Desk
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?baud=9600&rate=5")
+            desk.add("Read", here.desks.jobs.read(desk, None, ""))
+            await until(lambda: desk.state == "Config", "the device is in Config")
+        assert sent(desk)[-1].hex == GO_TO_MEASUREMENT
+
+    run(check())
+
+
+def test_a_job_that_waits_is_taken_out_and_an_unknown_one_is_told(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
+            await desk.drop(tasks[2].job.id)
+            assert tasks[2].job.state == "stopped"
+            with pytest.raises(DeskError, match="No job 99"):
+                await desk.drop(99)
+            await over(tasks[1])
+
+    run(check())
+
+
+def test_a_full_queue_says_so(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            with pytest.raises(DeskError, match="that is the most"):
+                for _ in range(20):
+                    desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], ""))
+
+    run(check())
+
+
+def test_silence_while_configuring_is_not_called_lost(tmp_path: Path) -> None:
+    """The device does not measure while it is configured; the page said it was lost."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?baud=9600&rate=20")
+            seen: set[str] = set()
+            task = desk.add("Read", here.desks.jobs.read(desk, None, ""))
+            while not task.over.is_set():
+                seen.add(desk.session.info.status)
+                await asyncio.sleep(0.02)
+            assert seen == {"live"}
+
+    run(check())
+
+
+def test_the_exchange_is_told_in_both_directions(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus")
+            await here.apply(desk, {"LocationID": {"location_id": 3}})
+            entries = desk.log.tail(limit=500)
+            at = next(place for place, one in enumerate(entries) if one.name == "SetLocationID")
+            asked, answered = entries[at], entries[at + 1]
+            assert (asked.way, asked.hex, asked.text) == ("tx", "faff8402000378", "location_id 3")
+            assert (answered.way, answered.name) == ("rx", "SetLocationIDAck")
+            assert answered.hex.startswith("faff85")
+            assert answered.ms is not None
+            assert 0 <= answered.ms < 500
+            assert [one.seq for one in entries] == sorted(one.seq for one in entries)
+            told = [event for event in here.hub.log if event.kind == "command"]
+            assert "SetLocationID" in [event.data["message"] for event in told]
+
+    run(check())
+
+
+def test_a_stubborn_device_is_reset_and_caught(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?stubborn=1")
+            job = await here.read(desk)
+            assert job.state == "done", job.message
+            assert "Reset" in [entry.name for entry in sent(desk)]
+
+    run(check())
+
+
+# ── the runner alone ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+class Wire:
+    """A channel that the test holds."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+        self.linked: list[int | None] = []
+        self.refuses = False
+        self._hear: Any = None
+
+    async def send(self, data: bytes) -> None:
+        self.sent.append(data)
+
+    async def relink(self, baud: int | None) -> None:
+        if self.refuses:
+            raise LinkError("refused", "No such rate.")
+        self.linked.append(baud)
+
+    def listen(self, callback: Any) -> Any:
+        self._hear = callback
+        return lambda: None
+
+    def decode(self) -> None:
+        return
+
+    def say(self, word: Any) -> None:
+        self._hear(word)
+
+
+class Ear:
+    """What is told to the log."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def sent(self, frame: bytes, what: str) -> None: ...
+
+    def matched(self, event: Event) -> None: ...
+
+    def note(self, text: str, *, fault: bool = False) -> None:
+        self.notes.append(text)
+
+
+def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
+    async def check() -> None:
+        wire = Wire()
+
+        def ask() -> Any:
+            yield Send(b"?")
+            wire.say("answer")
+            return (yield Expect(lambda event: event if event == "answer" else None, 1))  # type: ignore[arg-type, return-value]
+
+        assert await Runner(wire, Ear()).run(ask()) == "answer"
+
+    run(check())
+
+
+def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
+    async def check() -> None:
+        wire = Wire()
+
+        def ask() -> Any:
+            yield Send(b"1")
+            yield Pause(0)
+            wire.say("late")
+            yield Send(b"2")
+            return (yield Expect(lambda event: event, 0.01))
+
+        assert await Runner(wire, Ear()).run(ask()) is None
+
+    run(check())
+
+
+def test_a_rate_that_cannot_be_had_is_told_and_noted() -> None:
+    async def check() -> None:
+        wire, ear = Wire(), Ear()
+        wire.refuses = True
+
+        def ask() -> Any:
+            return (yield Relink(921_600))
+
+        assert await Runner(wire, ear).run(ask()) is False
+        assert ear.notes == ["The link could not be opened at 921 600 Bd: No such rate."]
+
+    run(check())
+
+
+def test_a_runner_that_is_cancelled_writes_the_last_words() -> None:
+    async def check() -> None:
+        wire = Wire()
+
+        def ask() -> Any:
+            try:
+                yield Expect(lambda event: None, 60)
+            finally:
+                yield Send(b"measure")
+
+        task = asyncio.create_task(Runner(wire, Ear()).run(ask()))
+        await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert task.cancelled()
+        assert wire.sent == [b"measure"]
+
+    run(check())

@@ -1,0 +1,234 @@
+"""The dead man's hand: nobody there, a killed server, a line that cannot carry the rate, another device, a full disk."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from httpx import Client
+
+from protocols.xbus.device import XbusDevice
+from server import durable, trials
+from server.control import Desk, DeskError
+from server.links.twin import Bench
+from server.trials import Record, Trials
+from tests.process import ServerProcess
+from tests.server.desk import House, at_rate, bench, house, over, until
+
+FAST = 0x80  # the code of 921 600 Bd
+SOURCE = "twin:xbus?baud=115200"
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+async def faster(here: House, desk: Desk) -> Any:
+    """Put 921 600 Bd on trial; the task."""
+    await here.read(desk)
+    new = at_rate(dict(desk.values["PortConfig"]), FAST)
+    return desk.add("Write Ports", here.desks.jobs.apply(desk, {"PortConfig": new}, ""))
+
+
+def files(data: Path) -> list[Path]:
+    return list((data / "trials").glob("*.json"))
+
+
+def test_nobody_keeps_it_so_it_goes_back(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path, trial_s=1.0) as here:
+            desk = await here.add(SOURCE)
+            task = await faster(here, desk)
+            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            assert desk.session.baud == 921_600
+            assert desk.trial is not None
+            assert desk.trial.words == (
+                "The device answers at 921 600 Bd. If you say nothing, it goes back to 115 200 Bd."
+            )
+            assert desk.trial.deadline is not None
+            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["asking"]
+            job = await over(task)
+            assert job.state == "failed"
+            assert "as nobody kept the new ones in time" in job.message
+            assert desk.trial.state == "reverted"
+            assert desk.session.baud == 115_200
+            assert files(tmp_path) == []
+            await until(lambda: desk.session.info.status == "live", "it streams again")
+            assert (await here.read(desk)).state == "done"
+
+    run(check())
+
+
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_person_answers(tmp_path: Path, keep: bool) -> None:
+    async def check() -> None:
+        async with house(tmp_path, trial_s=30.0) as here:
+            desk = await here.add(SOURCE)
+            task = await faster(here, desk)
+            with pytest.raises(DeskError, match="No settings are on trial"):
+                desk.decide(keep=True)
+            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            with pytest.raises(DeskError, match="cannot be stopped now"):
+                await desk.drop(task.job.id)
+            desk.decide(keep=keep)
+            job = await over(task)
+            assert desk.trial is not None
+            assert desk.trial.state == ("kept" if keep else "reverted")
+            assert job.state == ("done" if keep else "failed")
+            assert desk.session.baud == (921_600 if keep else 115_200)
+            if keep:
+                assert job.hint == "Open it as twin:xbus?baud=921600 when this server is started again."
+            assert files(tmp_path) == []
+            assert (await here.read(desk)).state == "done"
+
+    run(check())
+
+
+def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And they are forced there: a power cut after that byte must leave a way back."""
+    steps: list[str] = []
+    write = durable.write
+
+    def noting(path: Path, text: str) -> None:
+        write(path, text)
+        if path.parent.name == "trials":
+            steps.append(f"disk {json.loads(text)['state']}")
+
+    monkeypatch.setattr(durable, "write", noting)
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=1.0) as here:
+            desk = await here.add(SOURCE)
+            desk.session.on_sent(lambda data, time: steps.append(f"sent {data[2]:02x}"))
+            await over(await faster(here, desk))
+
+    run(check())
+    assert steps.index("disk applying") < steps.index("sent 8c", steps.index("disk applying"))
+    record = steps[: steps.index("disk applying")]
+    assert "disk asking" not in record
+    assert record.count("sent 8c") <= 2  # ReqPortConfig, which has the number of the setting
+
+
+def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, text: str) -> None:
+        if path.parent.name == "trials":
+            raise OSError(28, "No space left on device")
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(SOURCE)
+            await here.read(desk)
+            monkeypatch.setattr(durable, "write", full)
+            task = await faster(here, desk)
+            job = await over(task)
+            assert job.state == "failed"
+            assert "could not be kept on disk" in job.message
+            assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
+
+    run(check())
+
+
+def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither end hears the other at either rate: said so, kept on disk, and put right by restoring communication."""
+    monkeypatch.setattr(trials, "ROUNDS", 1)
+
+    async def check() -> None:
+        async with bench(dead_baud=921_600) as there, house(tmp_path) as here:
+            desk = await here.add(f"serial://{there.slave}?baud=115200")
+            job = await over(await faster(here, desk))
+            assert desk.trial is not None
+            assert desk.trial.state == "unreachable"
+            assert "unreachable until its power is cycled" in job.message
+            assert "Restore communication" in job.hint
+            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["unreachable"]
+            restore = desk.add("Restore", here.desks.jobs.restore(desk))
+            await until(lambda: desk.control.running is not None, "it waits for power")
+            await asyncio.sleep(0.3)
+            cycle(there)
+            job = await over(restore)
+            assert job.state == "done", job.message
+            assert "has its old settings" in job.message
+            assert desk.trial.state == "reverted"
+            assert files(tmp_path) == []
+            assert desk.session.baud == 115_200
+
+    run(check())
+
+
+def cycle(there: Bench) -> None:
+    """Switch the device off and on."""
+    device = there.device
+    assert isinstance(device, XbusDevice)
+    there.cycle()
+
+
+def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
+    """Its settings would have been overwritten with those of the one that was there before."""
+
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            source = f"serial://{there.slave}?baud=115200"
+            old = {"PortConfig": {"words": [65538, 65538, 0]}}
+            record = Record(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
+            here.desks.trials.keep(record)
+            await here.desks.resume()
+            desk = next(iter(here.desks._desks.values()))
+            await until(lambda: desk.control.done, "it gave up")
+            assert "Another device is at this port: 00800001, not 00FFFFFF" in desk.control.done[0].message
+            assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
+            assert files(tmp_path) == []
+
+    run(check())
+
+
+def test_a_torn_file_does_not_keep_the_server_from_starting(tmp_path: Path) -> None:
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    (folder / "xbus-1.json").write_text('{"source": "twi')
+    assert Trials(folder).all() == []
+    assert (folder / "xbus-1.json").exists()
+
+
+def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench() as there:
+            there.hold()  # the port outlives the server
+            await asyncio.to_thread(killed, there)
+
+    def killed(there: Bench) -> None:
+        source = f"serial://{there.slave}?baud=115200"
+        with ServerProcess(source, data=tmp_path) as first, Client(base_url=first.url, timeout=10) as http:
+            answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
+            http.post("/api/devices/1/read", json={})
+            answers(http, lambda: http.get("/api/devices/1/values").json()["values"])
+            values = http.get("/api/devices/1/values").json()["values"]["PortConfig"]
+            body = {"changes": {"PortConfig": at_rate(values, FAST)}, "confirmed": True}
+            assert http.post("/api/devices/1/apply", json=body).status_code == 202
+            answers(http, lambda: trial(http) == "asking")
+            first.process.kill()
+        assert there.device is not None
+        assert there.device.baud == 921_600
+        assert len(files(tmp_path)) == 1
+        with ServerProcess(source, data=tmp_path) as second, Client(base_url=second.url, timeout=10) as http:
+            answers(http, lambda: trial(http) == "reverted")
+            answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
+        assert there.device.baud == 115_200
+        assert files(tmp_path) == []
+
+    run(check())
+
+
+def trial(http: Client) -> str:
+    state = http.get("/api/devices/1/control").json()["trial"]
+    return state["state"] if state else ""
+
+
+def answers(http: Client, condition: Any, patience_s: float = 40.0) -> None:
+    end = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end, http.get("/api/devices/1/control").text
+        time.sleep(0.05)
