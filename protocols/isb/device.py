@@ -339,8 +339,8 @@ class IsbDevice:
 
 
 def _acked(kind: int, flags: int, header_id: int, did: int, size: int, offset: int) -> bytes:
-    """ACK or NACK: the packet that is answered, and what of it."""
-    return frames.build(kind, 0, struct.pack("<BBHBHH", flags, header_id, 0, did, size, offset))
+    """ACK or NACK: the packet that is answered, and what of it. (A GET may name a set beyond 255; a NACK cannot.)"""
+    return frames.build(kind, 0, struct.pack("<BBHBHH", flags, header_id, 0, did & 0xFF, size, offset))
 
 
 def _summed(flash: bytes) -> bytes:

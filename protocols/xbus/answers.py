@@ -13,6 +13,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -217,12 +218,12 @@ def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
     if payload:
         ns, year, month, day, hour, minute, second, _ = struct.unpack(">IH6B", payload)
         try:
-            whole = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "s")
+            whole = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
         except ValueError:
             raise RefusedError(ERROR_PARAMETER) from None
         if not 1999 <= year <= 2099 or ns > 10**9:
             raise RefusedError(ERROR_PARAMETER)
-        device.change(utc_ns=int(whole.astype(np.int64)) * 10**9 + ns - now, utc_valid=True)
+        device.change(utc_ns=int(whole.timestamp()) * 10**9 + ns - now, utc_valid=True)
     state = device.run.state
     utc = state.utc_ns + now
     date = np.datetime64(utc // 10**9, "s").item()
