@@ -28,7 +28,7 @@ from server.forms import CommandForm, Editor, FieldForm, Forms, OutputChoice, Se
 from server.wire import BitsInfo
 
 REALS = (">f4", "<f4", ">f8", "<f8", "fp1220", "fp1632")
-CORRECTED = ("680", "670", "IMX", "GPX", "uINS")  # products that take RTCM, by a part of their name
+FORWARDS = "ForwardGnssData"  # an MTi that has this command takes RTCM; any Inertial Sense device does
 _PRECISIONS, _COORDINATES = [0, 1, 2, 3], [0, 4, 8]
 
 
@@ -48,7 +48,7 @@ def forms_of(driver: Driver, protocol: str, known: Known, note: str = "") -> For
         commands=[command_form(command) for command in commands],
         outputs=output_choices(known) if "outputs" in editors else [],
         streams=stream_choices() if "streams" in editors else [],
-        corrections=any(part in known.product for part in CORRECTED),
+        corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
         note=note,
     )
 
