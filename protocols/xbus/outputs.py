@@ -71,7 +71,8 @@ class Output:
         field = self.field
         if field.dtype == "real":
             return size_of(replace(field, dtype=(">f4", "fp1220", "fp1632", ">f8")[identifier & 3]))
-        return size_of(field) + sum(SATELLITES * size_of(part) for part in field.fields if is_open(part))
+        parts = field.fields or (field,)
+        return sum(size_of(part) * (SATELLITES if is_open(part) else 1) for part in parts)
 
 
 _TIME, _ATTITUDE, _INERTIAL, _PLACE, _RECEIVER, _OTHER = (
