@@ -18,6 +18,7 @@ from protocols.dialogues import Driver, Known, Load, Values
 from protocols.layouts import EncodeError
 from protocols.limits import problems
 from protocols.schema import Field, Setting
+from server.compare import SideValues, compare
 from server.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
 
 MOST_FRAMES = 32
@@ -135,19 +136,15 @@ def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None
     before = {**present.values, name: {**present.values.get(name, {}), **values}}
     after = {**before, **present.driver.fit(before, capacity, present.known)}
     load = present.driver.load(after, present.known)
-    words = _lowered(present.driver.load(before, present.known), load, row)
+    words = _lowered(present, row, before[name], after[name])
     return FitAnswer(dict(after[name]), _info(load, present.line, rate), words)
 
 
-def _lowered(before: Load, after: Load, row: Setting) -> list[str]:
-    """What a fit changed, by what each output costs."""
-    left = {part.path: part for part in after.parts}
-    words = []
-    for part in before.parts:
-        now = left.get(part.path)
-        if part.path and (now is None or now.bytes_per_s < part.bytes_per_s):
-            words.append(f"{part.title} {part.bytes_per_s:.0f} → {now.bytes_per_s if now else 0:.0f} B/s")
-    return words
+def _lowered(present: Present, row: Setting, before: Values, after: Values) -> list[str]:
+    """What a fit changed, in words: "Acceleration 400 Hz → 100 Hz"."""
+    sides = SideValues("", {row.name: before}), SideValues("", {row.name: after})
+    rows = compare(present.driver, present.known, *sides).rows
+    return [f"{one.title} {one.left or 'off'} → {one.right or 'off'}" for one in rows]
 
 
 def _info(load: Load, line: Line, baud: int | None) -> LoadInfo:

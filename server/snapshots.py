@@ -164,7 +164,16 @@ def _flow(value: Any) -> str:
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text)
+    """Text between quotes, so that YAML never takes it for a number, a date or "no"."""
+    return '"' + "".join(_character(one) for one in text) + '"'
+
+
+def _character(one: str) -> str:
+    if one in '"\\':
+        return "\\" + one
+    if one.isprintable():
+        return one
+    return f"\\U{ord(one):08x}" if ord(one) > 0xFFFF else f"\\u{ord(one):04x}"
 
 
 def _key(name: str) -> str:

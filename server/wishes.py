@@ -122,6 +122,7 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
 def _written_by(desk: Desk, command: str, values: Mapping[str, Any]) -> Setting | None:
     """The setting that a command writes, where its arguments are the setting's own fields."""
     for row in desk.driver.settings(desk.known):
-        if row.write == command and set(values) == {one.name for one in row.fields if not one.read_only}:
+        names = {one.name for one in row.fields if not one.read_only}
+        if row.write == command and values and (set(values) <= names if row.partial else set(values) == names):
             return row
     return None

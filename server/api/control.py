@@ -63,6 +63,8 @@ async def get_exchange(
 @router.post("/read", status_code=202, responses=responses(404, 409, 422))
 async def read_settings(body: ReadWish, desk: OneDesk, desks: AllDesks) -> wire.Job:
     """Read settings into a snapshot. The device does not measure meanwhile."""
+    if not desk.rows:
+        raise ApiError(409, "no-settings", f"{desk.session.info.name} has no settings.", "It only sends.")
     unknown = [name for name in body.settings or () if name not in desk.rows]
     if unknown:
         raise ApiError(404, "not-found", f"There is no setting {unknown[0]!r:.80}.", "GET …/forms lists them.")

@@ -1,4 +1,4 @@
-"""The dead man's hand: nobody there, a killed server, a line that cannot carry the rate, another device, a full disk."""
+"""The dead man's hand: nobody there, a killed server, a cable that is too poor, another device, a full disk."""
 
 from __future__ import annotations
 

@@ -1,0 +1,166 @@
+"""Snapshots: what is kept comes back as it was, names are never paths, and text from outside does no harm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.dialogues import Known
+from protocols.schema import Field, Setting
+from protocols.xbus.dialogues import XbusDriver
+from server.compare import NO_DEFAULT, SideValues, compare
+from server.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
+
+ROWS = {row.name: row for row in XbusDriver().settings(Known(product="MTi-630"))}
+OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}
+
+leaves = st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False, allow_infinity=False)
+leaves |= st.text(max_size=20)
+values = st.dictionaries(
+    st.text(max_size=12),
+    st.recursive(
+        leaves,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+        max_leaves=6,
+    ),
+    max_size=4,
+)
+
+
+@given(st.dictionaries(st.text(max_size=12), values, max_size=4), st.text(max_size=30), st.text(max_size=30))
+def test_any_values_come_back(settings: dict[str, Any], title: str, why: str) -> None:
+    """Strings that YAML takes for numbers, dates or "no", floats without a point, names with colons."""
+    snapshot = Snapshot("xbus", "MTi", "0080", title=title, reason=why, taken=1.0, values=settings, missing={"A": why})
+    again = from_text(to_text(snapshot, ROWS))
+    assert again == snapshot
+
+
+def test_a_person_can_read_it() -> None:
+    text = to_text(
+        Snapshot(
+            "xbus",
+            "MTi-630",
+            "00800001",
+            title="Before this change",
+            taken=1.0,
+            values={"OutputConfiguration": OUTPUTS, "StringOutputType": {"string_types": 0, "frequency": 50}},
+            missing={"CanConfig": "message unknown"},
+        ),
+        ROWS,
+    )
+    assert "# Settings of MTi-630, serial number 00800001" in text
+    assert "      - {data_identifier: 8208, output_frequency: 100}  # Quaternion, 100 Hz" in text
+    assert "    frequency: 50  # Hz" in text
+    assert 'missing:\n  CanConfig: "message unknown"' in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "A snapshot must be names with values"),
+        ("- 1", "A snapshot must be names with values"),
+        ("imuscope: 2", "no snapshot of imuscope"),
+        ("imuscope: 1\nsettings: 5", "settings must be names with values"),
+        ("imuscope: 1\nsettings: {A: 3}", "settings.A must be names with values"),
+        ("imuscope: 1\nsettings: {A: {b: 2026-01-01}}", "settings.A.b is a date"),
+        ("a: &x [1]\nb: [*x, *x]", "no anchors"),
+        ("a: !!python/object:os.system x", "no tags"),
+        ("a: [1", "not valid YAML"),
+        ("[" * 5000, "not valid YAML"),
+        ("#" * (1 << 21), "too large"),
+    ],
+)
+def test_text_from_outside_is_refused_in_words(text: str, words: str) -> None:
+    with pytest.raises(SnapshotError, match=words):
+        from_text(text)
+
+
+def keep(folder: Snapshots, title: str, taken: float = 1.0, **more: Any) -> str:
+    return folder.keep(Snapshot("xbus", "MTi-630", "0080", title=title, taken=taken, **more), ROWS).name
+
+
+def test_they_are_kept_by_serial_number_newest_first(tmp_path: Path) -> None:
+    folder = Snapshots(tmp_path)
+    names = [keep(folder, "Before this change", 1.0), keep(folder, "New mast", 2.0), keep(folder, "New mast", 2.0)]
+    assert names[1:] == ["19700101T000002Z-new-mast", "19700101T000002Z-new-mast-2"]
+    assert [info.name for info in folder.all("xbus", "0080")] == [names[2], names[1], names[0]]
+    assert folder.all("xbus", "0081") == []
+    folder.delete("xbus", "0080", names[0])
+    assert [info.name for info in folder.all("xbus", "0080")] == [names[2], names[1]]
+
+
+@pytest.mark.parametrize("name", ["../../secret", "..", "/etc/passwd", "", "x/../y", ".hidden", "a\0b"])
+def test_names_are_never_paths(tmp_path: Path, name: str) -> None:
+    folder = Snapshots(tmp_path / "snapshots")
+    keep(folder, "one")
+    (tmp_path / "secret.yaml").write_text("imuscope: 1\n")
+    with pytest.raises(KeyError):
+        folder.get("xbus", "0080", name)
+    with pytest.raises(KeyError):
+        folder.delete("xbus", "0080", name)
+    made = folder.keep(Snapshot(name, serial_number=name, title=name), {})
+    assert all(path.resolve().is_relative_to(tmp_path / "snapshots") for path in tmp_path.rglob(f"{made.name}.yaml"))
+
+
+def test_the_oldest_go_but_not_the_pinned(tmp_path: Path) -> None:
+    folder = Snapshots(tmp_path)
+    first = keep(folder, "First contact", 0.0, pinned=True)
+    for taken in range(1, KEPT + 3):
+        keep(folder, "Before this change", float(taken))
+    names = [info.name for info in folder.all("xbus", "0080")]
+    assert len(names) == KEPT
+    assert first in names
+    assert "19700101T000001Z-before-this-change" not in names
+
+
+def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    folder = Snapshots(tmp_path)
+    with pytest.raises(SnapshotError, match="No space left on device"):
+        keep(folder, "one")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+# ── comparing ────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def difference(left: dict[str, Any], right: dict[str, Any]) -> Any:
+    sides = SideValues("Left", left), SideValues("Right", right, {"CanConfig": "message unknown"}, NO_DEFAULT)
+    return compare(XbusDriver(), Known(product="MTi-630"), *sides)
+
+
+def test_outputs_are_compared_by_quantity_whatever_their_order() -> None:
+    both = [{"data_identifier": one, "output_frequency": 100} for one in (0x4020, 0x8020)]
+    left = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 400}, *both]}
+    right = {"outputs": [*reversed(both), {"data_identifier": 0x2015, "output_frequency": 100}]}
+    found = difference({"OutputConfiguration": left}, {"OutputConfiguration": right})
+    assert [(row.title, row.left, row.right) for row in found.rows] == [
+        ("Quaternion", "400 Hz", "100 Hz, Fp12.20, NED")
+    ]
+    assert found.same == 2
+    assert found.changes == {"OutputConfiguration": right}
+
+
+def test_what_a_side_lacks_is_told_with_its_reason() -> None:
+    found = difference({"LocationID": {"location_id": 1}, "CanConfig": {"word": 12}}, {})
+    assert found.rows == []
+    assert found.missing == {"LocationID": f"Right: {NO_DEFAULT}", "CanConfig": "Right: message unknown"}
+
+
+def test_what_is_only_told_is_compared_but_not_written() -> None:
+    found = difference({"ProductCode": {"product_code": "A"}}, {"ProductCode": {"product_code": "B"}})
+    assert [(row.left, row.right, row.writable) for row in found.rows] == [("A", "B", False)]
+    assert found.changes == {}
+
+
+def test_a_value_has_its_meaning_and_unit() -> None:
+    row = Setting("S", (Field("a", "u1", choices={2: "115 200 Bd"}), Field("b", ">f4", unit="°", scale=2.0)))
+    text = to_text(Snapshot("xbus", taken=1.0, values={"S": {"a": 2, "b": 1.5}}), {"S": row})
+    assert "    a: 2  # 115 200 Bd\n    b: 1.5  # 3 °\n" in text
