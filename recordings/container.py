@@ -32,12 +32,15 @@ import contextlib
 import errno
 import json
 import os
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from mcap.writer import CompressionType, IndexType
-from mcap.writer import Writer as McapWriter
+from mcap.opcode import Opcode
+from mcap.records import Channel, Header, McapRecord, Metadata, Schema, Statistics
+
+from recordings.records import MAGIC, bytes_of, ending, message
 
 Direction = Literal["rx", "tx"]
 
@@ -103,26 +106,32 @@ class Writer:
             self._file = _Whole(path)
         except OSError as error:
             raise problem(error, path) from None
-        self._mcap = McapWriter(
-            self._file,  # type: ignore[arg-type]  # it asks for write, tell and flush
-            use_chunking=False,
-            compression=CompressionType.NONE,
-            index_types=IndexType.NONE,
-            enable_crcs=True,
-        )
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[str, Schema] = {}
+        self._channels: dict[str, Channel] = {}
+        self._counts: dict[int, int] = {}
+        self._metadata = 0
+        self._first: int | None = None
+        self._last = 0
         self._closed = False
-        self._write(self._mcap.start, PROFILE, f"imuscope {about.get('version', '')}".strip())
-        self._write(self._mcap.add_metadata, RECORDING, _strings(about))
+        library = f"imuscope {about.get('version', '')}".strip()
+        self._write([MAGIC + bytes_of(Header(PROFILE, library))])
+        self._tell(RECORDING, about)
 
     def device(self, device: str, about: Mapping[str, Any]) -> None:
         """What is known about a device; the last call holds."""
-        self._write(self._mcap.add_metadata, DEVICE + device, _strings(about))
+        self._tell(DEVICE + device, about)
 
     def chunk(self, device: str, direction: Direction, data: bytes, arrival_ns: int) -> None:
         """Bytes as they came, or as they were sent."""
-        self._add(f"{direction}/{device}", RAW_ENCODING, None, arrival_ns, data)
+        self.chunks([(device, direction, data, arrival_ns)])
+
+    def chunks(self, chunks: Iterable[tuple[str, Direction, bytes, int]]) -> None:
+        """Many of them, (device, direction, data, arrival ns) each, in one write."""
+        records = [
+            self._message(f"{direction}/{device}", RAW_ENCODING, None, arrival_ns, data)
+            for device, direction, data, arrival_ns in chunks
+        ]
+        self._write(records)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
         """Something that happened."""
@@ -137,76 +146,145 @@ class Writer:
         self._json(SNAPSHOT + device, "imuscope.Snapshot", _SNAPSHOT_SCHEMA, body, time_ns)
 
     def sync(self) -> None:
-        """Let the disk have it: what was written before survives a power cut."""
+        """Let the disk have it: what was written before survives a power cut. May be called in another thread."""
         if not self._closed:
-            self._write(self._file.sync)
+            try:
+                self._file.sync()
+            except OSError as error:
+                raise problem(error, self.path) from None
 
     def close(self) -> None:
         """End the file as the format wants it. It can be opened as it is; packing makes it small and quick."""
         if not self._closed:
-            self._write(self._mcap.finish)
-            self._write(self._file.sync)
+            self._write([ending(self.size, self._summary())])
+            self.sync()
             self._closed = True
             self._file.close()
 
+    def give_up(self) -> None:
+        """Let go of the file as it is: torn, and whole up to there."""
+        self._closed = True
+        self._file.close()
+
+    def is_there(self) -> bool:
+        """Is the file still to be found by its name?"""
+        return self._file.is_at(self.path)
+
+    def copy_to(self, path: Path) -> None:
+        """Write what is in this file again, into another one: its own may have no name any more.
+
+        Raises:
+            OSError: that cannot be.
+        """
+        self._file.copy_to(path)
+
     def _json(self, topic: str, name: str, schema: Mapping[str, Any], body: Mapping[str, Any], time_ns: int) -> None:
         data = json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode()
-        self._add(topic, "json", (name, schema), time_ns, data)
+        self._write([self._message(topic, "json", (name, schema), time_ns, data)])
 
-    def _add(
+    def _tell(self, name: str, about: Mapping[str, Any]) -> None:
+        self._metadata += 1
+        self._write([bytes_of(Metadata(name=name, metadata=_strings(about)))])
+
+    def _message(
         self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None, time_ns: int, data: bytes
-    ) -> None:
+    ) -> bytes:
+        """The record of a message, before it those that tell of its channel where it is the first."""
         channel = self._channels.get(topic)
+        told = b""
         if channel is None:
-            number = 0
-            if schema is not None:
-                name, body = schema
-                if name not in self._schemas:
-                    told = json.dumps(body).encode()
-                    self._schemas[name] = self._write(self._mcap.register_schema, name, "jsonschema", told)
-                number = self._schemas[name]
-            channel = self._channels[topic] = self._write(self._mcap.register_channel, topic, encoding, number)
-        self._write(self._mcap.add_message, channel, time_ns, data, time_ns)
+            told = self._channel(topic, encoding, schema)
+            channel = self._channels[topic]
+        number = channel.id
+        self._counts[number] = self._counts.get(number, 0) + 1
+        self._first = time_ns if self._first is None or time_ns < self._first else self._first
+        self._last = max(self._last, time_ns)
+        return told + message(number, time_ns, data)
 
-    def _write(self, method: Any, *arguments: Any) -> Any:
+    def _channel(self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None) -> bytes:
+        records: list[McapRecord] = []
+        number = 0
+        if schema is not None:
+            name, body = schema
+            if name not in self._schemas:
+                data = json.dumps(body).encode()
+                self._schemas[name] = Schema(id=len(self._schemas) + 1, data=data, encoding="jsonschema", name=name)
+                records.append(self._schemas[name])
+            number = self._schemas[name].id
+        self._channels[topic] = Channel(
+            id=len(self._channels) + 1, topic=topic, message_encoding=encoding, metadata={}, schema_id=number
+        )
+        records.append(self._channels[topic])
+        return b"".join(bytes_of(record) for record in records)
+
+    def _summary(self) -> list[tuple[int, list[McapRecord]]]:
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=0,
+            message_count=sum(self._counts.values()),
+            metadata_count=self._metadata,
+            message_start_time=self._first or 0,
+            message_end_time=self._last,
+            schema_count=len(self._schemas),
+        )
+        return [
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels.values())),
+            (Opcode.STATISTICS, [statistics]),
+        ]
+
+    def _write(self, records: list[bytes]) -> None:
         if self._closed:
             raise RecordingError(f"{self.path.name} is closed.")
         try:
-            result = method(*arguments)
+            self._file.write(records)
         except OSError as error:
             self._closed = True
             self._file.cut()
             raise problem(error, self.path) from None
-        self.size = self._file.count
-        return result
+        finally:
+            self.size = self._file.count
 
 
 class _Whole:
-    """An unbuffered file that takes whole records or none: what is left of a failed one is cut off again.
-
-    Not an io.RawIOBase: the writer of MCAP would put a buffer before that.
-    """
+    """An unbuffered file that takes whole records: of one that does not fit any more, what was written is cut off."""
 
     def __init__(self, path: Path) -> None:
         self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self.count = 0
 
-    def write(self, data: bytes | bytearray | memoryview) -> int:
-        view = memoryview(data).cast("B")
+    def write(self, records: list[bytes]) -> None:
+        data = b"".join(records)
+        view = memoryview(data)
         done = 0
-        while done < len(view):
-            done += os.write(self._fd, view[done:])
+        try:
+            while done < len(view):
+                done += os.write(self._fd, view[done:])
+        except OSError:
+            for record in records:  # those that are whole stay
+                if len(record) > done:
+                    break
+                self.count += len(record)
+                done -= len(record)
+            raise
         self.count += done
-        return done
-
-    def tell(self) -> int:
-        return self.count
-
-    def flush(self) -> None:
-        """Nothing is held back."""
 
     def sync(self) -> None:
         os.fdatasync(self._fd)
+
+    def is_at(self, path: Path) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._fd), path.stat())
+        except OSError:
+            return False
+
+    def copy_to(self, path: Path) -> None:
+        with open(f"/proc/self/fd/{self._fd}", "rb") as old, path.open("xb") as new:
+            shutil.copyfileobj(old, new, 1 << 20)
+            new.flush()
+            os.fsync(new.fileno())
 
     def cut(self) -> None:
         """Back to the last whole record; a disk that cannot even do that keeps a torn end, which readers skip."""
@@ -215,8 +293,10 @@ class _Whole:
         self.close()
 
     def close(self) -> None:
-        with contextlib.suppress(OSError):
-            os.close(self._fd)
+        fd, self._fd = self._fd, -1
+        if fd >= 0:
+            with contextlib.suppress(OSError):
+                os.close(fd)
 
 
 def _strings(about: Mapping[str, Any]) -> dict[str, str]:

@@ -26,25 +26,22 @@ from typing import BinaryIO
 
 import numpy as np
 import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
     ChunkIndex,
-    DataEnd,
-    Footer,
     Header,
     McapRecord,
     Metadata,
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 
 from protocols.framing import Ints
-from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MAGIC, MESSAGE_INDEX, TIME, Recording
+from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Recording
 from recordings.container import PROFILE, RecordingError, problem
+from recordings.records import MAGIC, bytes_of, ending
 
 CHUNK_BYTES = 1 << 20
 _HEAD = 9 + 22  # of a message record, before its data
@@ -120,7 +117,7 @@ class _Target:
         self._counts: dict[int, int] = {}
         self._first, self._last = 0, 0
         self._zstd = zstandard.ZstdCompressor(level=_LEVEL)
-        self._put(MAGIC + _bytes(Header(PROFILE, "imuscope")))
+        self._put(MAGIC + bytes_of(Header(PROFILE, "imuscope")))
 
     def _put(self, data: bytes) -> int:
         at = self._at
@@ -152,7 +149,7 @@ class _Target:
 
     def chunk(self, data: memoryview, rows: Ints) -> None:
         """One chunk of these messages, and its indexes."""
-        head = b"".join(_bytes(record) for record in self._new)
+        head = b"".join(bytes_of(record) for record in self._new)
         self._new.clear()
         sizes = rows[LENGTH] + _HEAD
         offsets = len(head) + np.cumsum(sizes) - sizes
@@ -193,9 +190,8 @@ class _Target:
         """Metadata, data end, summary, footer."""
         told = []
         for name, values in metadata.items():
-            record = _bytes(Metadata(name=name, metadata=dict(values)))
+            record = bytes_of(Metadata(name=name, metadata=dict(values)))
             told.append(MetadataIndex(offset=self._put(record), length=len(record), name=name))
-        self._put(_bytes(DataEnd(0)))
         statistics = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
@@ -214,25 +210,7 @@ class _Target:
             (Opcode.CHUNK_INDEX, list(self._indexes)),
             (Opcode.METADATA_INDEX, list(told)),
         ]
-        start, summary, offsets = self._at, b"", b""
-        for opcode, records in groups:
-            group = b"".join(_bytes(record) for record in records)
-            if group:
-                where = start + len(summary)
-                offsets += _bytes(SummaryOffset(group_opcode=opcode, group_start=where, group_length=len(group)))
-            summary += group
-        told_at = start + len(summary)
-        summary += offsets
-        checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, told_at)
-        self._put(summary)
-        self._put(_bytes(Footer(summary_start=start, summary_offset_start=told_at, summary_crc=zlib.crc32(checked))))
-        self._put(MAGIC)
-
-
-def _bytes(record: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    return bytes(builder.end())  # type: ignore[no-untyped-call]
+        self._put(ending(self._at, groups))
 
 
 def _sync_folder(folder: Path) -> None:
