@@ -11,9 +11,9 @@ DisableAutoStore keeps them out of it; a new baud rate acts after Reset. What is
 message that is unknown, of a wrong size, or not valid in this state, 33 for a parameter, 32 for a baud rate, 3 for a
 period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
 
-What it measures is quantities.py, from the shared drive. What it does not do: alignment matrices, filter profiles and
-orientation resets are kept and answered but do not turn the output; it sends no eMTS (0x91), whose content is
-encrypted; of the string outputs (SetStringOutputType) it keeps the setting and goes on with MTData2.
+What it measures is quantities.py, from the shared drive; strings instead of data are sentences.py. What it does not do:
+alignment matrices, filter profiles and orientation resets are kept and answered but do not turn the output; it sends no
+eMTS (0x91), whose content is encrypted.
 
 Rules for editing: a setting that is only kept and returned is a row in settings.py; one that does something is a
 function in answers.py.
@@ -38,6 +38,7 @@ from protocols.xbus.hearing import Ear
 from protocols.xbus.measurement import BLOCK_NS, Measurement
 from protocols.xbus.outputs import granted, greatest, output_of
 from protocols.xbus.quantities import Run
+from protocols.xbus.sentences import Sentences
 from protocols.xbus.settings import (
     BAUDRATE,
     ERROR_MESSAGE,
@@ -53,6 +54,7 @@ from protocols.xbus.settings import (
     Product,
     RefusedError,
     factory_settings,
+    strings_of,
 )
 
 WAKE_UP_WINDOW_NS = 500_000_000
@@ -142,7 +144,7 @@ class XbusDevice:
         self._memory = self._present()
         self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
         self._ear = Ear()
-        self._measurement: Measurement | None = None
+        self._measurement: Measurement | Sentences | None = None
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
         self._counter = self._block_counter = 0
@@ -199,7 +201,11 @@ class XbusDevice:
     def measure(self, begin_ns: int) -> None:
         """Begin to measure at a device time."""
         self.phase = "measurement"
-        self._measurement = Measurement(self.output, begin_ns, self.run)
+        types, hertz = strings_of(self.settings, self.product)
+        if types:
+            self._measurement = Sentences(types, hertz, begin_ns, self.run)
+        else:
+            self._measurement = Measurement(self.output, begin_ns, self.run)
         self._block, self._waiting = 0, []
 
     def _due(self, now: int, out: list[bytes]) -> None:

@@ -278,3 +278,15 @@ KEPT_BY_ACTIONS: Mapping[int, bytes] = {
 def factory_settings(product: Product) -> dict[int, bytes]:
     """All settings of a new device, by message number."""
     return {mid: setting.factory(product) for mid, setting in SETTINGS.items()} | dict(KEPT_BY_ACTIONS)
+
+
+NEVER = 0xFFFF  # skip factor: nothing is sent by itself
+
+
+def strings_of(settings: Mapping[int, bytes], product: Product) -> tuple[int, float]:
+    """Which strings are sent instead of data, and how often a second."""
+    word = settings[STRINGS]
+    if product.series == 600:
+        return int.from_bytes(word[:4], "big"), float(int.from_bytes(word[4:], "big"))
+    period, skip = (int.from_bytes(settings[mid], "big") for mid in (PERIOD, SKIP))
+    return int.from_bytes(word, "big"), 0.0 if skip == NEVER else 115_200 / (period * (skip + 1))
