@@ -66,6 +66,9 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
 
 
 def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
+    old = desk.values.get(row.name)
+    if old is not None and all(old.get(name) == value for name, value in values.items()):
+        return  # as the device has it; even what cannot be sent may stay
     fields = [one for one in row.fields if not one.read_only]
     names = {one.name for one in fields}
     given = {name: value for name, value in values.items() if name in names or name not in _told(row)}

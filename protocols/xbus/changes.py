@@ -52,7 +52,7 @@ def _baud_change(code: int, known: Known, who: str) -> LineChange | None:
     rate = BAUD_RATES.get(code)
     if rate is None or rate == known.baud:
         return None
-    return LineChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", "\u202f"), rate)
+    return LineChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", " "), rate)
 
 
 def _port_change(old: list[int], new: list[int], known: Known) -> LineChange | None:

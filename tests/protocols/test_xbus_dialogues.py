@@ -11,6 +11,7 @@ import pytest
 from protocols.dialogues import Dialogue, Expect, InState, Known, RefusedError, Send, SilentError, Values, stop
 from protocols.xbus import frames
 from protocols.xbus.device import XbusDevice
+from protocols.xbus.moods import Moods
 from protocols.xbus.products import MODELS
 from protocols.xbus.settings import PRODUCTS
 from tests.dialogues import Wire, play
@@ -268,7 +269,7 @@ class Between:
 
 
 def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
-    line = wire(stubborn=True)
+    line = wire(moods=Moods(stubborn=True))
     known = Known(product="MTi-630")
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
     sent = names(line)
@@ -368,6 +369,43 @@ def test_an_error_of_the_device_has_its_detail() -> None:
     assert refused.value.code == 40
 
 
+def test_answers_that_get_lost_or_say_something_else_are_asked_for_again() -> None:
+    """Three tries each: with one answer in five lost and one in ten another, a few hundred exchanges go through."""
+    line = wire(moods=Moods(mute=0.2, wrong=0.1), seed=5)
+    known = Known(product="MTi-630")
+    done = failed = 0
+    for number in range(60):
+        try:
+            written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
+        except SilentError:
+            failed += 1
+        else:
+            assert written.got == {"location_id": number}
+            done += 1
+    assert done > 45
+    assert failed < 15
+
+
+def test_answers_that_are_late_are_still_the_right_ones() -> None:
+    """Each comes when the next try is on its way: what is read back is what was written."""
+    line = wire(moods=Moods(late_ns=700_000_000))
+    known = Known(product="MTi-630")
+    for number in (7, 8):
+        written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
+        assert written.got == {"location_id": number}
+
+
+def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> None:
+    line = wire(moods=Moods(cut=1))
+    known = Known(product="MTi-630")
+    with pytest.raises((SilentError, RefusedError)):
+        play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
+    line.pass_time(2)
+    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
+    written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
+    assert written.got == {"location_id": 7}
+
+
 # -- the line ----------------------------------------------------------------------------------------------------------
 
 
@@ -379,7 +417,7 @@ def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product
     change = DRIVER.line_change(setting, None, values, known)
     assert change is not None
     assert (change.kind, change.baud) == ("baud", 921_600)
-    assert "921\u202f600 Bd" in change.words
+    assert "921 600 Bd" in change.words
     play(DRIVER.within(DRIVER.write(setting, values, known), known), line)
     play(DRIVER.store_and_restart(known), line)
     assert names(line)[-1] == "Reset"

@@ -1,0 +1,274 @@
+"""Configuring over HTTP and the WebSocket, as the page does it: the real server, two twins, several people."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+from httpx import Client
+from websockets.sync.client import connect
+
+from server.wire import SUBPROTOCOL
+from tests.process import ServerProcess
+from tests.server.desk import at_rate, outputs
+
+VIEW, CONTROL = "only-looking", "may-command"
+MOST_S = 40.0
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    data = tmp_path_factory.mktemp("data")
+    config = data / "imuscope.toml"
+    config.write_text(f'trial_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
+    sources = ("twin:xbus?seed=1", "twin:xbus?seed=2", "twin:isb", "twin:idtp")
+    with ServerProcess(*sources, data=data, arguments=("--config", str(config))) as process:
+        with Client(base_url=process.url, timeout=10) as http:
+            until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 4, http)
+        yield process
+
+
+@pytest.fixture
+def http(server: ServerProcess) -> Iterator[Client]:
+    with Client(base_url=server.url, timeout=10) as client:
+        yield client
+
+
+def until(condition: Callable[[], object], http: Client) -> None:
+    end = time.monotonic() + MOST_S
+    while not condition():
+        assert time.monotonic() < end, http.get("/api/devices/1/control").text
+        time.sleep(0.02)
+
+
+def done(http: Client, answer: Any, device: int = 1) -> Any:
+    """The job that a route answered with, when it is over."""
+    assert answer.status_code == 202, answer.text
+    number = answer.json()["id"]
+
+    def found() -> Any:
+        control = http.get(f"/api/devices/{device}/control").json()
+        return next((job for job in control["done"] if job["id"] == number), None)
+
+    until(found, http)
+    return found()
+
+
+def post(http: Client, path: str, body: Any, device: int = 1) -> Any:
+    return http.post(f"/api/devices/{device}/{path}", json=body)
+
+
+def read(http: Client, device: int = 1) -> Any:
+    done(http, post(http, "read", {}, device), device)
+    return http.get(f"/api/devices/{device}/values").json()["values"]
+
+
+@pytest.mark.parametrize("device", [1, 3, 4])
+def test_every_form_of_every_family_opens_and_previews(http: Client, device: int) -> None:
+    """A row that cannot be shown, or whose defaults crash what composes them, would be found by a person."""
+    forms = http.get(f"/api/devices/{device}/forms").json()
+    assert {row["group"] for row in (*forms["settings"], *forms["commands"])} == set(forms["groups"])
+    for kind in ("setting", "command"):
+        for row in forms[f"{kind}s"]:
+            answer = post(http, "preview", {kind: row["name"], "values": {}}, device)
+            assert answer.status_code == 200, (row["name"], answer.text)
+            shown = answer.json()
+            assert shown["problems"] or shown["frames"] or not row.get("writable", True), row["name"]
+
+
+def test_what_the_device_has_previews_without_a_problem(http: Client) -> None:
+    values = read(http)
+    forms = {row["name"]: row for row in http.get("/api/devices/1/forms").json()["settings"]}
+    for name, fields in values.items():
+        if forms[name]["writable"] and name != "CanOutputConfig":  # nothing to send on CAN cannot be written
+            shown = post(http, "preview", {"setting": name, "values": fields}).json()
+            assert shown["problems"] == [], (name, shown)
+            frame = shown["frames"][0]
+            covered = [(span["offset"], span["offset"] + span["size"]) for span in frame["spans"]]
+            assert covered[0][0] == 0
+            assert covered[-1][1] == len(frame["hex"]) // 2
+            assert all(end == start for (_, end), (start, _) in zip(covered, covered[1:], strict=False))
+
+
+def test_the_load_is_told_before_anything_is_sent(http: Client) -> None:
+    shown = post(http, "preview", {"setting": "OutputConfiguration", "values": outputs(400)}).json()
+    load = shown["load"]
+    # 400 messages/s of header 4, counter 5, time 7, quaternion 19, acceleration 15, checksum 1
+    assert load["total"] == 400 * (4 + 5 + 7 + 19 + 15 + 1)
+    assert (load["baud"], load["capacity"]) == (115_200, 11_520)
+    fitted = post(http, "fit", {"setting": "OutputConfiguration", "values": outputs(400)}).json()
+    assert fitted["load"]["total"] <= 11_520
+    assert any(words.startswith("Quaternion 400 Hz → ") for words in fitted["words"])
+    again = post(http, "preview", {"setting": "OutputConfiguration", "values": fitted["values"]}).json()
+    assert again["load"]["total"] == fitted["load"]["total"]
+
+
+def test_a_wrong_value_is_told_where_it_stands(http: Client) -> None:
+    wrong = {"outputs": [{"data_identifier": 0x2010, "output_frequency": -1}]}
+    shown = post(http, "preview", {"setting": "OutputConfiguration", "values": wrong}).json()
+    assert [problem["path"] for problem in shown["problems"]] == ["outputs.0.output_frequency"]
+    assert shown["frames"] == []
+    answer = post(http, "apply", {"changes": {"OutputConfiguration": wrong}})
+    assert (answer.status_code, answer.json()["kind"]) == (422, "bad-value")
+
+
+def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
+    """And is put back from the snapshot that was taken before: exactly what was there."""
+    before = [read(http, 1), read(http, 2)]
+    changes = {"OutputConfiguration": outputs(50), "LocationID": {"location_id": 42}}
+    job = done(http, post(http, "apply", {"changes": changes, "devices": ["2"], "reason": "new mast"}))
+    assert (job["state"], job["outcomes"]) == ("done", [])
+    until(lambda: http.get("/api/devices/2/control").json()["running"] is None, http)
+    for device, old in ((1, before[0]), (2, before[1])):
+        now = read(http, device)
+        assert {name: now[name] for name in changes} == changes
+        kept = http.get(f"/api/devices/{device}/snapshots").json()
+        name = next(one["name"] for one in kept if one["reason"] == "new mast")
+        sides = {"left": {"side": "device"}, "right": {"side": "snapshot", "snapshot": name}}
+        difference = post(http, "compare", sides, device).json()
+        assert set(difference["changes"]) == set(changes)
+        assert difference["changes"]["LocationID"] == old["LocationID"]
+        assert done(http, post(http, "apply", {"changes": difference["changes"]}, device), device)["state"] == "done"
+        assert read(http, device) == old
+
+
+def test_a_snapshot_is_a_file_that_can_be_sent_and_compared(http: Client) -> None:
+    read(http)
+    kept = post(http, "snapshots", {"title": "New mast fitted"}).json()
+    answer = http.get(f"/api/devices/1/snapshots/{kept['name']}")
+    assert answer.headers["content-type"].startswith("application/yaml")
+    text = answer.text
+    sides = {"left": {"side": "device"}, "right": {"side": "text", "text": text}}
+    difference = post(http, "compare", sides).json()
+    assert (difference["rows"], difference["changes"]) == ([], {})
+    assert difference["same"] > 20
+    sent = post(http, "snapshots", {"title": "From rover-06", "text": text}, 2).json()
+    assert (sent["title"], sent["pinned"]) == ("From rover-06", True)
+    body = http.get(f"/api/devices/2/snapshots/{sent['name']}?format=json").json()
+    assert body["values"]["LocationID"] == {"location_id": 0}
+    assert http.delete(f"/api/devices/2/snapshots/{sent['name']}").status_code == 204
+    assert http.get(f"/api/devices/2/snapshots/{sent['name']}").status_code == 404
+    for name in ("..%2F..%2Fimuscope", "%2e%2e"):
+        assert http.get(f"/api/devices/1/snapshots/{name}").status_code == 404
+    answer = post(http, "snapshots", {"title": "x", "text": "imuscope: 1\nsettings: [1]"})
+    assert (answer.status_code, answer.json()["kind"]) == (422, "bad-snapshot")
+
+
+def test_the_factory_and_another_device_are_sides_too(http: Client) -> None:
+    read(http, 1), read(http, 2)
+    found = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "factory"}}).json()
+    assert ("Acceleration", "100 Hz", "off") in [(one["title"], one["left"], one["right"]) for one in found["rows"]]
+    found = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "other", "device": "2"}}).json()
+    assert "DeviceID" in [one["setting"] for one in found["rows"]]
+    answer = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "other", "device": "3"}})
+    assert (answer.status_code, answer.json()["kind"]) == (409, "not-alike")
+
+
+def test_what_could_harm_is_asked_once_more_in_words(http: Client) -> None:
+    answer = post(http, "run", {"command": "RestoreFactoryDef"})
+    assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
+    assert "All settings" in answer.json()["message"]
+    answer = post(http, "raw", {"hex": "fa ff 30 00 d1"})
+    assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
+    ports = at_rate(read(http)["PortConfig"], 0x80)
+    answer = post(http, "apply", {"changes": {"PortConfig": ports}})
+    assert answer.status_code == 409
+    assert "921 600 Bd" in answer.json()["message"]
+
+
+def test_a_command_is_answered_and_raw_bytes_are_seen(http: Client) -> None:
+    job = done(http, post(http, "run", {"command": "ReqFWRev"}))
+    assert (job["state"], job["values"]["major"]) == ("done", 1)
+    done(http, post(http, "raw", {"hex": "faff1000f1", "confirmed": True}))
+    log = http.get("/api/devices/1/exchange?limit=20").json()
+    assert ("tx", "GoToMeasurement") in [(one["way"], one["name"]) for one in log]
+    newest = log[-1]["seq"]
+    older = http.get(f"/api/devices/1/exchange?before={newest}&limit=5").json()
+    assert [one["seq"] < newest for one in older] == [True] * 5
+    assert post(http, "raw", {"hex": "xy", "confirmed": True}).status_code == 422
+
+
+def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> None:
+    """Two browsers see one's job begin and end, and its frames in order; one that comes late is told how it stands."""
+
+    def ops(socket: Any, enough: Callable[[list[Any]], bool]) -> list[Any]:
+        found: list[Any] = []
+        while not enough(found):
+            message = json.loads(socket.recv(timeout=MOST_S))
+            if message["op"] in ("control", "exchange"):
+                found.append(message)
+        return found
+
+    def first(message: Any) -> Any:
+        return next(one for one in message["devices"] if one["device"] == "1")
+
+    def is_over(found: list[Any]) -> bool:
+        states = [first(one) for one in found if one["op"] == "control"]
+        return any(one["running"] for one in states) and states[-1]["running"] is None and not states[-1]["queue"]
+
+    ws = server.url.replace("http", "ws", 1) + "/ws"
+    with (
+        connect(ws, subprotocols=[SUBPROTOCOL]) as one,
+        connect(ws, subprotocols=[SUBPROTOCOL]) as other,
+        ThreadPoolExecutor(2) as pool,
+    ):
+        seen = [pool.submit(ops, socket, is_over) for socket in (one, other)]
+        done(http, post(http, "run", {"command": "ReqFWRev"}))
+        for future in seen:
+            entries = [entry for message in future.result(MOST_S) for entry in message.get("entries", ())]
+            names = [entry["name"] for entry in entries if entry["way"] == "tx"]
+            assert names[:3] == ["GoToConfig", "ReqFWRev", "GoToMeasurement"]
+    with connect(ws, subprotocols=[SUBPROTOCOL]) as late:
+        told = ops(late, lambda found: len(found) == 1)[0]
+        assert first(told)["done"][0]["title"]
+
+
+def test_two_people_at_once_and_a_trial_that_nobody_keeps(http: Client, server: ServerProcess) -> None:
+    """The browser that changed the rate is gone; another's wish waits and is done after the way back."""
+    ports = at_rate(read(http)["PortConfig"], 0x80)
+    with Client(base_url=server.url, timeout=10) as gone:
+        assert post(gone, "apply", {"changes": {"PortConfig": ports}, "confirmed": True}).status_code == 202
+    waits = post(http, "run", {"command": "ReqFWRev"})
+    until(lambda: (http.get("/api/devices/1/control").json()["trial"] or {}).get("state") == "asking", http)
+    control = http.get("/api/devices/1/control").json()
+    assert [job["id"] for job in control["queue"]] == [waits.json()["id"]]
+    assert http.delete(f"/api/devices/1/jobs/{control['running']['id']}").status_code == 409
+    job = done(http, waits)
+    assert job["values"]["major"] == 1
+    control = http.get("/api/devices/1/control").json()
+    assert control["trial"]["state"] == "reverted"
+    assert http.get("/api/devices").json()[0]["baud"] == 115_200
+
+
+def test_who_may_only_look_commands_nothing(server: ServerProcess) -> None:
+    with Client(base_url=server.url, timeout=10, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
+        for path in ("read", "apply", "run", "raw", "keep", "revert", "restore", "snapshots", "preview", "compare"):
+            answer = post(viewer, path, {})
+            assert (answer.status_code, answer.json()["kind"]) == (403, "view-only"), path
+        for path in ("control", "forms", "exchange", "snapshots", "values"):
+            assert viewer.get(f"/api/devices/1/{path}").status_code == 200, path
+        assert viewer.delete("/api/devices/1/jobs/1").status_code == 403
+
+
+def test_nothing_but_json_is_a_body(http: Client) -> None:
+    answer = http.post("/api/devices/1/run", content="command=Reset", headers={"content-type": "text/plain"})
+    assert (answer.status_code, answer.json()["kind"]) == (415, "not-json")
+
+
+@pytest.mark.parametrize("path", ["forms", "control", "exchange", "snapshots", "values"])
+def test_a_device_that_is_not_there_is_told(http: Client, path: str) -> None:
+    answer = http.get(f"/api/devices/99/{path}")
+    assert (answer.status_code, answer.json()["kind"]) == (404, "not-found")
+
+
+def test_what_there_is_not_is_told(http: Client) -> None:
+    assert post(http, "run", {"command": "Nonsense"}).status_code == 404
+    assert post(http, "apply", {"changes": {"Nonsense": {}}}).status_code == 404
+    assert post(http, "apply", {"changes": {"ProductCode": {"product_code": "x"}}}).status_code == 404
+    assert post(http, "apply", {"changes": {}}).status_code == 422
+    assert post(http, "keep", {}).json()["kind"] == "not-now"
+    assert post(http, "read", {}, 4).json()["kind"] == "no-settings"
