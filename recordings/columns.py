@@ -287,6 +287,22 @@ class Columns:
         whole = [np.concatenate(p) if p else np.empty(0, "<" + d) for p, d in zip(parts, dtypes, strict=True)]
         return Exact(whole[0], whole[1], whole[2:])
 
+    def thinned(self, channel: int, t0: float, t1: float, most: int, *, base: Base = "device") -> Exact:
+        """At most `most` of the rows with t0 ≤ t ≤ t1, evenly chosen, the last one always: of an attitude a sample says
+        something, a least and a greatest component do not."""
+        lo, hi = self._row(channel, t0, "left", base), self._row(channel, t1, "right", base)
+        if hi - lo <= most:
+            return self.exact(channel, lo, hi)
+        wanted = np.unique(np.linspace(lo, hi - 1, most).astype(np.int64))
+        columns: list[list[Array]] = []
+        for block, a, b in self._within(channel, lo, hi):
+            first = int(self._firsts[channel][block])
+            rows = wanted[np.searchsorted(wanted, first + a) : np.searchsorted(wanted, first + b)] - first
+            names: list[Any] = ["arrival", "time", *range(len(self.shapes[channel].dtypes))]
+            columns.append([self._column(channel, block, name)[rows] for name in names])
+        whole = [np.concatenate(column) for column in zip(*columns, strict=True)]
+        return Exact(whole[0], whole[1], whole[2:])
+
     def row_at(self, channel: int, t: float, base: Base = "device") -> int:
         """The last row with time ≤ t; −1 when there is none."""
         return self._row(channel, t, "right", base) - 1

@@ -24,6 +24,7 @@ import numpy as np
 
 from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
+from recordings.derived import euler_columns
 from recordings.parts import Part, Source
 from server import codec, wire
 from server.channels import Piece
@@ -51,6 +52,7 @@ class Collector(Hub):
         self.events: list[wire.EventInfo] = []
         self.left_out = 0
         self._writer = writer
+        self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
 
     def _time(self) -> float:
         return self.time
@@ -65,6 +67,32 @@ class Collector(Hub):
     def publish(self, pieces: Iterable[Piece]) -> None:
         for piece in pieces:
             self._writer.append(piece.channel, piece.columns)
+            if self.infos[piece.channel].kind in ("quaternion", "matrix"):
+                self._angles(piece)
+
+    def _angles(self, piece: Piece) -> None:
+        """Euler angles of what is not sent as such (recordings/derived.py)."""
+        number = self._derived.get(piece.channel)
+        if number is None:
+            number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])
+        if number:
+            self._writer.append(number, [*piece.columns[:2], *euler_columns(piece.columns[2:])])
+
+    def _derive(self, source: wire.ChannelInfo) -> int:
+        """The channel of angles, as the page would call it; 0 where they would mean nothing: not against a level."""
+        if source.frame.startswith("ECEF") or len(source.columns) not in (4, 9):
+            return 0
+        turns = (("roll", "x", 360.0), ("pitch", "y", 0.0), ("yaw", "z", 360.0))
+        columns = [
+            wire.ColumnInfo(name, "f8", unit="°", label=name, axis=axis, decimals=2, period=period)  # type: ignore[arg-type]
+            for name, axis, period in turns
+        ]
+        words = f"Worked out from {source.title or source.name}; yaw, then pitch, then roll."
+        return self.advertise(
+            replace(
+                source, name="EulerAngles", title="Euler angles", kind="euler", unit="°", columns=columns, doc=words
+            )
+        )
 
     def event(self, device: str, kind: wire.EventKind, level: wire.Level, text: str, **more: Any) -> wire.EventInfo:
         event = super().event(device, kind, level, text, **more)

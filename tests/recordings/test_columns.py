@@ -179,3 +179,16 @@ def test_a_store_of_another_version_is_made_again(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(module, "VERSION", 99)
     with pytest.raises(ValueError, match="version"):
         Columns(tmp_path / "a")
+
+
+def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
+    columns = rows(50_000)
+    store = made(tmp_path / "a", columns)
+    key = key_of(columns)
+    found = store.thinned(7, key[100], key[40_000], 300)
+    assert 250 <= len(found) <= 300
+    inside = columns[4][(key >= key[100]) & (key <= key[40_000])]
+    assert np.isin(found.columns[2], inside).all()
+    assert found.columns[2][-1] == inside[-1]
+    assert (np.diff(np.searchsorted(columns[0], found.arrival)) > 0).all()
+    assert len(store.thinned(7, key[100], key[200], 300)) == 101
