@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, McapRecord, Metadata, Schema, Statistics
+from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
 from recordings.records import MAGIC, bytes_of, ending, message
 
@@ -109,7 +109,7 @@ class Writer:
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[str, Channel] = {}
         self._counts: dict[int, int] = {}
-        self._metadata = 0
+        self._metadata: list[MetadataIndex] = []
         self._first: int | None = None
         self._last = 0
         self._closed = False
@@ -151,7 +151,8 @@ class Writer:
             try:
                 self._file.sync()
             except OSError as error:
-                raise problem(error, self.path) from None
+                if not self._closed:  # meanwhile, by who writes: then that one tells why
+                    raise problem(error, self.path) from None
 
     def close(self) -> None:
         """End the file as the format wants it. It can be opened as it is; packing makes it small and quick."""
@@ -168,7 +169,7 @@ class Writer:
 
     def is_there(self) -> bool:
         """Is the file still to be found by its name?"""
-        return self._file.is_at(self.path)
+        return self._closed or self._file.is_at(self.path)
 
     def copy_to(self, path: Path) -> None:
         """Write what is in this file again, into another one: its own may have no name any more.
@@ -183,8 +184,9 @@ class Writer:
         self._write([self._message(topic, "json", (name, schema), time_ns, data)])
 
     def _tell(self, name: str, about: Mapping[str, Any]) -> None:
-        self._metadata += 1
-        self._write([bytes_of(Metadata(name=name, metadata=_strings(about)))])
+        record = bytes_of(Metadata(name=name, metadata=_strings(about)))
+        self._metadata.append(MetadataIndex(offset=self.size, length=len(record), name=name))
+        self._write([record])
 
     def _message(
         self, topic: str, encoding: str, schema: tuple[str, Mapping[str, Any]] | None, time_ns: int, data: bytes
@@ -224,7 +226,7 @@ class Writer:
             channel_message_counts=self._counts,
             chunk_count=0,
             message_count=sum(self._counts.values()),
-            metadata_count=self._metadata,
+            metadata_count=len(self._metadata),
             message_start_time=self._first or 0,
             message_end_time=self._last,
             schema_count=len(self._schemas),
@@ -233,6 +235,7 @@ class Writer:
             (Opcode.SCHEMA, list(self._schemas.values())),
             (Opcode.CHANNEL, list(self._channels.values())),
             (Opcode.STATISTICS, [statistics]),
+            (Opcode.METADATA_INDEX, list(self._metadata)),
         ]
 
     def _write(self, records: list[bytes]) -> None:
