@@ -8,11 +8,13 @@ device has sent by then. What it measures is measurement.py, from the shared dri
 
     GET_DATA     period 0 sends the data set once and ends its stream; else one packet every `period` times the source's
                  own. A part (offset, size) of what is not streamed is answered as asked; NACK for what is not there.
-    SET_DATA     DID_RMC chooses streams by bits; DID_FLASH_CONFIG keeps what is written (new periods act after a reset,
-                 as in the device); DID_SYS_CMD saves the streams or resets; DID_DEV_INFO and other sets are refused.
+    SET_DATA     DID_RMC chooses streams by bits; what is kept is memory.py's business (new periods and rates act after
+                 a reset, as in the device); DID_SYS_CMD saves, resets, and refuses what this device has not.
     stops        of one data set without an answer; of all with ACK.
+    NMEA         speech.py's business: sentences beside the packets, and what is asked in text.
+    RTCM 3       taken and counted, as corrections for the receiver.
 
-What it does not do: calibration, RTK, NMEA and other ports; a stop of all ports stops this one.
+What it does not do: RTK and other ports; a stop of all ports stops this one.
 
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
 """
@@ -20,15 +22,19 @@ Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 
 import numpy as np
 
-from protocols.isb import frames
-from protocols.isb.frames import ACK, DATA, GET_DATA, HEADER, NACK, TRAILER, WITH_OFFSET
+from protocols.events import Text
+from protocols.foreign import STARTS, find
+from protocols.isb import frames, speech
+from protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
 from protocols.isb.measurement import (
     BLOCK_NS,
     DTYPES,
     GNSS,
+    GNSS_NS,
     IMU,
     NAV,
     SLOW,
@@ -42,16 +48,21 @@ from protocols.isb.measurement import (
     packets,
     rows_of,
 )
-from protocols.motion import PLACE
+from protocols.isb.memory import Memory, factory
+from protocols.isb.streams import dids_of
+from protocols.stream import Stream
 
 PRODUCTS = ("IMX-5",)
 FIRMWARE = (2, 7, 1, 0)
-DEV_INFO, SYS_CMD, RMC, SYS_PARAMS, FLASH_CONFIG = 1, 7, 9, 10, 12
+DEV_INFO, SYS_CMD, RMC, SYS_PARAMS = 1, 7, 9, 10
 SAVE_PERSISTENT, RESET = 1, 99
+DONE = (1, 3, 4, 5, 6, 7, 8, 11, 60, 61, 62, 70, 97, 98, 99)  # system commands that it takes
+RMC_PRESERVE = 1 << 8
 RMC_PERSISTENT = 1 << 9
 BOOT_NS = 300_000_000
+Request = tuple[int, int, int, bytes] | Text
 STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
-SLOW_NS, GNSS_NS = 20_000_000, 200_000_000
+SLOW_NS, FAST_NS = 20_000_000, 1_000_000
 SLOW_INS_2_HZ = 50
 BAUD = 921_600
 
@@ -70,6 +81,7 @@ class IsbDevice:
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the device's clock jumps once.
         road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
+        baud: rate of its ports; None for the factory's.
     Raises:
         ValueError: the product is not known.
     """
@@ -87,19 +99,22 @@ class IsbDevice:
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
         road: float = 0.0,
+        baud: int | None = None,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
         self.product = product
         self.serial = 62_000 + seed % 0xFFFF if serial is None else serial
-        self.baud = BAUD
+        self.baud = baud or BAUD
         self._seed, self._start_ns = seed, start_ns
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
         self.run = Run(seed, road, jump, UTC_2026_S * S + start_ns)
         self._period_ns = max(round(S / rate), 1)
-        self.flash = self._factory(rate)
+        self.memory = Memory(factory(rate, self.baud))
+        self.corrections: Counter[str] = Counter()  # RTCM messages that it got, by number
+        self._imu_ns, self._gnss_ns = self._period_ns, GNSS_NS
         every = max(1, round(rate / SLOW_INS_2_HZ))
         self.persistent: dict[int, int] = {58: 1, 4: 1, 5: every, 52: 1, 53: 1, 13: 1, 30: 1, 15: 5}
         self.streams: dict[int, int] = {}
@@ -107,7 +122,7 @@ class IsbDevice:
         self._block = 0
         self._sent_ns = -1  # all that was due up to this device time has been sent
         self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
-        self._heard = bytearray()
+        self._ear = Stream(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._count = 0
 
@@ -120,6 +135,7 @@ class IsbDevice:
         if not self._awake and now >= BOOT_NS:
             self._awake = True
             self.streams = dict(self.persistent)
+            self.memory.reset()
             self._sent_ns = BOOT_NS
             self._block = BOOT_NS // BLOCK_NS
             self._make()
@@ -134,44 +150,43 @@ class IsbDevice:
         if not self._awake:
             return b""  # nobody listens yet
         now = self._local(now_ns)
-        if now - self._heard_ns > STALL_NS:
-            self._heard.clear()
-        self._heard += data
+        requests = self._requests(stalled=True) if now - self._heard_ns > STALL_NS else []
+        self._ear.feed(data, now)
         self._heard_ns = now
-        while (request := self._next_request()) is not None and self._awake:
-            out.append(self._answer(*request, now))
+        out += [self._hear(request, now) for _, request in requests + self._requests()]
         return b"".join(out)
+
+    def _hear(self, request: Request, now: int) -> bytes:
+        """One packet, sentence or correction."""
+        if not self._awake:
+            return b""  # one before it was a reset
+        if isinstance(request, tuple):
+            return self._answer(*request, now)
+        if request.protocol == "rtcm3":
+            self.corrections[request.name] += 1
+        return self._text(request.line, now) if request.protocol == "nmea" else b""
 
     def _local(self, now_ns: int) -> int:
         """Device time: ns of the device's own oscillator since it was switched on."""
         return int((now_ns - self._start_ns) * self._speed)
 
-    def _next_request(self) -> tuple[int, int, int, bytes] | None:
-        """The next valid packet from the host: flags byte, data set, offset, payload."""
-        heard = self._heard
-        while (at := heard.find(bytes((frames.FIRST, frames.SECOND)))) >= 0:
-            del heard[:at]
-            if len(heard) < HEADER:
-                return None
-            size = HEADER + (heard[4] | heard[5] << 8) + TRAILER
-            if size <= frames.MAX_PACKET:
-                if len(heard) < size:
-                    return None
-                packet = bytes(heard[:size])
-                if struct.pack("<H", frames.fletcher16_of(packet[:-TRAILER])) == packet[-TRAILER:]:
-                    del heard[:size]
-                    skip = 2 if packet[2] & WITH_OFFSET and size >= HEADER + 2 + TRAILER else 0
-                    offset = int.from_bytes(packet[HEADER : HEADER + skip], "little")
-                    return packet[2], packet[3], offset, packet[HEADER + skip : -TRAILER]
-            del heard[0]
-        del heard[: -1 if heard.endswith(bytes((frames.FIRST,))) else None]
-        return None
+    def _requests(self, *, stalled: bool = False) -> list[tuple[int, Request]]:
+        """What has been heard, in order: packets as (flags byte, data set, offset, payload), sentences, corrections."""
+        cut = self._ear.drain(stalled=stalled)
+        heard: list[tuple[int, Request]] = [(text.offset, text) for text in cut.texts if text.name]
+        for at, _, body, length, did, flags in cut.table[:6].T.tolist():
+            shifted = flags & WITH_OFFSET and flags & frames.TYPE_MASK in (frames.DATA, frames.SET_DATA)
+            offset = int.from_bytes(cut.data[body - 2 : body], "little") if shifted else 0
+            heard.append((cut.start + at, (flags, did, offset, cut.data[body : body + length])))
+        return sorted(heard, key=lambda one: one[0])
 
     # -- streams
 
     def period_ns(self, did: int) -> int:
         """Between two samples of what paces a data set."""
-        return {NAV: self._period_ns, IMU: self._period_ns, SLOW: SLOW_NS, GNSS: GNSS_NS}[SOURCES[did].pace]
+        if did not in SOURCES:
+            return FAST_NS
+        return {NAV: self._period_ns, IMU: self._imu_ns, SLOW: SLOW_NS, GNSS: self._gnss_ns}[SOURCES[did].pace]
 
     def _make(self) -> None:
         """All packets of the current block that have not been sent."""
@@ -191,7 +206,20 @@ class IsbDevice:
             if len(chosen):
                 sent = packets(did, rows_of(did, at, chosen))
                 made += zip((steps[chosen] * period).tolist(), [place] * len(sent), sent, strict=True)
+        for did in self.streams.keys() - SOURCES.keys():
+            times = self._times(FAST_NS * self.streams[did])
+            made += [(time, len(SOURCES), frames.build(DATA, did, self.value(did, time))) for time in times]
+        for number, every in self.memory.sentences.items():
+            source = speech.source_of(number)
+            if source is not None:
+                times = self._times(self.period_ns(source) * every)
+                made += [(time, 999, speech.line(number, self.value(source, time))) for time in times]
         self._waiting = [(time, packet) for time, _, packet in sorted(made, reverse=True)]
+
+    def _times(self, period: int) -> list[int]:
+        """The multiples of a period in this block that have not been sent."""
+        first, end = (-(-block * BLOCK_NS // period) for block in (self._block, self._block + 1))
+        return [step * period for step in range(first, end) if step * period > self._sent_ns]
 
     def _due(self, now: int, out: list[bytes]) -> None:
         while True:
@@ -235,13 +263,14 @@ class IsbDevice:
             case frames.STOP_DID:
                 self._choose({one: every for one, every in self.streams.items() if one != did})
             case frames.STOP_ALL_PORTS | frames.STOP_CURRENT_PORT:
+                self.memory.sentences = {}
                 self._choose({})
                 return _acked(ACK, flags, did, 0, 0, 0)
         return b""
 
     def _get(self, did: int, size: int, offset: int, period: int, now: int) -> bytes:
         """A stream begins, or one packet (with a part, where one is asked for); or a refusal."""
-        if did in SOURCES and not (offset or size):
+        if not (offset or size) and self.value(did, now):
             others = {one: every for one, every in self.streams.items() if one != did}
             self._choose({**others, did: period} if period else others)
             if period:
@@ -255,36 +284,76 @@ class IsbDevice:
     def _set(self, did: int, offset: int, data: bytes, now: int) -> bool:
         """Write; False where that cannot be."""
         if did == RMC and offset == 0 and len(data) >= 8:
-            bits = int.from_bytes(data[:8], "little")
-            self._choose({one: self.streams.get(one, 1) for one, row in SOURCES.items() if bits >> row.bit & 1})
-            if int.from_bytes(data[8:12], "little") & RMC_PERSISTENT:
-                self.persistent = dict(self.streams)
-            return True
-        if did == FLASH_CONFIG and data and offset + len(data) <= len(self.flash):
-            self.flash = _summed(self.flash[:offset] + data + self.flash[offset + len(data) :])
+            bits, options = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:12], "little")
+            wanted = {one for one in dids_of(bits) if one in SOURCES}
+            wanted |= self.streams.keys() if options & RMC_PRESERVE else set()
+            self._choose({one: self.streams.get(one, 1) for one in wanted})
+            if options & RMC_PERSISTENT:
+                self._save()
             return True
         if did == SYS_CMD and offset == 0 and len(data) == 8:
             command, inverse = struct.unpack("<II", data)
-            if command ^ inverse != 0xFFFFFFFF or command not in (SAVE_PERSISTENT, RESET):
-                return False
-            if command == SAVE_PERSISTENT:
-                self.persistent = dict(self.streams)
-            else:
+            return bool(command ^ inverse == 0xFFFFFFFF) and self._command(command, now)
+        sentences = dict(self.memory.sentences)
+        done = self.memory.write(did, offset, data, now)
+        if sentences != self.memory.sentences:
+            self._make()
+        return done
+
+    def _command(self, command: int, now: int) -> bool:
+        """A system command; False for what this device has not: bridges, bootloaders, the maker's own."""
+        if command == SAVE_PERSISTENT:
+            self._save()
+        elif command == RESET:
+            self._reset(now)
+        return command in DONE
+
+    def _save(self) -> None:
+        """Streams and sentences come back after a reset."""
+        self.persistent = dict(self.streams)
+        self.memory.kept_sentences = dict(self.memory.sentences)
+
+    def _text(self, line: str, now: int) -> bytes:
+        """What is asked in text."""
+        words = line.strip()[1:-3].split(",")
+        match words:
+            case ["STPB"] | ["STPC"]:
+                self.memory.sentences = {}
+                self._choose({})
+                self._make()
+            case ["PERS"]:
+                self._save()
+            case ["SRST"]:
                 self._reset(now)
-            return True
-        return False
+            case ["INFO"]:
+                return speech.info(self._info())
+            case ["ASCE"]:
+                return speech.periods(self.memory.sentences)
+            case ["ASCE", *rest] if wanted := speech.chosen(rest):
+                self.memory.choose(wanted[1], keep=bool(wanted[0] & RMC_PERSISTENT))
+                self._make()
+        return b""
 
     def _reset(self, now: int) -> None:
         """As if power had failed for a moment: its time begins anew, stored periods act."""
-        nav_ms = int.from_bytes(self.flash[16:20], "little")
+        nav_ms, imu_ms, gnss_ms = self.memory.periods_ms
         if nav_ms != max(1, round(self._period_ns / 1e6)):
             self._period_ns = max(nav_ms, 1) * 1_000_000
+        if imu_ms != max(1, round(self._imu_ns / 1e6)):
+            self._imu_ns = max(imu_ms, 1) * 1_000_000
+        self._gnss_ns = max(gnss_ms, 50) * 1_000_000
+        self.baud = self.memory.baud
         self._start_ns += round(now / self._speed)
         self.run = Run(self._seed, self.run.road, None, self.run.utc_ns + now)
         self._awake, self._waiting, self.streams = False, [], {}
-        self._heard.clear()
+        self._ear = Stream(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._sent_ns = -1
+
+    def repowered(self, start_ns: int) -> IsbDevice:
+        """The device after its power was off: with what it had stored."""
+        self._reset(max(self._local(start_ns), 0))
+        return self
 
     # -- values
 
@@ -294,14 +363,12 @@ class IsbDevice:
             period = self.period_ns(did)
             steps = np.array([now // period])
             return rows_of(did, moments(self.run, did, period, steps), np.array([0])).tobytes()
-        if did == FLASH_CONFIG:
-            return self.flash
         if did == RMC:
-            bits = sum(1 << SOURCES[one].bit for one in self.streams)
+            bits = sum(1 << SOURCES[one].bit for one in self.streams if one in SOURCES)
             return struct.pack("<QI", bits, 0)
         if did == DEV_INFO:
             return self._info()
-        return self._parameters(now) if did == SYS_PARAMS else b""
+        return self._parameters(now) if did == SYS_PARAMS else self.memory.value(did, now)
 
     def _info(self) -> bytes:
         out = np.zeros(1, DTYPES[DEV_INFO])
@@ -320,33 +387,16 @@ class IsbDevice:
         out["timeOfWeekMs"] = at.gps[1] // 10**6
         out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status
         out["imuTemp"] = out["baroTemp"] = out["mcuTemp"] = 24.0 + 14.0 * (1 - np.exp(-now / (600 * S)))
-        for name in ("imuSamplePeriodMs", "navOutputPeriodMs", "navUpdatePeriodMs"):
-            out[name] = max(1, round(self._period_ns / 1e6))
+        out["imuSamplePeriodMs"] = max(1, round(self._imu_ns / 1e6))
+        out["navOutputPeriodMs"] = out["navUpdatePeriodMs"] = max(1, round(self._period_ns / 1e6))
         out["sensorTruePeriod"], out["upTime"] = self._period_ns / 1e9, now / 1e9
-        out["flashCfgChecksum"] = int.from_bytes(self.flash[4:8], "little")
+        out["flashCfgChecksum"] = self.memory.word(4)
         return out.tobytes()
-
-    def _factory(self, rate: float) -> bytes:
-        out = np.zeros(1, DTYPES[FLASH_CONFIG])
-        out["size"], out["key"] = DTYPES[FLASH_CONFIG].itemsize, 21
-        out["startupImuDtMs"] = out["startupNavDtMs"] = max(1, round(1e3 / rate))
-        out["startupGPSDtMs"] = GNSS_NS // 10**6
-        out["ser0BaudRate"] = out["ser1BaudRate"] = out["ser2BaudRate"] = BAUD
-        out["dynamicModel"], out["gnssSatSigConst"] = 4, 0x10FF  # a ground vehicle; GPS, QZSS, Galileo, BeiDou, SBAS
-        out["refLla"] = out["lastLla"] = PLACE
-        out["gnssCn0Minimum"] = 15
-        return _summed(out.tobytes())
 
 
 def _acked(kind: int, flags: int, header_id: int, did: int, size: int, offset: int) -> bytes:
     """ACK or NACK: the packet that is answered, and what of it. (A GET may name a set beyond 255; a NACK cannot.)"""
     return frames.build(kind, 0, struct.pack("<BBHBHH", flags, header_id, 0, did & 0xFF, size, offset))
-
-
-def _summed(flash: bytes) -> bytes:
-    """The flash configuration with its checksum: the exclusive or of all words behind it (SDK: flashChecksum32)."""
-    total = int(np.bitwise_xor.reduce(np.frombuffer(flash, "<u4")[2:]))
-    return flash[:4] + struct.pack("<I", total) + flash[8:]
 
 
 def _text(words: bytes, size: int) -> Array:

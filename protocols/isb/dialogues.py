@@ -290,7 +290,7 @@ class IsbDriver:
             for did, period in wanted.items():
                 if not again or now.get(did) != period:
                     yield from self._stream(did, period)
-            got = yield from listening.streams(lambda did: ask(did))
+            got = yield from listening.streams(lambda did: ask(did), also=wanted)
             if not differences(STREAMS_SETTING, values, got):
                 break
         if kept(values):

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from protocols.schema import Field
 Values = Mapping[str, Any]
 Ask = Callable[[int], Dialogue[Values]]
 
-LISTEN_S, QUICK_S = 3.0, 0.4
+LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
 ENOUGH = 3  # samples from which a period is sure
 GPX_FLASH = 121
 
@@ -100,15 +100,24 @@ class _Heard:
         self._times: dict[int, list[tuple[int, int]]] = {}
         self.sizes: dict[int, int] = {}
 
+    @property
+    def enough(self) -> bool:
+        """Is every period known that is to be known?"""
+        return not self._left
+
     def take(self, event: Event) -> bool | None:
         """An event; True when enough has been heard."""
+        self.only(event)
+        return True if self.enough else None
+
+    def only(self, event: Event) -> None:
+        """An event, whatever has been heard."""
         if isinstance(event, Batch) and event.message.id in STREAMS:
             device = event.arrival_ns if event.time_ns is None else event.time_ns
             times = list(zip(device.tolist(), event.arrival_ns.tolist(), strict=True))
             self._note(event.message.id, times, getattr(event.columns, "row_size", 0))
         elif isinstance(event, Reply) and event.message.id in STREAMS and event.message is ROWS[event.message.id]:
             self._note(event.message.id, [(event.arrival_ns, event.arrival_ns)], 0)
-        return None if self._left else True
 
     def _note(self, did: int, times: list[tuple[int, int]], size: int) -> None:
         known = self._times.setdefault(did, [])
@@ -142,12 +151,13 @@ def sources_of(params: Values, flash: Values) -> dict[str, float]:
     return {pace: float(told.get(pace) or usual) for pace, usual in DEFAULT_MS.items()}
 
 
-def streams(ask: Ask, *, quick: bool = False) -> Dialogue[Values]:
+def streams(ask: Ask, *, quick: bool = False, also: Iterable[int] = ()) -> Dialogue[Values]:
     """The value of the setting `streams`.
 
     Args:
         ask: reads a data set.
         quick: which there are is enough; their periods may stay unknown.
+        also: data sets without a bit that are listened for too.
     """
     rmc = yield from ask(RMC)
     listed = dids_of(rmc.get("bits", 0))
@@ -156,8 +166,10 @@ def streams(ask: Ask, *, quick: bool = False) -> Dialogue[Values]:
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
-    heard = _Heard({did for did in listed if STREAMS[did].pace != EVENT} or {-1})
-    yield Expect(heard.take, QUICK_S if quick else LISTEN_S, "streams")
+    heard = _Heard({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
+    yield Expect(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
+    if not quick and not heard.enough:
+        yield Expect(heard.take, LISTEN_S - LEAST_S, "streams")
     rows = [_stream(did, heard, sources) for did in dict.fromkeys((*listed, *heard.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0)}

@@ -136,11 +136,16 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
 }
 
 
+LISTS = ((8, "nmeaBroadcastMsgs"),)
+
+
 def noted(did: int, field: Field) -> Field:
     """A field of a data set with what is known of it."""
     note = _OF_SET.get((did, field.name)) or _GENERAL.get(field.name)
     if note is None:
         return replace(field, simple=False)
+    if (did, field.name) in LISTS:  # as many as are in use; the rest travels empty
+        field = replace(field, shape=(-1,), most=field.shape[0])
     return replace(
         field,
         low=note.low,

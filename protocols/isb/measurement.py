@@ -42,6 +42,7 @@ S = 10**9
 BLOCK_NS = 250_000_000
 AGE_NS = 80_000_000
 FIRST_FIX_NS, FINE_NS = 4 * S, 9 * S
+GNSS_NS = 200_000_000
 LEAP_S = 18  # GPS time is ahead of UTC since 2017
 UTC_2026_S = 1_767_225_600
 TURN_RANGE, FORCE_RANGE = math.radians(4000), 16 * motion.GRAVITY  # IMX-5 data sheet

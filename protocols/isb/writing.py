@@ -116,24 +116,19 @@ def _text(name: str, values: Values) -> bytes:
 
 
 def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
-    """One SET of neighbouring fields of a data set (or of all of them)."""
+    """One SET of neighbouring fields of a data set (or of all of them), also of those that a device keeps itself."""
     if not values:
         raise EncodeError("give at least one field")
     limits.check(fields_of(did, version), values, partial=True)
-    try:
-        return packet_of({"message": f"{SET_PREFIX}{SETS[did].name}", "fields": values, "wire": {}})
-    except EncodeError as error:
-        if "missing" in str(error):
-            raise EncodeError(f"{error}: one packet carries fields that lie next to each other") from None
-        raise
+    values = _padded(values) if did == NMEA_PERIODS else values
+    runs = _runs(did, values, version)
+    if len(runs) > 1:
+        names = [field.name for field in fields_of(did, version) if field.name in values]
+        raise EncodeError(f"one packet carries fields that lie next to each other; {' and '.join(names)} do not")
+    return runs[0]
 
 
 # -- settings ----------------------------------------------------------------------------------------------------------
-
-
-def writable(did: int, version: str = CURRENT) -> list[Field]:
-    """The fields of a data set that a person may change."""
-    return [field for field in fields_of(did, version) if not field.read_only]
 
 
 def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
@@ -146,14 +141,17 @@ def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
     limits.check(fields, {name: value for name, value in values.items() if name not in told}, partial=True)
     if did == NMEA_PERIODS:
         values = _padded(values)
+    return _runs(did, {name: value for name, value in values.items() if name not in told}, version)
+
+
+def _runs(did: int, values: Values, version: str) -> list[bytes]:
+    """One SET for each run of fields without a gap."""
     size = SETS[did].sizes.get(version) or SETS[did].struct.size  # type: ignore[union-attr]
-    offsets = {field.name: (field, at) for field, at in places(did, 0, size, version=version)}
     runs: list[tuple[int, bytearray]] = []
-    for field in writable(did, version):
+    for field, at in places(did, 0, size, version=version):
         if field.name not in values:
             continue
-        place, at = offsets[field.name]
-        raw = _packed(place, values[field.name])
+        raw = _packed(field, values[field.name])
         if runs and runs[-1][0] + len(runs[-1][1]) == at:
             runs[-1][1].extend(raw)
         else:

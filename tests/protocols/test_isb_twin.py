@@ -184,7 +184,7 @@ def test_get_is_answered_by_data() -> None:
     assert bits.values["bits"] == sum(1 << SOURCES[did].bit for did in device.streams)
 
 
-@pytest.mark.parametrize("did", [0, 2, 80, 130, 255])
+@pytest.mark.parametrize("did", [0, 48, 80, 130, 255])
 def test_get_of_what_is_not_there_is_refused(did: int) -> None:
     [refused] = ask(awake(), frames.get_data(did, period=0))
     assert refused.message.name == "NACK"
@@ -234,7 +234,7 @@ def test_flash_is_written_in_parts_and_periods_act_after_a_reset() -> None:
     assert ask(device, frames.set_data(12, struct.pack("<I", 4), 16))[0].message.name == "ACK"
     [flash] = ask(device, frames.get_data(12, period=0))
     assert flash.values["startupNavDtMs"] == 4
-    words = np.frombuffer(device.flash, "<u4")
+    words = np.frombuffer(device.memory.flash, "<u4")
     assert words[1] == np.bitwise_xor.reduce(words[2:])
     device.receive(frames.set_data(7, struct.pack("<II", 99, ~99 & 0xFFFFFFFF)), 2 * S)
     events = decode(run(device, 3, begin=2.01))
