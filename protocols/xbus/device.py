@@ -26,6 +26,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -34,8 +35,9 @@ from protocols.xbus import frames
 from protocols.xbus.answers import ACTIONS
 from protocols.xbus.changes import BAUD_RATES
 from protocols.xbus.choices import INTERVAL, SEND_LATEST, TRIGGER
-from protocols.xbus.hearing import Ear
+from protocols.xbus.hearing import Ear, PowerCutError, Tongue
 from protocols.xbus.measurement import BLOCK_NS, Measurement
+from protocols.xbus.moods import NONE, Moods
 from protocols.xbus.outputs import granted, greatest, output_of
 from protocols.xbus.quantities import Run
 from protocols.xbus.sentences import Sentences
@@ -60,7 +62,7 @@ from protocols.xbus.settings import (
 WAKE_UP_WINDOW_NS = 500_000_000
 BOOT_NS = 300_000_000  # from Reset to WakeUp
 BOOT_BAUD = 115_200  # at which it listens for 0xDE while it boots
-GO_TO_CONFIG, RESTORE = 0x30, 0xDE
+GO_TO_CONFIG, ERROR, RESTORE = 0x30, 0x42, 0xDE
 DISABLE_AUTO_STORE, DISABLE_AUTO_MEASUREMENT = 1, 2
 
 Phase = Literal["boot", "wake-up", "config", "measurement"]
@@ -81,7 +83,7 @@ class XbusDevice:
         road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
         measuring: True to be powered long ago and already in the measurement state at `start_ns`.
         baud: rate that is stored when it comes, one of table 7; None for the factory's.
-        stubborn: it does not hear GoToConfig until it has been Reset, as some devices do.
+        moods: what goes wrong with its answers.
     Raises:
         ValueError: the product is not known.
     """
@@ -101,7 +103,7 @@ class XbusDevice:
         road: float = 0.0,
         measuring: bool = False,
         baud: int | None = None,
-        stubborn: bool = False,
+        moods: Moods = NONE,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
@@ -118,12 +120,13 @@ class XbusDevice:
         self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
         self.settings: dict[int, bytes] = {}
         self.output: tuple[tuple[int, int], ...] = ()
-        self._baud, self._stubborn = baud, stubborn
-        self._make_anew: Callable[[int], XbusDevice] = lambda start_ns: XbusDevice(
+        self._moods, self._stubborn = moods, moods.stubborn
+        self._tongue, self._stores = Tongue(moods, seed), 0
+        self._anew: Callable[[int], XbusDevice] = partial(
+            XbusDevice,
             product,
             self.serial,
             seed,
-            start_ns,
             rate=rate,
             drop=drop,
             corrupt=corrupt,
@@ -131,15 +134,14 @@ class XbusDevice:
             clock_jump=clock_jump,
             road=road,
             baud=baud,
-            stubborn=stubborn,
+            moods=moods,
         )
         self._restored = False  # 0xDE was heard while it boots
         self._newest = b""  # sample, while SendLatest waits for a trigger
         self._asked_for: list[bytes] = []
         self.restore()
-        code = next((code for code, rate in BAUD_RATES.items() if rate == baud), None)
-        if code is not None:
-            self.settings[BAUDRATE] = bytes([code])
+        if baud in BAUD_RATES.values():
+            self.settings[BAUDRATE] = bytes([next(code for code, one in BAUD_RATES.items() if one == baud)])
             self._couple(BAUDRATE)
         self._memory = self._present()
         self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
@@ -168,7 +170,7 @@ class XbusDevice:
                 self.measure(WAKE_UP_WINDOW_NS)
         if self.phase == "measurement":
             self._due(now, out)
-        return b"".join(out)
+        return b"".join(out + self._tongue.due(now))
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host. What the device had to send by then, followed by its answers."""
@@ -184,10 +186,13 @@ class XbusDevice:
             try:
                 answer = self._answer(mid, payload, now)
             except RefusedError as refused:
-                out.append(frames.build(0x42, bytes([refused.code]), bid))
+                out += self._tongue.say(frames.build(ERROR, bytes([refused.code]), bid), now)
+            except PowerCutError:
+                self.reset(now)
+                break
             else:
                 if answer is not None:
-                    out.append(frames.build(mid + 1, answer, bid))
+                    out += self._tongue.say(frames.build(mid + 1, answer, bid), now)
             out += self._asked_for
             self._asked_for.clear()
         return b"".join(out)
@@ -276,7 +281,7 @@ class XbusDevice:
 
     def repowered(self, start_ns: int) -> XbusDevice:
         """The same device after its power was off: what it had stored, and a receiver that starts cold."""
-        device = self._make_anew(start_ns + BOOT_NS)
+        device = self._anew(start_ns + BOOT_NS)
         device._memory, device.baud = self._memory, BOOT_BAUD
         device.settings, device.output = dict(self._memory[0]), self._memory[1]
         device.change(**device._consequences())
@@ -330,6 +335,9 @@ class XbusDevice:
         before = self._present()
         answer = action.action(self, payload, now) if action else self._keep(mid, payload)
         if self._present() != before and self.phase == "config":
+            self._stores += 1
+            if self._stores == self._moods.cut:
+                raise PowerCutError
             self.change(**self._consequences())
             self.store()
         return answer

@@ -1,6 +1,7 @@
 """How is an MTi brought to a state, and how is one request asked until it is answered?
 
-    ask            request ──> acknowledgement, number plus one; Error ──> RefusedError in the document's words;
+    ask            request ──> acknowledgement, number plus one; Error ──> RefusedError in the document's words, and so
+                   WakeUp, which says that the device has restarted meanwhile (only Reset is answered by it too);
                    no answer within the time-out ──> again, where asking twice does no harm
     to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
                    and its WakeUp is answered with WakeUpAck at once: within 500 ms that leads to the config state too
@@ -44,7 +45,7 @@ def ask(
     Returns:
         The acknowledgement's fields, wire values.
     Raises:
-        RefusedError: Error came instead.
+        RefusedError: Error came instead, or the device restarted.
         SilentError: nothing came.
     """
     number = answers(frame[2])
@@ -52,7 +53,7 @@ def ask(
     def match(event: Event) -> Reply | None:
         if not isinstance(event, Reply):
             return None
-        if event.message.id == ERROR or (event.message.id == number and accept(event)):
+        if event.message.id in (ERROR, WAKE_UP) or (event.message.id == number and accept(event)):
             return event
         return None
 
@@ -62,6 +63,8 @@ def ask(
         if reply is not None:
             if reply.message.id == ERROR:
                 raise refusal(what, reply)
+            if reply.message.id == WAKE_UP and frame[2] != RESET:
+                raise RefusedError(what, "the device restarted before it answered")
             return values_of(reply)
     raise SilentError(what, tries, timeout_s)
 

@@ -1,16 +1,19 @@
-"""How does the simulated MTi find the requests in what it hears?
+"""How does the simulated MTi find the requests in what it hears, and what becomes of its answers?
 
-By the resync rule of protocols/framing.py, on the few bytes a host sends: noise is skipped, a candidate that fails
-gives way to the next preamble, one that is not complete waits, and is forgotten when the host falls silent for a while.
+Requests by the resync rule of protocols/framing.py, on the few bytes a host sends: noise is skipped, a candidate that
+fails gives way to the next preamble, one that is not complete waits, and is forgotten when the host falls silent.
+Answers leave at once, unless its moods (moods.py) have it otherwise.
 
 Source: MT0101P 2020.A, 5.1.
 """
 
 from __future__ import annotations
 
+import random
 from collections.abc import Iterator
 
 from protocols.xbus import frames
+from protocols.xbus.moods import Moods
 
 STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
 ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a single device answers
@@ -58,3 +61,34 @@ class Ear:
                 if frame[1] in ADDRESSES:
                     yield frame[1], frame[2], frame[head:-1]
         heard.clear()
+
+
+class PowerCutError(Exception):
+    """The power fails now."""
+
+
+class Tongue:
+    """Answers on their way out. Chance comes from a seed."""
+
+    def __init__(self, moods: Moods, seed: int = 0) -> None:
+        self._moods = moods
+        self._chance = random.Random(seed)
+        self._held: list[tuple[int, bytes]] = []
+
+    def say(self, frame: bytes, now: int) -> list[bytes]:
+        """What of an answer leaves at once, at a device time."""
+        chance = self._chance.random()
+        if chance < self._moods.mute:
+            return []
+        if chance < self._moods.mute + self._moods.wrong:
+            frame = frames.build(frame[2] + 2 & 0xFF, b"", frame[1])
+        if self._moods.late_ns:
+            self._held.append((now + self._moods.late_ns, frame))
+            return []
+        return [frame]
+
+    def due(self, now: int) -> list[bytes]:
+        """Late answers whose time has come."""
+        found = [frame for at, frame in self._held if at <= now]
+        self._held = [(at, frame) for at, frame in self._held if at > now]
+        return found

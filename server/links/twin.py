@@ -15,6 +15,9 @@ So what is tested with a twin is what runs with a sensor: the port, the reading 
                                     on it, and a port at another rate hears noise
     ?dead_baud=921600               a rate that the line cannot carry: at it, both sides hear noise
     ?stubborn=1                     an MTi that does not hear GoToConfig until it has been reset
+    ?mute=0.1 ?wrong=0.1            share of its answers that never come, or are answers to something else
+    ?late_ms=700                    every answer is late
+    ?cut=3                          its power fails between the third setting it takes and storing it
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
     ?burst_ms=16                    a USB adapter with its latency timer at 16 ms
     ?drift_ppm=50                   the device clock runs fast by so much
@@ -40,6 +43,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from protocols.xbus.moods import NONE, Moods
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.cable import Cable, Faults
 from server.links.pump import closed
@@ -53,8 +57,9 @@ LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, 
 HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
+MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
 OPTIONS = (
-    *("product", "mode", "rate", "baud", "dead_baud", "stubborn", "drop", "corrupt", "burst_ms"),
+    *("product", "mode", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms"),
     *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
 )
 MODES = ("lite", "safety", "secure")
@@ -86,7 +91,7 @@ def _mti() -> tuple[str, ...]:
 
 
 FAMILIES: Mapping[str, Family] = {
-    "xbus": Family(_mti, 88, options=("product", "stubborn")),
+    "xbus": Family(_mti, 88, options=("product", *MOODS)),
     "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product",)),
     "idtp": Family(lambda: (), 104, options=("mode",)),  # of Safety; Secure has 56 more
 }
@@ -120,7 +125,7 @@ class TwinOptions:
     unplug_s: float = 0.0
     away_s: float = 5.0
     seed: int = 0
-    stubborn: bool = False
+    moods: Moods = NONE
 
     @classmethod
     def of(cls, source: Source) -> TwinOptions:
@@ -150,7 +155,13 @@ class TwinOptions:
                 baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
                 dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),
-            stubborn=bool(source.whole("stubborn", 0, 0, 1)),
+            moods=Moods(
+                mute=source.number("mute", 0, 0, 1),
+                wrong=source.number("wrong", 0, 0, 1),
+                late_ns=round(source.number("late_ms", 0, 0, 60_000, "ms") * 1e6),
+                cut=source.whole("cut", 0, 0, 1_000_000),
+                stubborn=bool(source.whole("stubborn", 0, 0, 1)),
+            ),
             drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
             jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
             reset_s=source.number("reset_s", 0, 0, 86_400, "s"),
@@ -211,7 +222,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
         clock_jump=jump,
         road=1.0,
         baud=options.faults.baud,
-        stubborn=options.stubborn,
+        moods=options.moods,
     )
 
 

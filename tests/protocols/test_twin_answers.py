@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from protocols.xbus import frames
 from protocols.xbus.device import XbusDevice
+from protocols.xbus.moods import Moods
 from protocols.xbus.settings import SETTINGS
 from tests.protocols.test_twin import S, ask, column, decode, in_config, replies, run
 
@@ -212,7 +213,7 @@ def test_send_latest_waits_for_a_request() -> None:
 
 
 def test_a_stubborn_device_hears_after_a_reset() -> None:
-    device = XbusDevice(stubborn=True)
+    device = XbusDevice(moods=Moods(stubborn=True))
     run(device, 1)
     assert replies(device.receive(frames.build(0x30), S)) == []
     assert ask(device, 0x40, now=S) == (0x41, b"")
