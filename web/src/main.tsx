@@ -6,7 +6,8 @@ import { Store } from "./data/store";
 import { cursor, view } from "./data/view";
 import { loadPorts, startApp } from "./pages/app";
 import { startKeyboard } from "./pages/keyboard";
-import { LivePage } from "./pages/live";
+import { startRoute } from "./pages/route";
+import { Shell } from "./pages/shell";
 import { refusal, socketUrl } from "./pages/states";
 import { Minute } from "./panels/minute";
 import { api, isRefusal } from "./ui/api";
@@ -19,6 +20,7 @@ import "./ui/panels.css";
 import "./ui/instruments.css";
 import "./ui/raws.css";
 import "./ui/phone.css";
+import "./ui/tabs.css";
 
 declare global {
   interface Window {
@@ -30,6 +32,7 @@ declare global {
 startTheme();
 const store = new Store();
 const app = startApp({ store, minute: new Minute() });
+startRoute();
 startKeyboard(app);
 
 // A refused WebSocket does not say why; a plain request to the same server does.
@@ -47,4 +50,4 @@ store.start(socketUrl());
 void loadPorts();
 window.imuscope = { store, view, cursor, actions };
 const root = document.getElementById("root");
-if (root) render(<LivePage app={app} />, root);
+if (root) render(<Shell app={app} />, root);

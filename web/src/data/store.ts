@@ -13,7 +13,7 @@ import { signal, type Signal } from "@preact/signals";
 import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/messages";
-import type { ChannelInfo, DeviceHealth, DeviceInfo, EventInfo, RawPayload, ServerText } from "../wire/types";
+import type { ChannelInfo, ControlState, DeviceHealth, DeviceInfo, EventInfo, ExchangeEntry, ExportJob, RawPayload, RecorderState, ServerText } from "../wire/types";
 import { addNorm, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
 import { LossBook, type Loss } from "./losses";
 import { Budget, Ring } from "./ring";
@@ -34,6 +34,7 @@ const HISTORY_S = 3600;
 /** A refill is not waited for longer than this: a plot that stands still says less than one with a gap. */
 const REFILL_S = 3;
 const EVENTS_KEPT = 10_000;
+const EXCHANGE_KEPT = 2000;
 const LATENCIES_KEPT = 4096;
 
 /** Frames after a reconnect, until the gap before them is filled. */
@@ -65,6 +66,15 @@ export class Store {
   readonly events: Signal<readonly EventInfo[]> = signal([]);
   /** The newest payload of every kind that nobody has described. */
   readonly raws: Signal<readonly RawPayload[]> = signal([]);
+  /** What is done to each device: jobs, queue, trial. */
+  readonly control: Signal<ReadonlyMap<string, ControlState>> = signal(new Map());
+  /** Frames to and from devices since this page was opened, all devices together; older ones come over HTTP. */
+  readonly exchange: Signal<readonly ExchangeEntry[]> = signal([]);
+  /** What is being recorded; undefined before the server has said. */
+  readonly recorder: Signal<RecorderState | undefined> = signal(undefined);
+  /** Goes up whenever the list of recordings has changed. */
+  readonly library: Signal<number> = signal(0);
+  readonly exports: Signal<readonly ExportJob[]> = signal([]);
   readonly connection: Signal<"connecting" | "open" | "closed"> = signal("connecting");
   /** When the connection is tried again, unix s by the server's clock; undefined while open. */
   readonly nextTry: Signal<number | undefined> = signal(undefined);
@@ -179,6 +189,8 @@ export class Store {
     this.events.value = [];
     this.health.value = new Map();
     this.raws.value = [];
+    this.control.value = new Map();
+    this.exchange.value = [];
   }
 
   #onText(text: ServerText): void {
@@ -200,6 +212,21 @@ export class Store {
         return;
       case "events":
         return this.#onEvents(text.events);
+      case "control":
+        this.control.value = new Map(text.devices.map((state) => [state.device, state]));
+        return;
+      case "exchange":
+        this.exchange.value = [...this.exchange.peek(), ...text.entries].slice(-EXCHANGE_KEPT);
+        return;
+      case "recorder":
+        this.recorder.value = text;
+        return;
+      case "library":
+        this.library.value += 1;
+        return;
+      case "exports":
+        this.exports.value = text.jobs;
+        return;
       case "backfilled":
         this.#endRefill();
         this.filling.value = false;
@@ -281,14 +308,15 @@ export class Store {
       this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
     }
     if (this.#refill !== undefined) (frame.history ? this.#refill.history : this.#refill.live).push(frame);
-    else this.#keep(frame);
+    else this.keep(frame);
   }
 
-  #keep(frame: SampleFrame): void {
+  /** Put a frame into the rings of its channel. `bounds`: its rows are the least and the greatest of stretches, in turn. */
+  protected keep(frame: SampleFrame, bounds = false): void {
     const source = this.#sources.get(frame.channel);
     if (source === undefined) return;
     const before = source.ring.newest;
-    source.ring.take(source.norm === undefined ? frame : addNorm(frame, source.norm));
+    source.ring.take(source.norm === undefined ? frame : addNorm(frame, source.norm, bounds));
     if (frame.dropped > 0) this.#losses.addDrop(source.info, before, frame.arrival[0] ?? before, frame.dropped);
     this.#derived.get(frame.channel)?.ring.take(eulerFrame(frame));
   }
@@ -299,7 +327,7 @@ export class Store {
     if (refill === undefined) return;
     this.#refill = undefined;
     clearTimeout(refill.timer);
-    for (const frame of refill.history.reverse()) this.#keep({ ...frame, history: false });
-    for (const frame of refill.live) this.#keep(frame);
+    for (const frame of refill.history.reverse()) this.keep({ ...frame, history: false });
+    for (const frame of refill.live) this.keep(frame);
   }
 }

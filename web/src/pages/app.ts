@@ -5,6 +5,7 @@ import type { Deps } from "../panels/deps";
 import { api, type Outcome, type Port, type Problem } from "../ui/api";
 import { isHeld, type PageState, pageState } from "../ui/state";
 import type { DeviceInfo, RawPayload } from "../wire/types";
+import { route } from "./route";
 
 export type Overlay = "help" | "add" | "track" | "describe" | undefined;
 /** The device that a key is given for. */
@@ -65,6 +66,7 @@ export function startApp(deps: Deps): App {
   });
   effect(() => {
     const name = device.value?.name;
+    if (route.value.page !== "live") return; // that page names itself
     const word = state.value === "lost" ? "Lost" : "Live";
     document.title = [word, name, "imuscope"].filter(Boolean).join(" · ");
   });

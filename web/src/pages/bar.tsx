@@ -2,14 +2,16 @@
 import * as actions from "../data/actions";
 import { view } from "../data/view";
 import { recently } from "../panels/deps";
-import { number, span } from "../ui/format";
+import { count, number, rate, span } from "../ui/format";
 import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/state";
 import { theme, toggleTheme } from "../ui/theme";
 import { type App, folded, overlay, sheet } from "./app";
+import { href, PAGES, route } from "./route";
 
 export function Bar({ app }: { readonly app: App }) {
+  const isLive = route.value.page === "live";
   return (
     <header class="bar">
       <div class="brand">
@@ -18,26 +20,50 @@ export function Bar({ app }: { readonly app: App }) {
         <small class="desk">{location.hostname}</small>
       </div>
       <nav class="nav" aria-label="Pages">
-        <a href="/" aria-current="page">
-          Live
-        </a>
+        {PAGES.map(({ name, title }) => (
+          <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
+            {title}
+          </a>
+        ))}
       </nav>
-      <Toggle name="rail" label="Devices" icon="list" />
+      <Toggle name="rail" label={isLive ? "Devices" : "Settings"} icon="list" />
       <span class="grow" />
-      {showsPlots(app.state.value) && <TimeControls />}
+      {isLive && showsPlots(app.state.value) && <TimeControls />}
+      {!isLive && <StateTags app={app} />}
       <span class="grow desk" />
       <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
         <Icon name="help" />
       </button>
       <Theme />
-      <Toggle name="side" label="Values and health" icon="side" />
-      {folded.value && (
+      <Toggle name="side" label={isLive ? "Values and health" : "Exchange"} icon="side" />
+      {isLive && folded.value && (
         <button type="button" class="btn icon desk only-wide" aria-label="Show values and health" title="Show values and health" onClick={() => (folded.value = false)}>
           <Icon name="side" />
         </button>
       )}
       <DeviceName app={app} />
     </header>
+  );
+}
+
+/** Where the controls of time have no place: what the device is doing, and what is on trial. */
+function StateTags({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  const control = device && app.store.control.value.get(device.id);
+  const health = device && app.store.health.value.get(device.id);
+  if (!device) return null;
+  const state = control?.state || markOf(device.status, 0).word;
+  const streams = device.status === "live" && health;
+  const trial = control?.trial?.state === "asking" ? control.trial : undefined;
+  return (
+    <>
+      <span class="tag desk statetag">
+        <span class={`dot ${markOf(device.status, 0).dot}`} />
+        {state}
+        {streams ? `, ${rate(health.rate)} samples/s` : ""}
+      </span>
+      {trial && <span class="tag yours desk statetag">{count(trial.changes.length, "change")} on trial</span>}
+    </>
   );
 }
 

@@ -4,6 +4,7 @@ import { cursor, measure, view } from "../data/view";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import { type App, overlay, sheet } from "./app";
 import { showsPlots } from "../ui/state";
+import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
   const onKey = (event: KeyboardEvent): void => {
@@ -12,16 +13,35 @@ export function startKeyboard(app: App): () => void {
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;
+    const page = pageAfter(event);
+    if (page !== undefined) {
+      event.preventDefault();
+      go(page);
+      return;
+    }
     const action = actionFor(event);
     if (!action) return;
     if (action.do === "help") overlay.value = "help";
     else if (action.do === "close") close();
-    else if (showsPlots(app.state.value)) act(action);
+    else if (route.value.page === "live" && showsPlots(app.state.value)) act(action);
     else return;
     event.preventDefault();
   };
   addEventListener("keydown", onKey);
   return () => removeEventListener("keydown", onKey);
+}
+
+/** How long the second key of "G, then a letter" is waited for. */
+const CHORD_MS = 1500;
+let goPressed = -Infinity;
+
+/** The page that "G, then L" asks for. */
+function pageAfter(event: KeyboardEvent): PageName | undefined {
+  if (event.ctrlKey || event.altKey || event.metaKey) return undefined;
+  const key = event.key.toLowerCase();
+  const waits = event.timeStamp - goPressed < CHORD_MS;
+  goPressed = key === "g" ? event.timeStamp : -Infinity;
+  return waits ? PAGES.find(({ title }) => title.charAt(0).toLowerCase() === key)?.name : undefined;
 }
 
 /** Esc: what lies on top first, then the measuring cursor, then the pinned one. */

@@ -15,3 +15,8 @@ it("leaves other hashes alone", () => {
   expect(parse("")?.page).toBe("live");
   expect(parse("#/configure/%")?.device).toBe("%");
 });
+
+it("opens a recording where its link says", () => {
+  expect(parse(href("recordings"))).toMatchObject({ page: "recordings", recording: undefined });
+  expect(parse(`${href("recordings", "a/b ?")}?t0=1.5&cursor=2`)).toMatchObject({ page: "recordings", recording: "a/b ?", query: "t0=1.5&cursor=2" });
+});

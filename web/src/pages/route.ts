@@ -3,10 +3,19 @@
  *
  *     #/                                    Live
  *     #/configure/<device>/<place>/<more>   Configure; the place is a group, a setting, a command, or "compare", "corrections" …
+ *     #/recordings                          the library
+ *     #/recordings/<id>?t0=…&cursor=…       a recording, opened where the link says (recordings/address.ts)
  */
 import { signal } from "@preact/signals";
+import type { IconName } from "../ui/icons";
 
-export type PageName = "live" | "configure";
+export type PageName = "live" | "configure" | "recordings";
+
+/** The pages in their order, with their names for a person and their pictograms. */
+export const PAGES = [
+  { name: "live", title: "Live", icon: "wave" },
+  { name: "configure", title: "Configure", icon: "sliders" },
+] as const satisfies readonly { readonly name: PageName; readonly title: string; readonly icon: IconName }[];
 
 export interface Route {
   readonly page: PageName;
@@ -14,13 +23,22 @@ export interface Route {
   readonly device: string | undefined;
   readonly place: string | undefined;
   readonly more: string | undefined;
+  /** RecordingInfo.id, on the page of recordings. */
+  readonly recording?: string | undefined;
+  /** What follows "?", without it. */
+  readonly query?: string;
 }
+
+const LIVE: Route = { page: "live", device: undefined, place: undefined, more: undefined };
 
 /** What the hash of an address says; undefined where it is none of ours ("#plots" only moves the focus). */
 export function parse(hash: string): Route | undefined {
   if (hash !== "" && hash !== "#" && !hash.startsWith("#/")) return undefined;
-  const [page, device, place, more] = hash.slice(2).split("/").map(decoded);
-  if (page !== "configure") return { page: "live", device: undefined, place: undefined, more: undefined };
+  const cut = hash.indexOf("?");
+  const path = cut < 0 ? hash : hash.slice(0, cut);
+  const [page, device, place, more] = path.slice(2).split("/").map(decoded);
+  if (page === "recordings") return { ...LIVE, page, recording: device || undefined, query: cut < 0 ? "" : hash.slice(cut + 1) };
+  if (page !== "configure") return LIVE;
   return { page, device: device || undefined, place: place || undefined, more: more || undefined };
 }
 
@@ -39,7 +57,7 @@ export function href(page: PageName, ...parts: readonly (string | undefined)[]):
   return ["#", page, ...given.map((part) => encodeURIComponent(part ?? ""))].join("/");
 }
 
-export const route = signal<Route>(parse(typeof location === "undefined" ? "" : location.hash) ?? { page: "live", device: undefined, place: undefined, more: undefined });
+export const route = signal<Route>(parse(typeof location === "undefined" ? "" : location.hash) ?? LIVE);
 
 /** Follows the address from here on. */
 export function startRoute(): void {

@@ -16,7 +16,8 @@ export function isRefusal(problem: Problem): boolean {
 
 export type Outcome<T> = { readonly ok: true; readonly value: T } | { readonly ok: false; readonly problem: Problem };
 
-async function request<T>(method: "GET" | "POST" | "DELETE", path: string, body?: unknown): Promise<Outcome<T>> {
+/** One request; `path` is below this server. An answer that is no JSON is given as text. */
+export async function request<T>(method: "GET" | "POST" | "PUT" | "DELETE", path: string, body?: unknown): Promise<Outcome<T>> {
   let answer: Response;
   try {
     // The server takes JSON only for whatever changes something, so that no form of another page can do it.
@@ -29,7 +30,7 @@ async function request<T>(method: "GET" | "POST" | "DELETE", path: string, body?
   }
   const text = await answer.text();
   const value = parse(text);
-  if (answer.ok) return { ok: true, value: value as T };
+  if (answer.ok) return { ok: true, value: (value ?? text) as T };
   return { ok: false, problem: problemOf(value, answer.status) };
 }
 

@@ -45,6 +45,8 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["T"], what: "Device time or arrival time" },
   { keys: ["1 … 9"], what: "Hide or show a series" },
   { keys: ["Shift 1 … 9"], what: "Show that series alone" },
+  { keys: ["G", "L"], what: "Live; G then C: Configure" },
+  { keys: ["/"], what: "Search, on Configure" },
   { keys: ["?"], what: "This list" },
   { keys: ["Esc"], what: "Close, or unpin the cursor" },
 ];

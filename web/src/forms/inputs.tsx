@@ -1,0 +1,284 @@
+/** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. What cannot be a value is told while it is typed. */
+import { useEffect, useState } from "preact/hooks";
+import { Icon } from "../ui/icons";
+import { words as named } from "../ui/words";
+import { idOf, type Sheet } from "./sheet";
+import type { FieldForm } from "./types";
+import { at, big, bitsOf, type Path, read, type Reading, small, textProblem, typed, withBits } from "./values";
+
+export interface InputProps {
+  readonly sheet: Sheet;
+  readonly field: FieldForm;
+  readonly path: Path;
+  /** For a screen reader, where no visible label belongs to this control alone. */
+  readonly label?: string | undefined;
+  readonly describedBy?: string | undefined;
+}
+
+const locked = (sheet: Sheet, field: FieldForm): boolean => sheet.readOnly || field.read_only;
+const labelled = (label: string | undefined) => (label === undefined ? {} : { "aria-label": label });
+
+/** A text that becomes a value when it can; what it is while it cannot is kept and told. */
+function useTyped(props: InputProps, shown: string, take: (text: string) => Reading) {
+  const { sheet, path } = props;
+  const [text, setText] = useState<string>();
+  const [why, setWhy] = useState<string>();
+  useEffect(() => () => sheet.wrong(path, undefined), []);
+  const onInput = (event: { currentTarget: HTMLInputElement | HTMLTextAreaElement }): void => {
+    const now = event.currentTarget.value;
+    const reading = take(now);
+    const problem = "problem" in reading ? reading.problem : undefined;
+    setText(now);
+    setWhy(problem);
+    sheet.wrong(path, problem);
+    if ("value" in reading) sheet.set(path, reading.value);
+  };
+  const onBlur = (): void => {
+    if (why === undefined) setText(undefined);
+  };
+  return { value: text ?? shown, why, onInput, onBlur };
+}
+
+function Why({ id, why }: { readonly id: string; readonly why: string | undefined }) {
+  return why === undefined ? null : (
+    <span class="why-not" id={id} role="alert">
+      {why}
+    </span>
+  );
+}
+
+export function NumberInput(props: InputProps) {
+  const { sheet, field, path, label, describedBy } = props;
+  const value = at(sheet.values, path);
+  const { why, ...typing } = useTyped(props, typed(field, value), (text) => read(field, text));
+  const id = idOf(sheet, path);
+  const unit = field.unit.includes(",") ? (field.unit.split(",")[Number(path.at(-1))]?.trim() ?? field.unit) : field.unit;
+  return (
+    <span class="inwrap">
+      <span class={`field num ${why ? "bad" : ""}`}>
+        <input
+          id={id}
+          type="text"
+          inputMode={field.step === 1 && field.scale === 1 && (field.low ?? -1) >= 0 ? "numeric" : "text"}
+          autocomplete="off"
+          spellcheck={false}
+          readOnly={locked(sheet, field)}
+          aria-invalid={why !== undefined}
+          aria-describedby={[describedBy, why && `${id}-why`].filter(Boolean).join(" ") || undefined}
+          placeholder={value === undefined ? "not read" : ""}
+          {...labelled(label)}
+          {...typing}
+        />
+        {unit !== "" && <span class="u">{unit}</span>}
+      </span>
+      <Why id={`${id}-why`} why={why} />
+    </span>
+  );
+}
+
+export function ChoiceInput({ sheet, field, path, label, describedBy }: InputProps) {
+  const value = at(sheet.values, path);
+  const known = value === undefined || String(value) in field.choices;
+  return (
+    <span class="select">
+      <select
+        id={idOf(sheet, path)}
+        value={value === undefined ? "" : String(value)}
+        disabled={locked(sheet, field)}
+        aria-describedby={describedBy}
+        {...labelled(label)}
+        onChange={(event) => sheet.set(path, small(big(event.currentTarget.value)))}
+      >
+        {value === undefined && <option value="">not read</option>}
+        {!known && <option value={String(value)}>{String(value)} (not in the document)</option>}
+        {inOrder(field.choices).map(([number, words]) => (
+          <option key={number} value={number}>
+            {words}
+          </option>
+        ))}
+      </select>
+      <Icon name="down" />
+    </span>
+  );
+}
+
+/** Choices that are rates by their number; others as the table has them (a JSON object sorts small numbers first). */
+function inOrder(choices: Readonly<Record<string, string>>): readonly (readonly [string, string])[] {
+  const amount = (words: string): number => Number(/^([\d\s\u2009]+)Bd$/.exec(words)?.[1]?.replace(/\D/g, "") ?? NaN);
+  const all = Object.entries(choices);
+  const isRates = all.filter(([, words]) => Number.isFinite(amount(words))).length > all.length / 2;
+  return isRates ? all.sort((a, b) => (amount(a[1]) || Infinity) - (amount(b[1]) || Infinity)) : all;
+}
+
+export function BoolInput({ sheet, field, path, label, describedBy }: InputProps) {
+  return (
+    <span class="seg" role="group" aria-label={label ?? field.title} aria-describedby={describedBy}>
+      {[0, 1].map((wire) => (
+        <button
+          type="button"
+          key={wire}
+          aria-pressed={Number(at(sheet.values, path) ?? -1) === wire}
+          disabled={locked(sheet, field)}
+          onClick={() => sheet.set(path, wire)}
+        >
+          {wire ? "On" : "Off"}
+        </button>
+      ))}
+    </span>
+  );
+}
+
+/** A word of flags and bit groups, each by its name; the word itself in hex beside them. */
+export function FlagsInput({ sheet, field, path, describedBy }: InputProps) {
+  const word = big(at(sheet.values, path) ?? 0);
+  const off = locked(sheet, field);
+  return (
+    <div class="flags" role="group" aria-label={field.title} aria-describedby={describedBy}>
+      {field.bits.map((bits) => {
+        const part = bitsOf(word, bits);
+        const set = (to: bigint): void => sheet.set(path, small(withBits(word, bits, to)));
+        const id = `${idOf(sheet, path)}-${bits.low}-${bits.width}`;
+        const title = bits.doc && !/^[A-Z0-9_]+$/.test(bits.doc) ? bits.doc : bits.name;
+        return bits.width === 1 ? (
+          <label class="flag" key={id} title={title}>
+            <input type="checkbox" class="check" id={id} checked={part === 1n} disabled={off} onChange={(event) => set(event.currentTarget.checked ? 1n : 0n)} />
+            <span>{named(bits.name)}</span>
+          </label>
+        ) : (
+          <label class="flag group" key={id} title={title}>
+            <span>{named(bits.name)}</span>
+            <BitGroup id={id} bits={bits} part={part} off={off} set={set} />
+          </label>
+        );
+      })}
+      <span class="word mono dim">0x{word.toString(16).toUpperCase().padStart(2, "0")}</span>
+    </div>
+  );
+}
+
+interface GroupProps {
+  readonly id: string;
+  readonly bits: FieldForm["bits"][number];
+  readonly part: bigint;
+  readonly off: boolean;
+  readonly set: (to: bigint) => void;
+}
+
+function BitGroup({ id, bits, part, off, set }: GroupProps) {
+  const most = (1n << BigInt(bits.width)) - 1n;
+  if (Object.keys(bits.choices).length === 0) {
+    return (
+      <span class="field num">
+        <input
+          id={id}
+          type="number"
+          min="0"
+          max={String(most)}
+          value={String(part)}
+          readOnly={off}
+          onInput={(event) => {
+            const typedNow = big(event.currentTarget.value);
+            if (event.currentTarget.value !== "" && typedNow >= 0n && typedNow <= most) set(typedNow);
+          }}
+        />
+      </span>
+    );
+  }
+  return (
+    <span class="select">
+      <select id={id} value={String(part)} disabled={off} onChange={(event) => set(big(event.currentTarget.value))}>
+        {!(String(part) in bits.choices) && <option value={String(part)}>{String(part)}</option>}
+        {inOrder(bits.choices).map(([number, text]) => (
+          <option key={number} value={number}>
+            {text}
+          </option>
+        ))}
+      </select>
+      <Icon name="down" />
+    </span>
+  );
+}
+
+export function TextInput(props: InputProps) {
+  const { sheet, field, path, label, describedBy } = props;
+  const isHex = field.editor === "hex";
+  const value = at(sheet.values, path);
+  const take = (text: string): Reading => {
+    const problem = textProblem(field, text);
+    return problem === undefined ? { value: isHex ? text.replace(/\s/g, "").toLowerCase() : text } : { problem };
+  };
+  const { why, ...typing } = useTyped(props, typeof value === "string" ? value : "", take);
+  const id = idOf(sheet, path);
+  const most = field.length || field.most;
+  const common = {
+    id, spellcheck: false, autocomplete: "off" as const, autocapitalize: "off" as const, readOnly: locked(sheet, field), "aria-invalid": why !== undefined,
+    "aria-describedby": [describedBy, why && `${id}-why`].filter(Boolean).join(" ") || undefined, ...labelled(label), ...typing,
+  };
+  return (
+    <span class="inwrap wide">
+      <span class={`field ${why ? "bad" : ""} ${isHex && most !== 1 && (most === 0 || most > 16) ? "tall" : ""}`}>
+        {isHex && (most === 0 || most > 16) ? <textarea class="mono" rows={3} placeholder="00 11 22 …" {...common} /> : <input type="text" class={isHex ? "mono" : ""} {...common} />}
+      </span>
+      <Why id={`${id}-why`} why={why} />
+    </span>
+  );
+}
+
+/** Longer ones are written as one text of numbers. */
+const MOST_INPUTS = 16;
+
+export function VectorInput(props: InputProps) {
+  const { sheet, field, path } = props;
+  const values = at(sheet.values, path);
+  const count = field.length || (Array.isArray(values) ? values.length : 0);
+  if (count > MOST_INPUTS) return <NumbersInput {...props} />;
+  return (
+    <span class="vector">
+      {Array.from({ length: count }, (_, place) => {
+        const axis = field.axes[place] ?? `${place + 1}`;
+        return (
+          <label key={place}>
+            <span class="axis">{axis}</span>
+            <NumberInput sheet={startedOf(sheet, field, path, count)} field={field} path={[...path, place]} label={`${field.title}, ${axis}`} />
+          </label>
+        );
+      })}
+    </span>
+  );
+}
+
+/** A vector that was never read has no places to write to: it begins with zeros. */
+function startedOf(sheet: Sheet, field: FieldForm, path: Path, count: number): Sheet {
+  if (Array.isArray(at(sheet.values, path))) return sheet;
+  const set = (inner: Path, value: unknown): void => {
+    const zeros: number[] = Array.from({ length: count }, () => Math.max(0, field.low ?? 0));
+    sheet.set(path, zeros.map((zero, place) => (place === inner.at(-1) ? value : zero)));
+  };
+  return { ...sheet, set };
+}
+
+/** Many numbers as one text, separated by commas or spaces. */
+function NumbersInput(props: InputProps) {
+  const { sheet, field, path, label } = props;
+  const values = at(sheet.values, path);
+  const shown = Array.isArray(values) ? values.map((one) => typed(field, one)).join(", ") : "";
+  const { why, ...typing } = useTyped(props, shown, (text) => readNumbers(field, text));
+  const id = idOf(sheet, path);
+  return (
+    <span class="inwrap wide">
+      <span class={`field tall ${why ? "bad" : ""}`}>
+        <textarea id={id} class="mono" rows={3} spellcheck={false} readOnly={locked(sheet, field)} aria-invalid={why !== undefined} aria-label={label ?? `${field.title}, ${field.length} numbers`} {...typing} />
+      </span>
+      <Why id={`${id}-why`} why={why} />
+    </span>
+  );
+}
+
+function readNumbers(field: FieldForm, text: string): Reading {
+  const parts = text.split(/[\s,;]+/).filter(Boolean);
+  const readings = parts.map((part) => read(field, part));
+  const bad = readings.findIndex((reading) => "problem" in reading);
+  if (bad >= 0) return { problem: `Number ${bad + 1}: ${(readings[bad] as { problem: string }).problem}` };
+  if (field.length > 0 && parts.length !== field.length) return { problem: `${field.length} numbers are needed, these are ${parts.length}.` };
+  return { value: readings.map((reading) => ("value" in reading ? reading.value : 0)) };
+}

@@ -1,0 +1,112 @@
+/** The bar at the foot: what will be written, why it cannot be, how it goes, what came of it. */
+import { signal } from "@preact/signals";
+import { count } from "../../ui/format";
+import { Icon } from "../../ui/icons";
+import { isOver, JobLine, jobOf, StopJob } from "./jobs";
+import { type Model, viewOnly } from "./model";
+import { server } from "./server";
+import { question } from "./view";
+
+const reason = signal("");
+/** The job that was made of the last Apply, by device, until it is dismissed. */
+export const applied = signal<Readonly<Record<string, number>>>({});
+
+export function ApplyBar({ model }: { readonly model: Model }) {
+  const changes = model.changes.value;
+  const names = Object.keys(changes);
+  const last = applied.value[model.id];
+  const job = last === undefined ? undefined : jobOf(model, last);
+  const running = model.control.value?.running;
+  if (job && (!isOver(job) || names.length === 0)) return <Progress model={model} id={job.id} />;
+  if (names.length === 0) {
+    return running ? (
+      <div class="applybar" role="region" aria-label="What is being done">
+        <span class="dot off" />
+        <span class="grow ell" role="status">
+          <b>{running.title}</b> <span class="mid">{running.step}</span>
+        </span>
+        <StopJob model={model} job={running} />
+      </div>
+    ) : null;
+  }
+  return <Changes model={model} names={names} />;
+}
+
+function Changes({ model, names }: { readonly model: Model; readonly names: readonly string[] }) {
+  const total = names.reduce((sum, name) => sum + (model.counts.value.get(name) ?? 1), 0);
+  const titles = names.map((name) => model.setting(name)?.title ?? name);
+  const blocked = model.blocked.value;
+  const onTrial = names.some((name) => model.previews.value[name]?.line);
+  return (
+    <div class="applybar" role="region" aria-label="Changes to write">
+      <div class="grow">
+        <p>
+          <b class="yourswords">{count(total, "change")}</b> <span class="mid">in {titles.slice(0, 3).join(", ")}{titles.length > 3 ? ` and ${titles.length - 3} more` : ""}</span>
+        </p>
+        <p class={blocked ? "why-not" : "dim"} id="apply-why">
+          {blocked || (onTrial ? "On trial: it goes back by itself unless you keep it." : "A snapshot is kept first; what is written is read back.")}
+        </p>
+      </div>
+      <label class="field reason">
+        <span class="vh">Reason, kept with the snapshot</span>
+        <input type="text" placeholder="Reason, if you like" value={reason.value} onInput={(event) => (reason.value = event.currentTarget.value)} />
+      </label>
+      <button type="button" class="btn icon" aria-label="Undo the last edit" title="Undo (Ctrl Z)" onClick={() => model.undo()}>
+        <Icon name="undo" />
+      </button>
+      <button type="button" class="btn edge" onClick={() => model.discard()}>
+        Take all back
+      </button>
+      <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => apply(model, names)}>
+        Apply
+      </button>
+    </div>
+  );
+}
+
+function Progress({ model, id }: { readonly model: Model; readonly id: number }) {
+  const job = jobOf(model, id);
+  const dismiss = (): void => {
+    const { [model.id]: _, ...others } = applied.value;
+    applied.value = others;
+  };
+  return (
+    <div class="applybar" role="region" aria-label="What was written">
+      <div class="grow">
+        <JobLine model={model} id={id} />
+      </div>
+      {job && isOver(job) && (
+        <button type="button" class="btn edge" onClick={dismiss}>
+          Good
+        </button>
+      )}
+    </div>
+  );
+}
+
+/** Writes what was changed; what could harm is asked once more. */
+function apply(model: Model, names: readonly string[]): void {
+  if (viewOnly.value) return;
+  const body = { changes: model.changes.value, reason: reason.value, confirmed: true, devices: [] };
+  const act = async (): Promise<void> => {
+    const job = await model.run(server.apply(model.id, body));
+    if (job === undefined) return;
+    applied.value = { ...applied.value, [model.id]: job.id };
+    reason.value = "";
+  };
+  const risky = names.flatMap((name) => {
+    const form = model.setting(name);
+    const line = model.previews.value[name]?.line ?? "";
+    const words = [form?.caution ? form.consequence : "", line].filter(Boolean);
+    return form && words.length > 0 ? [{ caution: form.caution || ("cuts-line" as const), words }] : [];
+  });
+  if (risky.length === 0) return void act();
+  const onTrial = risky.some(({ caution }) => caution === "cuts-line");
+  question.value = {
+    title: "Write this?",
+    words: [...new Set(risky.flatMap(({ words }) => words))].concat(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : []),
+    caution: risky[0]?.caution ?? "",
+    go: onTrial ? "Write on trial" : "Write",
+    act: () => void act(),
+  };
+}

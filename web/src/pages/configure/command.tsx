@@ -1,0 +1,78 @@
+/** One command as a form: what it does, its arguments, its bytes, Send, and what came of it. */
+import { useEffect } from "preact/hooks";
+import { signal } from "@preact/signals";
+import { BytesView } from "../../forms/bytes-view";
+import { Fields } from "../../forms/field";
+import type { Sheet } from "../../forms/sheet";
+import type { CommandForm } from "../../forms/types";
+import type { Path } from "../../forms/values";
+import { Icon } from "../../ui/icons";
+import { hot, type Model, viewOnly } from "./model";
+import { server } from "./server";
+import { Words } from "./setting";
+import { JobLine } from "./jobs";
+import { all, question } from "./view";
+
+/** The job that a command of this page became, by device and command. */
+const sent = signal<Readonly<Record<string, number>>>({});
+
+export function Command({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
+  const key = `!${form.name}`;
+  useEffect(() => {
+    model.preview(key, 0);
+    return () => model.forget(key);
+  }, [form]);
+  const preview = model.previews.value[key];
+  const problems = preview?.problems ?? [];
+  const sheet: Sheet = {
+    id: `cmd-${form.name}`,
+    values: model.argumentsOf(form),
+    before: undefined,
+    problems,
+    readOnly: viewOnly.value,
+    all: all.value,
+    set: (path: Path, value: unknown) => model.fill(form, path, value),
+    wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
+    hover: (path: string) => (hot.value = path),
+  };
+  const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
+  const blocked = viewOnly.value ? "This page may look, not send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : "";
+  const job = sent.value[`${model.id} ${form.name}`];
+  const loose = problems.filter(({ path }) => !form.arguments.some(({ name }) => path === name || path.startsWith(`${name}.`)));
+  return (
+    <section class="setting" aria-label={form.title} data-command={form.name}>
+      <Words form={form} />
+      {form.arguments.length > 0 && <Fields sheet={sheet} fields={form.arguments} />}
+      {loose.map(({ path, message, hint }) => (
+        <p class="problem inset" role="alert" key={path}>
+          <b>{message}</b> {hint}
+        </p>
+      ))}
+      <div class="sendrow">
+        <button type="button" class={`btn ${form.caution ? "edge" : "main"}`} disabled={blocked !== ""} onClick={() => send(model, form)}>
+          <Icon name="right" />
+          {form.kind === "ask" ? "Ask" : "Send"}
+        </button>
+        <span class="dim">{blocked || (form.reply ? `Answered by ${form.reply}.` : "Nothing answers it.")}</span>
+      </div>
+      {job !== undefined && <JobLine model={model} id={job} />}
+      {preview && <BytesView frames={preview.frames} changed={() => false} hot={hot.value} hover={(path) => (hot.value = path)} />}
+    </section>
+  );
+}
+
+/** Sends, or asks once more in words that name what is lost. */
+function send(model: Model, form: CommandForm): void {
+  const act = async (): Promise<void> => {
+    const job = await model.run(server.run(model.id, form.name, model.argumentsOf(form), true));
+    if (job) sent.value = { ...sent.value, [`${model.id} ${form.name}`]: job.id };
+  };
+  if (form.caution === "") return void act();
+  question.value = {
+    title: `${form.title}?`,
+    words: [form.consequence || "This cannot be undone."],
+    caution: form.caution,
+    go: form.title,
+    act: () => void act(),
+  };
+}

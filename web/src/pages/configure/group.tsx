@@ -1,0 +1,54 @@
+/** A group: its settings one below the other, then what the device can be asked and told. */
+import type { CommandForm } from "../../forms/types";
+import type { Model } from "./model";
+import { Setting } from "./setting";
+import { all, CAUTIONS, linkTo } from "./view";
+
+export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
+  const forms = model.forms.value;
+  if (!forms) return null;
+  const settings = forms.settings.filter((form) => form.group === name);
+  const commands = forms.commands.filter((form) => form.group === name);
+  const shown = (row: { simple: boolean; name: string }): boolean => all.value || row.simple || model.counts.value.has(row.name);
+  const simple = settings.filter(shown);
+  const visible = simple.length > 0 || settings.length === 0 ? simple : settings;
+  // What a setting's form does is not listed again as the commands that it is made of.
+  const others = commands.filter((form) => all.value || settings.length === 0 || (form.kind === "do" && form.simple));
+  return (
+    <>
+      {visible.map((form) => (
+        <Setting key={form.name} model={model} form={form} alone={visible.length === 1 && settings.length === 1} />
+      ))}
+      {others.length > 0 && (
+        <section class="setting" aria-label="Commands">
+          {settings.length > 0 && (
+            <div class="sethead">
+              <h2>Commands</h2>
+            </div>
+          )}
+          <ul class="commands">
+            {others.map((form) => (
+              <Row key={form.name} model={model} form={form} />
+            ))}
+          </ul>
+        </section>
+      )}
+    </>
+  );
+}
+
+const KINDS: Readonly<Record<CommandForm["kind"], string>> = { ask: "asks", set: "sets", do: "does" };
+
+function Row({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
+  return (
+    <li>
+      <a href={linkTo(model, form.name)}>
+        <b>{form.title}</b>
+        <span class="dim mono ell">{form.name}</span>
+        <span class="grow" />
+        {form.caution ? <span class="tag">▲ {CAUTIONS[form.caution]}</span> : <span class="dim">{KINDS[form.kind]}</span>}
+        {form.doc !== "" && <span class="fdoc">{form.doc}</span>}
+      </a>
+    </li>
+  );
+}

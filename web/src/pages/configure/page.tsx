@@ -1,0 +1,166 @@
+/** The Configure page: settings on the left, the form in the middle, the exchange on the right. Loaded when it is first opened. */
+import { useEffect } from "preact/hooks";
+import { view } from "../../data/view";
+import { BudgetLine } from "../../forms/budget-bar";
+import { Icon } from "../../ui/icons";
+import { type App, sheet } from "../app";
+import { Bar } from "../bar";
+import { route } from "../route";
+import { Empty, OfflineBand, ProblemBand, Starting } from "../states";
+import { ApplyBar } from "./apply";
+import { Ask } from "./ask";
+import { Command } from "./command";
+import { Compare } from "./compare";
+import { Corrections } from "./corrections";
+import { Exchange } from "./exchange";
+import { Group } from "./group";
+import { type Model, modelOf, viewOnly } from "./model";
+import { ConfigureRail } from "./rail";
+import { Discard, Setting } from "./setting";
+import { KeepButton, SnapshotDialogs } from "./snapshot";
+import { LostBand, NoForms, NotRead, ProblemLine, Reading, ViewOnlyBand } from "./states";
+import { all, linkTo, type Place, placeOf, question } from "./view";
+import "../../forms/forms.css";
+import "./configure.css";
+import "./phone.css";
+
+export default function ConfigurePage({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  const model = device ? modelOf(device.id, app.store) : undefined;
+  const offline = app.store.connection.value !== "open" && app.state.value !== "starting";
+  useEffect(() => followAddress(app), [route.value.device, app.store.devices.value]);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent): void => {
+      if (event.key.toLowerCase() !== "z" || !(event.ctrlKey || event.metaKey) || event.shiftKey || !model) return;
+      if (event.target instanceof HTMLElement && /^(INPUT|TEXTAREA)$/.test(event.target.tagName) && (event.target as HTMLInputElement).type !== "checkbox") return;
+      event.preventDefault();
+      model.undo();
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  }, [model]);
+  return (
+    <div class={`app cfg ${offline ? "offline" : ""}`} data-state={app.state.value}>
+      <a class="btn edge skip" href="#form">
+        Skip to the form
+      </a>
+      <Bar app={app} />
+      {offline && <OfflineBand app={app} />}
+      <ConfigureRail app={app} model={model} />
+      <main class="cform" id="form" tabIndex={-1}>
+        <ProblemBand />
+        {model ? <Centre model={model} app={app} /> : app.state.value === "starting" ? <Starting /> : <Empty />}
+      </main>
+      <Exchange model={model} />
+      {question.value && <Ask asked={question.value} />}
+      {model && <SnapshotDialogs model={model} />}
+    </div>
+  );
+}
+
+/** The device that the address names is the selected one, here and on the other pages. */
+function followAddress(app: App): void {
+  const wanted = route.value.device;
+  if (wanted === undefined || wanted === view.peek().device) return;
+  if (app.store.devices.value.some(({ id }) => id === wanted)) view.value = { ...view.peek(), device: wanted };
+}
+
+function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
+  const forms = model.forms.value;
+  if (!forms) return <NoForms model={model} />;
+  const place = placeOf(model, route.value.place);
+  return (
+    <>
+      <Budget model={model} />
+      <Title model={model} place={place} />
+      <ViewOnlyBand />
+      <LostBand model={model} />
+      <ProblemLine model={model} />
+      {forms.note && model.isRead.value && <p class="hint inset">{forms.note}</p>}
+      <div class="places" key={`${model.id} ${place.kind} ${place.name}`}>
+        <Shown model={model} app={app} place={place} />
+      </div>
+      <ApplyBar model={model} />
+    </>
+  );
+}
+
+function Shown({ model, app, place }: { readonly model: Model; readonly app: App; readonly place: Place }) {
+  const command = model.command(place.name);
+  const setting = model.setting(place.name);
+  switch (place.kind) {
+    case "compare":
+      return <Compare model={model} store={app.store} />;
+    case "corrections":
+      return <Corrections model={model} />;
+    case "command":
+      return command ? <Command model={model} form={command} /> : null;
+    case "nothing":
+      return <p class="hint inset">This device has nothing called “{place.name}”. Another product, or an old link?</p>;
+    case "setting":
+    case "group": {
+      const settings = setting ? 1 : (model.forms.value?.settings.filter(({ group }) => group === place.name).length ?? 0);
+      if (settings > 0 && !model.isRead.value) return model.control.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
+      return setting ? <Setting model={model} form={setting} alone /> : <Group model={model} name={place.name} />;
+    }
+  }
+}
+
+/** The load of all outputs in one line: on a phone it stays in sight. */
+function Budget({ model }: { readonly model: Model }) {
+  const form = model.forms.value?.settings.find(({ editor }) => editor !== "");
+  if (!form || viewOnly.value) return null;
+  return <BudgetLine load={model.loadOf(form.name) ?? model.loadOf(`=${form.name}`)} baud={model.baud.value} />;
+}
+
+function Title({ model, place }: { readonly model: Model; readonly place: Place }) {
+  const form = model.setting(place.name);
+  const command = model.command(place.name);
+  const title = { compare: "Compare", corrections: "Corrections", group: place.name, nothing: "Not there", setting: form?.title, command: command?.title }[place.kind] ?? "";
+  const group = (form ?? command)?.group;
+  const isForm = place.kind === "setting" || place.kind === "command" || place.kind === "group";
+  useEffect(() => {
+    document.title = [title, model.device.value?.name, "imuscope"].filter(Boolean).join(" · ");
+  }, [title, model.device.value?.name]);
+  return (
+    <div class="title">
+      <div class="names">
+        <h1>{title}</h1>
+        <p class="ell">
+          {group !== undefined && group !== title && (
+            <>
+              <a href={linkTo(model, group)}>{group}</a> ·{" "}
+            </>
+          )}
+          {form || command ? <span class="mono">{place.name}</span> : <span>{model.device.value?.name}</span>}
+        </p>
+      </div>
+      <span class="grow" />
+      <button type="button" class="btn edge phone" aria-expanded={sheet.value === "rail"} aria-controls="rail" onClick={() => (sheet.value = "rail")}>
+        <Icon name="search" />
+        Settings
+      </button>
+      {form && <Discard model={model} form={form} edits={model.counts.value.get(form.name) ?? 0} />}
+      {place.kind === "compare" && <KeepButton model={model} />}
+      {isForm && model.isRead.value && <ReadAgain model={model} />}
+      {isForm && (
+        <div class="seg" role="group" aria-label="How much is shown">
+          <button type="button" aria-pressed={!all.value} onClick={() => (all.value = false)}>
+            Simple
+          </button>
+          <button type="button" aria-pressed={all.value} onClick={() => (all.value = true)}>
+            All
+          </button>
+        </div>
+      )}
+    </div>
+  );
+}
+
+function ReadAgain({ model }: { readonly model: Model }) {
+  return (
+    <button type="button" class="btn desk" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => void model.readAll()}>
+      Read again
+    </button>
+  );
+}

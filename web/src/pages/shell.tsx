@@ -1,0 +1,64 @@
+/** The page around the pages: which one is shown, the tabs of a phone, and what must be seen on every one. */
+import { signal } from "@preact/signals";
+import type { ComponentType } from "preact";
+import type { Store } from "../data/store";
+import { Icon } from "../ui/icons";
+import type { App } from "./app";
+import { LivePage } from "./live";
+import { href, PAGES, route } from "./route";
+
+/** Heavy parts come when they are first wanted; until then there is nothing of them. */
+function late<P>(load: () => Promise<{ default: ComponentType<P> }>): { readonly value: ComponentType<P> | undefined; readonly want: () => void } {
+  const found = signal<ComponentType<P> | undefined>(undefined);
+  let asked = false;
+  return {
+    get value() {
+      return found.value;
+    },
+    want() {
+      if (asked) return;
+      asked = true;
+      load().then(
+        (module) => {
+          found.value = module.default;
+        },
+        () => {
+          asked = false; // the server was away: the next wish tries again
+        },
+      );
+    },
+  };
+}
+
+const configure = late<{ app: App }>(() => import("./configure/page"));
+const decks = late<{ store: Store }>(() => import("./configure/decks"));
+
+export function Shell({ app }: { readonly app: App }) {
+  const { page } = route.value;
+  const onTrial = [...app.store.control.value.values()].some(({ trial }) => trial !== null);
+  if (page === "configure") configure.want();
+  if (onTrial) decks.want();
+  const Configure = configure.value;
+  const Decks = decks.value;
+  return (
+    <>
+      {page === "configure" ? Configure ? <Configure app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
+      {onTrial && Decks && <Decks store={app.store} />}
+      <Tabs />
+    </>
+  );
+}
+
+/** Where one goes from here; the device stays the same. */
+function Tabs() {
+  return (
+    <nav class="tabs" aria-label="Pages">
+      {PAGES.map(({ name, title, icon }) => (
+        <a key={name} href={href(name)} {...(route.value.page === name ? { "aria-current": "page" as const } : {})}>
+          <Icon name={icon} />
+          {title}
+        </a>
+      ))}
+    </nav>
+  );
+}
