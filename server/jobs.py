@@ -118,8 +118,8 @@ class Jobs:
         restart = any(rows[name].after == "reset" for name in todo)
         if cuts:
             record = self._record(desk, found, todo, cuts, restart=restart)
-            if record.new_baud is not None:
-                await desk.session.check_rate(record.new_baud)
+            for baud in {cut.baud for cut in cuts if cut.baud is not None}:
+                await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
             written = await Hand(desk, driver, self._trials, record, task).apply()
         else:
             body = errands.write_all(driver, desk.known, todo, lambda words: desk.step(task, words))
@@ -244,7 +244,9 @@ class Jobs:
             driver, known = desk.driver, desk.known
             record = await asyncio.to_thread(self._unfinished, desk, known)
             desk.step(task, "Switch the device off and on now")
+            before = desk.session.baud
             if not await desk.run(driver.restore_communication(known)):
+                await desk.runner.relink(before)
                 raise JobError("The device did not answer.", "Was its power switched off and on while this ran?")
             rate = f" at {group(desk.session.baud)} Bd" if desk.session.baud else ""
             task.job.message = f"The device answers again{rate}, with the factory's communication settings."

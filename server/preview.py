@@ -18,8 +18,10 @@ from protocols.dialogues import Driver, Known, Load, Values
 from protocols.layouts import EncodeError
 from protocols.limits import problems
 from protocols.schema import Field, Setting
+from server.codec import plain
 from server.compare import SideValues, compare
 from server.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
+from server.values import numbers
 
 MOST_FRAMES = 32
 
@@ -66,6 +68,7 @@ class Present:
 def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
     """What writing these values would send. KeyError when there is no such setting."""
     row, driver, known = present.setting(name), present.driver, present.known
+    values = numbers(row.fields, values)
     found = problems_of(row.fields, values, partial=row.partial)
     frames: list[bytes] = []
     if not found:
@@ -89,6 +92,7 @@ def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> P
 def preview_command(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
     """What a command would send. KeyError when there is no such command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
+    values = numbers(row.arguments, values)
     found = problems_of(row.arguments, values)
     try:
         frame = b"" if found else present.driver.frame(name, values, present.known)
@@ -129,6 +133,10 @@ def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None
         ValueError: the link's capacity is not known.
     """
     row = present.setting(name)
+    values = numbers(row.fields, values)
+    found = problems_of(row.fields, values, partial=True)
+    if found:
+        raise EncodeError(found[0].message.rstrip("."), found[0].path)
     rate = baud if baud is not None else present.line.baud
     capacity = present.line.at(rate)
     if capacity is None:
@@ -137,7 +145,7 @@ def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None
     after = {**before, **present.driver.fit(before, capacity, present.known)}
     load = present.driver.load(after, present.known)
     words = _lowered(present, row, before[name], after[name])
-    return FitAnswer(dict(after[name]), _info(load, present.line, rate), words)
+    return FitAnswer(plain(after[name]), _info(load, present.line, rate), words)
 
 
 def _lowered(present: Present, row: Setting, before: Values, after: Values) -> list[str]:

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from protocols.schema import Field
 LONGEST = 120
 ALWAYS = 0xFFFF  # the rate of what comes with every message
 DIGITS = 7  # of a float32
+_WHOLE = re.compile(r"-?\d{1,20}\Z")
 
 
 def words(field: Field, value: Any) -> str:
@@ -62,6 +64,23 @@ def comment(field: Field, value: Any) -> str:
     if isinstance(value, int | float | list) and (field.scale != 1 or field.bias):
         return words(field, value)
     return field.unit if isinstance(value, int | float | list) else ""
+
+
+def numbers(fields: Sequence[Field], values: Any) -> Any:
+    """What a page sent, with whole numbers that JavaScript cannot hold, and so writes as text, as numbers again."""
+    if not isinstance(values, Mapping):
+        return values
+    known = {field.name: field for field in fields}
+    return {name: _number(known[name], value) if name in known else value for name, value in values.items()}
+
+
+def _number(field: Field, value: Any) -> Any:
+    if isinstance(value, list):
+        return [_number(field, one) for one in value]
+    if field.fields:
+        return numbers(field.fields, value)
+    is_text = field.dtype in ("bytes", "ascii") or not isinstance(value, str)
+    return value if is_text or not _WHOLE.match(value) else int(value)
 
 
 def field_at(fields: Sequence[Field], path: str) -> Field | None:

@@ -15,6 +15,7 @@ from protocols.schema import Setting
 from server.api.errors import ApiError
 from server.control import Desk
 from server.preview import problems_of
+from server.values import numbers
 
 UNASKED = ("", "wears-flash")
 
@@ -33,12 +34,14 @@ class Wish:
 
     Args:
         dangers: what has to be confirmed.
+        values: what is to be written, by setting; of a command, under its name.
         setting: a command that writes this setting; "" for another.
         changes: it writes something.
     """
 
     title: str
     dangers: list[Danger] = field(default_factory=list)
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
     setting: str = ""
     changes: bool = False
 
@@ -51,18 +54,20 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
     """
     rows = desk.rows
     dangers: list[Danger] = []
-    for name, values in changes.items():
+    wanted: dict[str, dict[str, Any]] = {}
+    for name, given in changes.items():
         row = rows.get(name)
         if row is None or not row.write:
             what = "has no setting" if row is None else "tells, and does not take,"
             raise ApiError(
                 404, "not-found", f"{desk.session.info.name} {what} {name!r:.80}.", "GET …/forms lists them."
             )
+        values = wanted[name] = numbers(row.fields, given)
         _check(desk, row, values)
         dangers += _dangers(desk, row, values)
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
-    return Wish(title, dangers, changes=True)
+    return Wish(title, dangers, wanted, changes=True)
 
 
 def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
@@ -111,15 +116,17 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
     row = rows.get(name)
     if row is None:
         raise ApiError(404, "not-found", f"{desk.session.info.name} has no command {name!r:.80}.", "GET …/forms.")
+    values = numbers(row.arguments, values)
     found = problems_of(row.arguments, values)
     if found:
         raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", "POST …/preview tells them all.")
     setting = _written_by(desk, name, values)
     if setting is not None:
-        return Wish(f"Write {setting.title or setting.name}", _dangers(desk, setting, values), setting.name, True)
+        title = f"Write {setting.title or setting.name}"
+        return Wish(title, _dangers(desk, setting, values), {setting.name: dict(values)}, setting.name, True)
     dangers = [] if row.caution in UNASKED else [Danger(row.caution, row.consequence)]
     changes = row.kind == "set" or row.caution in ("loses-settings", "wears-flash", "moves-frame")
-    return Wish(row.title or name, dangers, changes=changes)
+    return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes)
 
 
 def _written_by(desk: Desk, command: str, values: Mapping[str, Any]) -> Setting | None:

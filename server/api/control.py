@@ -80,7 +80,7 @@ async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
     wishes: list[Wish] = [changes_of(one, body.changes) for one in targets]
     confirmed([danger for wish in wishes for danger in wish.dangers], body.confirmed)
     tasks = [
-        one.add(wish.title, desks.jobs.apply(one, body.changes, body.reason))
+        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason))
         for one, wish in zip(targets, wishes, strict=True)
     ]
     return tasks[0].job
@@ -92,8 +92,8 @@ async def run(body: Run, desk: OneDesk, desks: AllDesks) -> wire.Job:
     wish = command_of(desk, body.command, body.values)
     confirmed(wish.dangers, body.confirmed)
     if wish.setting:
-        return desk.add(wish.title, desks.jobs.apply(desk, {wish.setting: body.values}, "")).job
-    work = desks.jobs.run(desk, body.command, body.values, changes=wish.changes)
+        return desk.add(wish.title, desks.jobs.apply(desk, wish.values, "")).job
+    work = desks.jobs.run(desk, body.command, wish.values[body.command], changes=wish.changes)
     return desk.add(wish.title, work).job
 
 

@@ -96,9 +96,13 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
     return sessions.add(body.source, reading).info
 
 
-@router.delete("/{device}", status_code=204, responses=responses(404, 422))
-async def remove_device(session: OneSession, sessions: AllSessions) -> Response:
-    """Close a device and forget it."""
+@router.delete("/{device}", status_code=204, responses=responses(404, 409, 422))
+async def remove_device(session: OneSession, sessions: AllSessions, request: Request) -> Response:
+    """Close a device and forget it. One whose settings are on trial stays until they are kept or have gone back."""
+    trial = request.app.state.desks.get(session.info.id).trial
+    if trial is not None and trial.state in ("applying", "asking", "reverting"):
+        hint = "Keep the settings or let them go back first."
+        raise ApiError(409, "not-now", f"The settings of {session.info.name} are on trial.", hint)
     await sessions.remove(session.info.id)
     return Response(status_code=204)
 

@@ -12,6 +12,7 @@ from fastapi.responses import Response
 from protocols.dialogues import Known
 from server.api.control import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
+from server.codec import plain
 from server.compare import NO_DEFAULT, SideValues, compare
 from server.control import Desk
 from server.desks import Desks
@@ -33,7 +34,13 @@ def _who(desk: Desk) -> tuple[str, str]:
 @router.get("/values", responses=responses(404, 409, 422))
 async def get_values(desk: OneDesk) -> SnapshotBody:
     """What the device has, as last read or written; `taken` 0: never read."""
-    return _now(desk).body("")
+    return plain_body(_now(desk), "")
+
+
+def plain_body(snapshot: Snapshot, name: str) -> SnapshotBody:
+    """For a page: whole numbers that JavaScript cannot hold are text."""
+    body = snapshot.body(name)
+    return replace(body, values=plain(body.values))
 
 
 def _now(desk: Desk, title: str = "Device, as last read") -> Snapshot:
@@ -62,7 +69,7 @@ async def get_snapshot(
 ) -> Response | SnapshotBody:
     """As YAML, to read and to keep; as JSON for programs."""
     if format == "json":
-        return (await _load(desk, desks, name)).body(name)
+        return plain_body(await _load(desk, desks, name), name)
     try:
         text = await asyncio.to_thread(desks.snapshots.text, *_who(desk), name)
     except KeyError:
@@ -109,7 +116,9 @@ async def delete_snapshot(name: str, desk: OneDesk, desks: AllDesks) -> Response
 async def compare_sides(body: Compare, desk: OneDesk, desks: AllDesks) -> Difference:
     """Two sides, field by field, and what to write to make the left one what the right one is."""
     left, right = await _side(body.left, desk, desks), await _side(body.right, desk, desks)
-    return compare(desk.driver, desk.known, left, right)
+    found = compare(desk.driver, desk.known, left, right)
+    rows = [replace(row, left_value=plain(row.left_value), right_value=plain(row.right_value)) for row in found.rows]
+    return replace(found, rows=rows, changes=plain(found.changes))
 
 
 async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:

@@ -304,7 +304,7 @@ def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
         def ask(message: str | bytes, op: str) -> dict[str, Any]:
             socket.send(message)
             while (answer := json.loads(socket.recv(timeout=5)))["op"] != op:
-                assert answer["op"] in ("devices", "events", "health", "channels")
+                assert answer["op"] in ("devices", "events", "health", "channels", "control")
             return dict(answer)
 
         assert ask('{"op":"ping","t":7}', "pong")["t"] == 7

@@ -1,0 +1,123 @@
+"""Whatever a page sends as values: problems at their fields, never a fault; and what a form is made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.dialogues import Known
+from protocols.layouts import EncodeError
+from protocols.registry import PROTOCOLS
+from protocols.schema import Bits, Field
+from server.forms_of import field_form, forms_of
+from server.preview import Line, Present, fit, preview_command, preview_setting
+from server.values import numbers, words
+from tests.server.desk import outputs
+
+XBUS = Present(PROTOCOLS["xbus"].driver, Known(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]
+ISB = Present(PROTOCOLS["isb"].driver, Known(product="IMX-5"), Line(921_600, 92_160.0))  # type: ignore[arg-type]
+IDTP = Present(PROTOCOLS["idtp"].driver, Known())  # type: ignore[arg-type]
+FAMILIES = {"xbus": XBUS, "isb": ISB, "idtp": IDTP}
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+def filled(data: st.DataObject, fields: tuple[Field, ...]) -> dict[str, Any]:
+    """Values whose names are right, and whose contents are anything."""
+    values = {}
+    for field in fields:
+        kind = data.draw(st.integers(0, 3))
+        if kind == 1:
+            values[field.name] = data.draw(anything)
+        elif kind == 2 and field.fields:
+            one = filled(data, field.fields)
+            values[field.name] = [one] if field.shape else one
+        elif kind == 3:
+            values[field.name] = data.draw(st.integers(0, 3))
+    return values
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@given(data=st.data())
+def test_any_values_are_previewed_or_refused_at_their_fields(family: str, data: st.DataObject) -> None:
+    present = FAMILIES[family]
+    commands = list(present.driver.commands(present.known))
+    row = data.draw(st.sampled_from(commands))
+    answer = preview_command(present, row.name, filled(data, row.arguments))
+    assert bool(answer.frames) != bool(answer.problems)
+    settings = list(present.driver.settings(present.known))
+    if settings:
+        setting = data.draw(st.sampled_from(settings))
+        shown = preview_setting(present, setting.name, filled(data, setting.fields))
+        assert not (shown.frames and shown.problems)
+
+
+@given(values=anything, baud=st.none() | st.integers(1, 10_000_000))
+def test_a_fit_of_anything_is_a_fit_or_refused(values: Any, baud: int | None) -> None:
+    try:
+        answer = fit(XBUS, "OutputConfiguration", {"outputs": values}, baud)
+    except (EncodeError, ValueError):
+        return
+    assert answer.load.total >= 0
+
+
+def test_a_fit_says_what_it_lowered() -> None:
+    answer = fit(XBUS, "OutputConfiguration", outputs(400), None)
+    assert answer.load.total <= 11_520
+    assert [line.split(" ")[0] for line in answer.words] == ["Quaternion", "Acceleration"]
+    assert fit(XBUS, "OutputConfiguration", outputs(400), 921_600).words == []
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_row_becomes_a_form(family: str) -> None:
+    present = FAMILIES[family]
+    forms = forms_of(present.driver, family, present.known)
+    rows = (*forms.settings, *forms.commands)
+    assert all(row.title and row.group in forms.groups for row in rows)
+    assert len({row.name for row in forms.settings}) == len(forms.settings)
+    assert len({row.name for row in forms.commands}) == len(forms.commands)
+    assert bool(forms.outputs) == (family == "xbus")
+    assert bool(forms.streams) == (family == "isb")
+
+
+@pytest.mark.parametrize(
+    ("field", "editor"),
+    [
+        (Field("a", "u1"), "integer"),
+        (Field("a", "u1", low=0, high=1), "bool"),
+        (Field("a", "u1", choices={1: "one"}), "choice"),
+        (Field("a", "u1", bits=(Bits("A", 0),)), "flags"),
+        (Field("a", ">f4"), "number"),
+        (Field("a", "fp1220"), "number"),
+        (Field("a", ">f4", (3,)), "vector"),
+        (Field("a", ">u2", (-1,)), "list"),
+        (Field("a", "bytes", (4,)), "hex"),
+        (Field("a", "ascii", (-1,)), "text"),
+        (Field("a", shape=(-1,), fields=(Field("b", "u1"),)), "list"),
+        (Field("a", fields=(Field("b", "u1"),)), "record"),
+    ],
+)
+def test_the_editor_follows_from_the_type(field: Field, editor: str) -> None:
+    assert field_form(field).editor == editor
+
+
+def test_numbers_that_javascript_cannot_hold_come_back_from_text() -> None:
+    fields = (Field("bits", "<u8"), Field("name", "ascii", (8,)), Field("each", shape=(-1,), fields=(Field("n", "u8"),)))
+    given_ = {"bits": "18446744073709551615", "name": "12", "each": [{"n": "3"}], "other": "4"}
+    assert numbers(fields, given_) == {"bits": 2**64 - 1, "name": "12", "each": [{"n": 3}], "other": "4"}
+
+
+def test_values_have_words() -> None:
+    assert words(Field("a", ">u2", unit="Hz"), 400) == "400 Hz"
+    assert words(Field("a", "u1", choices={2: "115 200 Bd"}), 2) == "115 200 Bd"
+    assert words(Field("a", "u1", bits=(Bits("A", 0), Bits("B", 1), Bits("C", 2))), 5) == "A, C"
+    assert words(Field("a", ">f4", (3,), unit="m"), [0.0, 0.5, 1.0]) == "0, 0.5, 1 m"
+    assert words(Field("a", ">f4", unit="°", scale=2.0, decimals=1), 1.5) == "3.0 °"
+    assert words(Field("a", ">f4"), {"f32": "7fc00000"}) == "f32 7fc00000"
