@@ -31,11 +31,12 @@ import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.records import Channel, ChunkIndex, Metadata, Schema
 
 from protocols.framing import Bytes, Ints
 from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
-from recordings.container import RecordingError
+from recordings.container import PROFILE, RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -184,6 +185,14 @@ class Recording:
             after = stop_ns is not None and index.message_start_time >= stop_ns
             if not before and not after:
                 yield from self._chunk(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length)
+
+    @property
+    def is_ours(self) -> bool:
+        """Was it recorded by imuscope? Its header says so."""
+        try:
+            return self._map[len(MAGIC)] == HEADER and _stream(self._map[17:300]).read_prefixed_string() == PROFILE
+        except (UnicodeDecodeError, IndexError, EndOfFile):
+            return False
 
     def meta(self, name: str) -> dict[str, str]:
         """The last metadata of that name; empty where there is none. Complete after `blocks` in a file without end."""

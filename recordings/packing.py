@@ -17,8 +17,10 @@ Source: MCAP specification, "Chunk", "Message Index", "Summary Section".
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
+import sys
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -44,6 +46,8 @@ from recordings.container import PROFILE, RecordingError, problem
 from recordings.records import MAGIC, bytes_of, ending
 
 CHUNK_BYTES = 1 << 20
+ASIDE = ".packing"  # a file that is being written beside the other
+LOST_BYTES = 1 << 20  # a file with more than that behind its first damage stays as it is: a better reader may come
 _HEAD = 9 + 22  # of a message record, before its data
 _LEVEL = 3
 
@@ -56,12 +60,13 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
         edit: metadata "edit" to write into it.
         progress: called with 0..1.
     Raises:
-        RecordingError: the disk failed; the file is as it was.
+        RecordingError: the disk failed, or the file is damaged in its middle; it is as it was.
     """
-    aside = path.with_name(f".{path.name}.packing")
+    aside = path.with_name(f".{path.name}{ASIDE}")
     try:
         with Recording(path) as source, aside.open("wb") as out:
             packed(source, out, edit=edit, progress=progress)
+            _nothing_lost(source)
             out.flush()
             os.fsync(out.fileno())
         stamp = path.stat()
@@ -74,6 +79,22 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
     except RecordingError:
         aside.unlink(missing_ok=True)
         raise
+
+
+def _nothing_lost(source: Recording) -> None:
+    """What was torn off is gone; what stands behind a damage is not, and must not be thrown away."""
+    for damage in source.damage:
+        if source.chunks or source.size - damage.offset > LOST_BYTES:
+            raise RecordingError(f"{source.path.name} is damaged and stays as it is: {damage.words}")
+
+
+def is_loose(path: Path) -> bool:
+    """Is this a recording of ours as it is while it is recorded, not packed yet?"""
+    try:
+        with Recording(path) as recording:
+            return recording.is_ours and not recording.chunks and next(iter(recording.blocks()), None) is not None
+    except RecordingError:
+        return False
 
 
 def packed(
@@ -220,3 +241,20 @@ def _sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def main() -> int:
+    """`python -m recordings.packing FILE …`: pack each, with what priority is left over by others."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(10)
+    for name in sys.argv[1:]:
+        try:
+            pack(Path(name))
+        except RecordingError as error:
+            print(f"{error} {error.hint}".rstrip(), file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -10,7 +10,20 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from server import speech as default_speech
-from server.api import build, control, corrections, devices, errors, forms, live, map_tiles, page, ports, snapshots
+from server.api import (
+    build,
+    control,
+    corrections,
+    devices,
+    errors,
+    forms,
+    live,
+    map_tiles,
+    page,
+    ports,
+    recorder,
+    snapshots,
+)
 from server.auth import Access, Guard
 from server.config import Config
 from server.correction_desk import CorrectionDesk
@@ -18,8 +31,10 @@ from server.desks import Desks
 from server.hub import Hub
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
+from server.packer import Packer
 from server.reading import Reading
 from server.recognition import Speech
+from server.recorder import Recorder, plan_of
 from server.sessions import OpenLink, Sessions
 from server.version import VERSION
 
@@ -47,6 +62,7 @@ def create_app(
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
 
     desks = Desks(hub, sessions, config.data, config.trial_s)
+    tape = Recorder(hub, sessions, desks, plan_of(config), Packer(lambda path: hub.library_changed()))
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -54,7 +70,11 @@ def create_app(
         for source in config.sources or DEFAULT_SOURCES:
             sessions.add(source, reading if config.sources else Reading())
         await desks.resume()
+        if config.record:
+            await tape.start()
+        await tape.resume()
         yield
+        await tape.close()
         await app.state.corrections.close()
         await sessions.close()
 
@@ -71,6 +91,7 @@ def create_app(
     app.state.sessions = sessions
     app.state.desks = desks
     app.state.corrections = CorrectionDesk(sessions)
+    app.state.recorder = tape
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.scan_lock = asyncio.Lock()
@@ -83,6 +104,7 @@ def create_app(
         forms,
         snapshots,
         corrections,
+        recorder,
         ports,
         build,
         map_tiles,

@@ -51,6 +51,7 @@ def parser() -> argparse.ArgumentParser:
     serve.add_argument("--host", help="address to listen on (127.0.0.1; any other needs a token, which is printed)")
     serve.add_argument("--port", type=int, help="port to listen on (8080; 0: any free one)")
     _add_reading(serve, "protocol of the sources (recognised when left out)")
+    serve.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
     serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
     _add_data(serve)
 
@@ -144,6 +145,7 @@ def _serve(options: argparse.Namespace) -> None:
         schema=options.schema,
         unverified=options.unverified,
         sources=options.sources or None,
+        record=options.record,
     )
     _compile(config.data)
     from server import serving, speech

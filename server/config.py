@@ -8,6 +8,10 @@
     key = "@/etc/imuscope.key"  # of IDTP devices in Secure mode
     view_token = "…"            # may look
     control_token = "…"         # may also change things
+    record = true               # from the start, all devices
+    recordings_quota_gb = 20    # beyond that the oldest recordings go that nobody pinned; 0: no quota
+    split_mb = 2000             # a recording goes on in a new file when it is so large
+    split_min = 60              # … or so old
     allowed_hosts = ["robot.example"]
     allowed_origins = ["https://fleet.example"]
 
@@ -76,6 +80,10 @@ class Config:
         view_token, control_token: "" means that one is made when it is needed.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
+        record: record all devices from the start.
+        recordings_quota_gb: how much all recordings may take together, 10⁹ bytes; 0 for no quota.
+        split_mb, split_min: a recording goes on in a new file when it has 10⁶ bytes or minutes like that; 0 for never.
+        record_head: ask an Xsens device for its Configuration when a recording begins (it pauses for a moment).
         map: the tile server for a map under the track (server/api/map_tiles.py).
     """
 
@@ -95,6 +103,11 @@ class Config:
     control_token: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
+    record: bool = False
+    recordings_quota_gb: float = 0.0
+    split_mb: float = 0.0
+    split_min: float = 0.0
+    record_head: bool = True
     map: MapTiles = MapTiles()
 
     def reading(self) -> Reading:
@@ -159,6 +172,14 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         raise ConfigError(f"trial_s {config.trial_s:g} is outside 1 … 600 s.")
     if not 0 < config.history_s <= 86_400:
         raise ConfigError(f"history_s {config.history_s:g} is outside 0 … 86 400 s.")
+    for name, least, unit in (
+        ("recordings_quota_gb", 0.001, "GB"),
+        ("split_mb", 0.1, "MB"),
+        ("split_min", 0.01, "min"),
+    ):
+        value = getattr(config, name)
+        if value and not least <= value <= 1e6:
+            raise ConfigError(f"{name} {value:g} is neither 0 (no limit) nor {least:g} … 1 000 000 {unit}.")
     if not 1 <= config.memory_mb <= MOST_MEMORY_MB:
         raise ConfigError(f"memory_mb {config.memory_mb} is outside 1 … {MOST_MEMORY_MB} MB.")
     for name in ("view_token", "control_token"):

@@ -25,6 +25,7 @@ from typing import Any
 
 from server import codec, wire
 from server.channels import Piece
+from server.listeners import Listeners
 from server.outbox import Frame, History, Outbox, Packet
 from server.ring import Ring
 from server.version import VERSION
@@ -67,6 +68,11 @@ class Hub:
         self.raws: list[wire.RawPayload] = []
         self.log: deque[wire.EventInfo] = deque(maxlen=EVENTS_KEPT)
         self.outboxes: set[Outbox] = set()
+        self.recorder: wire.RecorderState | None = None
+        self.heard_event: Listeners[[wire.EventInfo]] = Listeners()  # who keeps what happens: a recording
+        self.heard_device: Listeners[[wire.DeviceInfo]] = Listeners()
+        self.heard_control: Listeners[[wire.ControlState]] = Listeners()
+        self.heard_exchange: Listeners[[wire.ExchangeEntry]] = Listeners()
         self._next_channel = 1
         self._next_event = 0
         self.controls: dict[str, wire.ControlState] = {}
@@ -120,6 +126,7 @@ class Hub:
         self._next_event += 1
         self.log.append(event)
         self._new_events.append(event)
+        self.heard_event.tell(event)
         self.request_flush()
         return event
 
@@ -127,13 +134,24 @@ class Hub:
         """The state of a device changed."""
         self.devices[info.id] = info
         self._devices_changed = True
+        self.heard_device.tell(info)
         self.request_flush()
 
     def set_control(self, state: wire.ControlState) -> None:
         """What is done to a device changed."""
         self.controls[state.device] = state
         self._controls_changed = True
+        self.heard_control.tell(state)
         self.request_flush()
+
+    def set_recorder(self, state: wire.RecorderState) -> None:
+        """What is being recorded changed."""
+        self.recorder = state
+        self._tell_latest("recorder", state)
+
+    def library_changed(self) -> None:
+        """A recording came, went or is another than it was: whoever shows the list asks for it again."""
+        self._tell_latest("library", wire.LibraryChanged())
 
     def next_exchange(self) -> int:
         """The number of the next entry of an exchange; they are counted over all devices."""
@@ -143,6 +161,7 @@ class Hub:
     def exchange(self, entry: wire.ExchangeEntry) -> None:
         """A frame went to a device or came from it. Who keeps it for late browsers is server/exchange.py."""
         self._new_exchange.append(entry)
+        self.heard_exchange.tell(entry)
         self.request_flush()
 
     def remove_device(self, device: str) -> None:
@@ -286,6 +305,8 @@ class Hub:
         outbox.say(codec.encode_text(wire.HealthReport(list(self.health.values()))))
         if self.controls:
             outbox.say(codec.encode_text(wire.Control(list(self.controls.values()))))
+        if self.recorder is not None:
+            outbox.say(codec.encode_text(self.recorder))
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""

@@ -108,6 +108,11 @@ class Sessions:
         return self._sessions[device]
 
     @property
+    def all(self) -> list[Session]:
+        """Every session."""
+        return list(self._sessions.values())
+
+    @property
     def infos(self) -> list[wire.DeviceInfo]:
         """Every device; those on one link follow each other."""
         return [info for session in self._sessions.values() for info in session.infos]

@@ -1,0 +1,103 @@
+"""Who rewrites finished recordings (recordings/packing.py) without a live device noticing? A process of low priority.
+
+One recording after the other. A thread would take turns with the event loop; a process of its own does not. What the
+server before this one left behind, closed or killed, is found at the start.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import shutil
+import sys
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+from recordings import packing
+from recordings.container import SUFFIX
+
+log = logging.getLogger("imuscope.packer")
+ROOT = Path(packing.__file__).resolve().parents[1]
+
+
+class Packer:
+    """Packs what it is given.
+
+    Args:
+        packed: called with each path that has been rewritten.
+    """
+
+    def __init__(self, packed: Callable[[Path], None]) -> None:
+        self._packed = packed
+        self._waiting: deque[Path] = deque()
+        self._task: asyncio.Task[None] | None = None
+        self._closed = False
+
+    def add(self, path: Path) -> None:
+        """Pack this one when it is its turn."""
+        if self._closed or path in self._waiting:
+            return
+        self._waiting.append(path)
+        if self._task is None or self._task.done():
+            self._task = asyncio.get_running_loop().create_task(self._work(), name="packing recordings")
+
+    async def resume(self, folder: Path) -> None:
+        """Find what was left unpacked in a folder."""
+        for path in await asyncio.to_thread(left_behind, folder):
+            self.add(path)
+
+    @property
+    def busy(self) -> bool:
+        """Is there something that has not been packed yet?"""
+        return self._task is not None and not self._task.done()
+
+    async def close(self) -> None:
+        """Stop; what is not packed is so at the next start."""
+        self._closed = True
+        self._waiting.clear()
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _work(self) -> None:
+        while self._waiting:
+            path = self._waiting.popleft()
+            try:
+                if await asyncio.to_thread(_has_room, path):
+                    await self._pack(path)
+                    self._packed(path)
+            except OSError as error:
+                log.warning("%s could not be packed: %s", path.name, error)
+
+    async def _pack(self, path: Path) -> None:
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "recordings.packing", str(path)),
+            cwd=ROOT,
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=asyncio.subprocess.DEVNULL,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        try:
+            _, said = await process.communicate()
+        except asyncio.CancelledError:
+            process.kill()
+            await process.wait()
+            raise
+        if process.returncode:
+            log.warning("%s could not be packed: %s", path.name, said.decode(errors="replace").strip())
+
+
+def left_behind(folder: Path) -> list[Path]:
+    """Recordings of ours that are not packed, and no trace of a packing that was interrupted."""
+    for aside in folder.glob(f".*{SUFFIX}{packing.ASIDE}"):
+        aside.unlink(missing_ok=True)
+    return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if packing.is_loose(path)]
+
+
+def _has_room(path: Path) -> bool:
+    """The packed file stands beside the other for a moment; it is smaller, and nobody knows how much."""
+    try:
+        return shutil.disk_usage(path.parent).free > path.stat().st_size
+    except OSError:
+        return False
