@@ -98,6 +98,30 @@ class Buckets:
         return len(self.t)
 
 
+def summarised(rows: Exact, t: Floats, status: Sequence[bool], grid: tuple[float, float, int]) -> Buckets:
+    """Buckets of rows that are in memory (a live ring): what a store answers for the same rows.
+
+    Args:
+        t: (n,) non-decreasing time of each row, unix s.
+        status: of each column, whether it is a word of flags.
+        grid: t0, t1, how many buckets.
+    """
+    cuts = _cuts(t, grid)
+    return Buckets(
+        t[cuts],
+        np.diff(cuts, append=len(t)),
+        [_summary(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
+        [_summary(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
+    )
+
+
+def _cuts(t: Floats, grid: tuple[float, float, int]) -> NDArray[np.int64]:
+    """Where in `t` each bucket of the grid that holds something begins."""
+    t0, t1, width = grid
+    place = np.clip(((t - t0) * (width / max(t1 - t0, 1e-9))).astype(np.int64), 0, width - 1)
+    return np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
+
+
 class ColumnsWriter:
     """A store that is being made.
 
@@ -336,7 +360,7 @@ class Columns:
     def _buckets(
         self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], wanted: Sequence[int], base: Base
     ) -> Buckets:
-        t0, t1, width = grid
+        width = grid[2]
         step = max((level for level in (1, *LEVELS) if (hi - lo) // level >= PER_BUCKET * width), default=1)
         status = self.shapes[channel].status
         name: Clock = "key" if base == "device" else "arrival"
@@ -356,8 +380,7 @@ class Columns:
                 lows[i].append(self._column(channel, block, column, step, 0)[first:past])
                 highs[i].append(self._column(channel, block, column, step, 1)[first:past])
         t = np.concatenate(times)
-        place = np.clip(((t - t0) * (width / (t1 - t0))).astype(np.int64), 0, width - 1)
-        cuts = np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
+        cuts = _cuts(t, grid)
         return Buckets(
             t[cuts],
             np.add.reduceat(np.concatenate(counts), cuts),

@@ -65,7 +65,7 @@ class CaptureSource:
     def _bytes(self) -> BinaryIO:
         return _Joined(self._files)  # type: ignore[return-value]  # Pace reads, no more
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
         start = self._started()
         done = 0
         for pieces in self._pace().blocks():
@@ -110,7 +110,7 @@ class IndexedSource(CaptureSource):
         last = max(int(index[1][-1]) for index in indexes if index is not None)
         return 0.8 * clock_ms <= last + 100 and last <= 1.25 * clock_ms + 100
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
         start = self._started()
         done = 0
         for file in self._files:

@@ -70,7 +70,9 @@ class Source(Protocol):
     @property
     def damage(self) -> list[Damage]: ...
 
-    def parts(self) -> Iterator[Part]: ...
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+        """All of them, or at least those with chunks between two times."""
+        ...
 
     def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         """(channel, time ns, body) of what was kept beside the bytes: events, notes, snapshots. After `parts`."""
@@ -102,11 +104,11 @@ class McapSource:
                 device = name.removeprefix(DEVICE)
                 self.devices[device] = SourceDevice(device, values.get("protocol", ""), values)
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
         recording = self._recording
         recording.damage.clear()
         self._said.clear()
-        for block in recording.blocks():
+        for block in recording.blocks(start_ns, stop_ns):
             for number in np.unique(block.table[CHANNEL_ID]).tolist():
                 topic = recording.topics.get(number)
                 if topic is None:

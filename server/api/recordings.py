@@ -1,0 +1,183 @@
+"""An opened recording: what is in it, any stretch of it for the page and for programs, the frames around a moment.
+
+The same question about what is live is `GET /api/devices/{device}/query`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import JSONResponse, Response
+
+from recordings.columns import Base, Columns
+from recordings.container import RecordingError
+from server import wire
+from server.api.errors import ApiError, responses
+from server.details import as_json, channels_of, detail
+from server.hub import Hub
+from server.recorded import OpeningState
+from server.shelf import Opening, Shelf
+from server.windows import Answer, arrow_of, frame_of, json_of, live, recorded
+
+router = APIRouter(tags=["recordings"])
+
+MOST_WIDTH = 8000
+MOST_ROWS = 5_000_000  # that one answer gives as they are; a longer stretch is asked for in pieces
+SAMPLES = "application/octet-stream"
+ARROW = "application/vnd.apache.arrow.stream"
+
+Recording = Annotated[str, "id of a recording"]
+Time = Annotated[float | None, Query(description="unix seconds")]
+Width = Annotated[int, Query(ge=0, le=MOST_WIDTH, description="buckets wanted; 0 for every row")]
+Format = Annotated[Literal["arrow", "json"], Query()]
+
+
+def shelf_of(request: Request) -> Shelf:
+    shelf: Shelf = request.app.state.shelf
+    return shelf
+
+
+OneShelf = Annotated[Shelf, Depends(shelf_of)]
+
+
+def unknown(recording: str) -> ApiError:
+    """There is no such recording."""
+    return ApiError(404, "not-found", f"There is no recording {recording:.80}.", "GET /api/recordings lists them.")
+
+
+async def columns_of(recording: str, shelf: OneShelf) -> Columns:
+    """The columns of a recording, waited for."""
+    try:
+        return await shelf.opened(recording)
+    except (KeyError, FileNotFoundError):
+        raise unknown(recording) from None
+    except RecordingError as error:
+        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+
+
+OneStore = Annotated[Columns, Depends(columns_of)]
+
+
+@router.get("/api/recordings/{recording}", responses=responses(404, 422))
+async def get_recording(recording: str, request: Request, shelf: OneShelf) -> Response:
+    """Everything but the samples (RecordingDetail); 202 and an OpeningState while it is decoded for the first time."""
+    try:
+        found = shelf.open(recording)
+    except (KeyError, FileNotFoundError):
+        raise unknown(recording) from None
+    if isinstance(found, Opening):
+        if found.error is not None:
+            raise ApiError(422, "cannot-open", found.error.message, found.error.hint)
+        state = OpeningState(recording, found.progress, "Decoding it for the first time.")
+        return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
+    told = detail(request.app.state.library.info(recording), found, request.app.state.library.markers(recording))
+    return JSONResponse(as_json(told), headers={"cache-control": "no-store"})
+
+
+@router.get("/api/recordings/{recording}/window", responses=responses(404, 422), response_class=Response)
+async def get_window(
+    store: OneStore,
+    t0: float,
+    t1: float,
+    width: Annotated[int, Query(ge=1, le=MOST_WIDTH)] = 1000,
+    base: Base = "device",
+    channels: Annotated[str, Query(description="ids, separated by commas; empty for all")] = "",
+) -> Response:
+    """Sample frames of the wire; a bucket is two rows (least, greatest). `X-Exact: 1` when no channel is summarised."""
+    t0, t1 = _span(t0, t1)
+    infos = channels_of(store)
+    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
+    answers = [recorded(store, infos[number], t0, t1, width, base=base) for number in wanted]
+    exact = "1" if all(_is_whole(answer) for answer in answers) else "0"
+    body = b"".join(frame_of(answer) for answer in answers)
+    return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
+
+
+@router.get("/api/recordings/{recording}/query", responses=responses(404, 422), response_class=Response)
+async def query_recording(
+    store: OneStore,
+    channel: Annotated[str, Query(description="id, or name")],
+    t0: Time = None,
+    t1: Time = None,
+    width: Width = 0,
+    columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
+    base: Base = "device",
+    format: Format = "arrow",
+    device: Annotated[str, Query(description="where several devices have a channel of that name")] = "",
+) -> Response:
+    """One channel as a table: Arrow or JSON, rows as they are or in buckets."""
+    infos = channels_of(store)
+    info = infos[_number(channel, infos, device)]
+    whole = store.span(info.id, base) or (0.0, 0.0)
+    t0, t1 = _span(whole[0] if t0 is None else t0, whole[1] if t1 is None else t1)
+    if not width and store.row_at(info.id, t1, base) - store.row_at(info.id, t0, base) > MOST_ROWS:
+        hint = f"Ask for a shorter stretch, or give `width`; at most {MOST_ROWS} rows come at once."
+        raise ApiError(422, "too-many", "The stretch has too many rows for one answer.", hint)
+    return _table(recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base), format)
+
+
+@router.get("/api/devices/{device}/query", tags=["devices"], responses=responses(404, 422), response_class=Response)
+async def query_device(
+    device: str,
+    request: Request,
+    channel: Annotated[str, Query(description="id, or name")],
+    t0: Time = None,
+    t1: Time = None,
+    width: Width = 0,
+    columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
+    base: Base = "device",
+    format: Format = "arrow",
+) -> Response:
+    """What the server remembers of a live channel, as a table: the same question as of a recording."""
+    hub: Hub = request.app.state.hub
+    own = {number: one.info for number, one in hub.channels.items() if one.info.device == device}
+    if not own:
+        raise ApiError(
+            404, "not-found", f"There is no device {device:.40} with channels.", "GET /api/devices lists them."
+        )
+    number = _number(channel, own)
+    t0, t1 = _span(0.0 if t0 is None else t0, hub.now() + 60 if t1 is None else t1)
+    positions = _positions(own[number], columns)
+    return _table(live(hub.channels[number], t0, t1, width, columns=positions, base=base), format)
+
+
+def _span(t0: float, t1: float) -> tuple[float, float]:
+    if not (math.isfinite(t0) and math.isfinite(t1)) or t1 < t0:
+        raise ApiError(
+            422, "bad-span", f"t0 = {t0:g} and t1 = {t1:g} are no stretch of time.", "Unix seconds, t0 ≤ t1."
+        )
+    return t0, t1
+
+
+def _number(word: str, infos: Mapping[int, wire.ChannelInfo], device: str = "") -> int:
+    """The channel of an id or a name; of several of one name the newest."""
+    if word.isdigit() and int(word) in infos:
+        return int(word)
+    named = [number for number, info in infos.items() if info.name == word and device in ("", info.device)]
+    if named:
+        return max(named)
+    there = ", ".join(sorted({info.name for info in infos.values()}))
+    raise ApiError(404, "not-found", f"There is no channel {word:.60}.", f"There are: {there:.400}.")
+
+
+def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
+    names = [column.name for column in info.columns]
+    wanted = [word for word in words.split(",") if word]
+    for word in wanted:
+        if word not in names:
+            there = ", ".join(names)
+            raise ApiError(404, "not-found", f"{info.name} has no column {word:.60}.", f"It has: {there:.400}.")
+    return [names.index(word) for word in wanted] or None
+
+
+def _is_whole(answer: Answer) -> bool:
+    return answer.exact
+
+
+def _table(answer: Answer, format: Literal["arrow", "json"]) -> Response:
+    body, kind = (arrow_of(answer), ARROW) if format == "arrow" else (json_of(answer), "application/json")
+    return Response(body, media_type=kind, headers={"cache-control": "no-store"})
