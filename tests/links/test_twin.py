@@ -14,6 +14,7 @@ from protocols.events import Gap, Reject, batches
 from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import build
 from server.links import LinkError, open_link, serial
+from server.links.base import Link
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink, open_port
 from server.links.twin import Bench, TwinLink
@@ -320,5 +321,28 @@ def test_a_twin_keeps_what_it_stored_when_its_power_fails() -> None:
             await gather(link, until=lambda data: bytes.fromhex("FAFF3E00C3") in data)
             await link.write(bytes.fromhex("FAFF3F00C2FAFF84007D"))
             await gather(link, until=lambda data: bytes.fromhex("FAFF8502123434") in data)
+
+    run(check())
+
+
+def test_restore_bytes_bring_a_lost_device_back() -> None:
+    """At 921 600 Bd nobody hears it; 0xDE while its power returns makes it wake up at 115 200 Bd."""
+
+    async def knock(link: Link) -> None:
+        while True:
+            await link.write(b"\xde")
+            await asyncio.sleep(0.0003)
+
+    async def check() -> None:
+        link = open_link("twin:xbus?baud=921600&dead_baud=921600&reset_s=1.2", settings())
+        async with opened(link):
+            await link.relink(115_200)
+            knocking = asyncio.create_task(knock(link))
+            try:
+                await gather(link, until=lambda data: build(0x3E) in data)
+            finally:
+                knocking.cancel()
+            await link.write(build(0x3F) + build(0x18))
+            await gather(link, until=lambda data: build(0x19, b"\x02") in data)
 
     run(check())
