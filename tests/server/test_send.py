@@ -1,0 +1,78 @@
+"""One command to a device from a script: what is answered, read back, refused, and never sent without a yes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from tests.server.test_compose import command
+
+
+def sent(*arguments: str) -> list[dict[str, Any]]:
+    """The lines that `imuscope send` printed."""
+    done = command("send", *arguments)
+    assert done.returncode == 0, done.stderr.decode()
+    return [json.loads(line) for line in done.stdout.decode().splitlines()]
+
+
+def refused(*arguments: str) -> str:
+    """The one line with which it failed."""
+    done = command("send", *arguments)
+    lines = [line for line in done.stderr.decode().splitlines() if "compiling" not in line]
+    assert (done.returncode, done.stdout, len(lines)) == (1, b"", 1), done
+    return lines[0]
+
+
+def test_an_mti_is_asked_and_set_and_measures_again() -> None:
+    [answer] = sent("twin:xbus?baud=921600", "ReqDID")
+    assert answer["message"] == "DeviceID"
+    acknowledged, kept = sent("twin:xbus?baud=921600", "SetLocationID", "location_id=77")
+    assert acknowledged["message"] == "SetLocationIDAck"
+    assert kept == {"setting": "LocationID", "fields": {"location_id": 77}}
+
+
+def test_a_field_of_an_imx_is_written_and_read_back() -> None:
+    acknowledged, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "magDeclination=0.25")
+    assert acknowledged == {"message": "ACK", "fields": {}}
+    assert kept["fields"]["magDeclination"] == 0.25
+
+
+def test_a_setting_is_read_and_written_by_its_name() -> None:
+    [kept] = sent("twin:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
+    assert [(row["did"], row["period"]) for row in kept["fields"]["streams"]] == [(4, 4)]
+    [info] = sent("twin:isb", "DID_DEV_INFO")
+    assert info["fields"]["manufacturer"] == "Inertial Sense Inc"
+
+
+def test_what_the_device_made_of_it_is_told() -> None:
+    done = command("send", "twin:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
+    assert done.returncode == 0
+    assert b"startupImuDtMs is not as asked: 4 instead of 9" in done.stderr
+
+
+def test_what_does_harm_is_sent_only_with_a_yes() -> None:
+    line = refused("twin:isb", "DID_SYS_CMD.SOFTWARE_RESET")
+    assert "The device restarts" in line
+    assert "Add --yes" in line
+    assert sent("twin:isb", "DID_SYS_CMD.SOFTWARE_RESET", "--yes") == [{"message": "ACK", "fields": {}}]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("twin:isb", "DID_SYS_CMD.MANF_CHIP_ERASE", "--yes"), "refused"),
+        (("twin:isb", "DID_GPX_FLASH_CFG"), "refused"),
+        (("twin:isb", "NoSuchThing"), "no message is called"),
+        (("twin:isb", "SET_DID_FLASH_CONFIG", "startupNavDtMs=x"), "is a number"),
+        (("/dev/no-such-port", "ReqDID"), "/dev/no-such-port"),
+        (("twin:nothing", "ReqDID"), "no twin"),
+    ],
+)
+def test_one_line_says_why_not(arguments: tuple[str, ...], said: str) -> None:
+    assert said in refused(*arguments)
+
+
+def test_a_frame_of_idtp_is_sent_and_nothing_answers() -> None:
+    assert sent("twin:idtp", "Imu3Acc", "acc_x=1") == [{"message": "Imu3Acc", "fields": {}}]
