@@ -1,6 +1,7 @@
 import { describe, expect, it, test } from "vitest";
 import orientation from "../../../tests/golden/xbus/orientation.json";
 import {
+  normBounds,
   eulerColumns, eulerOfMatrix, matrixIn, matrixOfEuler, matrixOfQuaternion, multiply, normColumn, quaternionIn, vectorIn,
   type Matrix3, type Quaternion, type Vector3, type WorldFrame,
 } from "./derive";
@@ -104,4 +105,12 @@ it("multiplies as rotations follow each other", () => {
 
 it("takes the length of vectors", () => {
   expect([...normColumn([[3, 0, NaN], [4, 0, 1], [12, 0, 1]], 3)]).toEqual([13, 0, NaN]);
+});
+
+it("bounds the lengths of vectors by their summarised components", () => {
+  const pairs = [[-1, 2], [3, 4], [-2, -1]];
+  const [near, far] = normBounds(pairs, 2);
+  expect(near).toBeCloseTo(Math.hypot(0, 3, 1), 5);
+  expect(far).toBeCloseTo(Math.hypot(2, 4, 2), 5);
+  expect(normBounds([[NaN, NaN]], 2)).toEqual(new Float32Array([NaN, NaN]));
 });

@@ -129,3 +129,23 @@ export function normColumn(columns: readonly Numbers[], n: number): Float32Array
   }
   return out;
 }
+
+/**
+ * Between which lengths were the vectors of a stretch? Rows come in pairs: the least and the greatest of each component. The corner
+ * nearest to zero and the one farthest from it bound every vector within; the pair is those two lengths.
+ */
+export function normBounds(columns: readonly Numbers[], n: number): Float32Array {
+  const out = new Float32Array(n);
+  for (let i = 0; i + 1 < n; i += 2) {
+    let [near, far] = [0, 0];
+    for (const column of columns) {
+      const [lo, hi] = [column[i]!, column[i + 1]!];
+      const least = lo > 0 ? lo : hi < 0 ? -hi : 0;
+      const most = Math.max(Math.abs(lo), Math.abs(hi));
+      near += lo === lo ? least * least : NaN;
+      far += most * most;
+    }
+    [out[i], out[i + 1]] = [Math.sqrt(near), Math.sqrt(far)];
+  }
+  return out;
+}

@@ -4,7 +4,7 @@
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
-import { eulerColumns, normColumn, type Numbers } from "./derive";
+import { eulerColumns, normBounds, normColumn, type Numbers } from "./derive";
 
 /** A position has no length worth showing: its distance from the middle of the earth. */
 const NO_NORM = /position|ecef|latlon|latitude|coordinate/i;
@@ -83,10 +83,10 @@ export function eulerInfo(source: ChannelInfo): ChannelInfo {
   };
 }
 
-/** A frame with the norm of `columns` added. */
-export function addNorm(frame: SampleFrame, columns: readonly number[]): SampleFrame {
+/** A frame with the norm of `columns` added. `bounds`: rows are the least and the greatest of a stretch, in turn. */
+export function addNorm(frame: SampleFrame, columns: readonly number[], bounds = false): SampleFrame {
   const parts = columns.map((c) => frame.columns[c] as Numbers & Column);
-  return { ...frame, columns: [...frame.columns, normColumn(parts, frame.n)] };
+  return { ...frame, columns: [...frame.columns, (bounds ? normBounds : normColumn)(parts, frame.n)] };
 }
 
 /** The frame of Euler angles that belongs to a frame of rotations. */

@@ -47,6 +47,8 @@ export class Gaps {
   readonly wraps: readonly (number[] | undefined)[];
   /** Usual spacing, s; NaN while unknown. */
   step = NaN;
+  /** Longest spacing that is no gap, s, where it is known; NaN: told by the usual spacing. Of summarised rows it is known. */
+  longest = NaN;
   readonly #periods: readonly number[];
   readonly #cuts: number[] = [];
   #stepAt = 0;
@@ -93,7 +95,8 @@ export class Gaps {
 
   #stretch(rows: Rows, from: number, to: number): void {
     const { times, mask } = rows;
-    const longest = BREAK_FACTOR * this.#usual(rows, to) + (rows.clocked ? 0 : BURST_S);
+    const usual = BREAK_FACTOR * this.#usual(rows, to) + (rows.clocked ? 0 : BURST_S);
+    const longest = this.longest === this.longest ? this.longest : usual;
     mark(this.breaks, rows, from, to, (row) => {
       const [before, time] = [times[(row - 1) & mask]!, times[row & mask]!];
       return time - before > longest || this.#isCut(before, time);

@@ -225,10 +225,14 @@ export class Ring {
     this.generation += 1;
   }
 
-  /** Forget all samples. */
-  clear(): void {
+  /**
+   * Forget all samples. `longest`: from here on rows that lie further apart than this, s, are not joined; NaN: as the usual
+   * spacing tells.
+   */
+  clear(longest = NaN): void {
     this.first = this.end = START;
     this.#gaps.clear();
+    this.#gaps.longest = longest;
     this.#nextSequence = this.#firstSequence = -1;
     this.#newestArrival = NaN;
     this.clocked = false;

@@ -6,7 +6,7 @@ import type { Loss } from "../data/losses";
 import type { Palette, Sheet } from "./paint";
 import { hatch } from "./paint";
 import type { Plot } from "./plot";
-import { valueAt } from "./legend";
+import { type Reads, valueAt } from "./legend";
 import { xOf, type TimeWindow } from "./window";
 
 /** A loss is at least this wide (design, "Loss"), px. */
@@ -27,6 +27,7 @@ export interface Marks {
   readonly measure: number | undefined;
   /** Span being selected with shift and drag. */
   readonly selection: readonly [number, number] | undefined;
+  readonly reads: Reads;
 }
 
 export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly Plot[], w: TimeWindow, look: Palette, marks: Marks, hidden: ReadonlySet<string>): void {
@@ -64,7 +65,7 @@ export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly 
   if (marks.cursor === undefined) return;
   x.fillStyle = look.colour.ink;
   line(xOf(w, marks.cursor), 1);
-  dots(x, plots, w, look, marks.cursor, hidden);
+  dots(x, plots, w, look, marks.cursor, hidden, marks.reads);
 }
 
 function drawMeasure(
@@ -92,7 +93,7 @@ function drawMeasure(
 }
 
 /** A dot on each trace where the cursor reads it. */
-function dots(x: CanvasRenderingContext2D, plots: readonly Plot[], w: TimeWindow, look: Palette, t: number, hidden: ReadonlySet<string>): void {
+function dots(x: CanvasRenderingContext2D, plots: readonly Plot[], w: TimeWindow, look: Palette, t: number, hidden: ReadonlySet<string>, reads: Reads): void {
   const px = xOf(w, t);
   if (px < w.left || px > w.left + w.width) return;
   x.lineWidth = 1.5;
@@ -100,7 +101,7 @@ function dots(x: CanvasRenderingContext2D, plots: readonly Plot[], w: TimeWindow
   for (const plot of plots) {
     if (!plot.visible) continue;
     for (const series of plot.spec.series) {
-      const value = hidden.has(series.key) ? NaN : valueAt(series, t, w.base);
+      const value = hidden.has(series.key) ? NaN : valueAt(series, t, w.base, reads);
       if (value !== value) continue;
       x.beginPath();
       x.arc(px, plot.top + plot.y(value), 3, 0, 7);

@@ -4,6 +4,7 @@ import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { count } from "../ui/format";
 import { el } from "../ui/dom";
+import type { Reads } from "./legend";
 import { firstLanes, type Lane, LANE_PX, lanesOf, lossWords, stateAt, stateWords } from "./lanes";
 
 export class LaneNames {
@@ -86,18 +87,18 @@ export class LaneNames {
   }
 
   /** Say what the lane spoken of means, and its state at `t`. */
-  read(t: number, base: TimeBase, losses: readonly Loss[]): void {
-    const [name, words] = this.#sentence(t, base, losses);
+  read(t: number, base: TimeBase, losses: readonly Loss[], reads: Reads): void {
+    const [name, words] = this.#sentence(t, base, losses, reads);
     if (name + words === this.#text) return;
     this.#text = name + words;
     this.say.replaceChildren(...(name === "" ? [] : [el("b", {}, name), ` ${words}`]));
   }
 
-  #sentence(t: number, base: TimeBase, losses: readonly Loss[]): readonly [string, string] {
+  #sentence(t: number, base: TimeBase, losses: readonly Loss[], reads: Reads): readonly [string, string] {
     if (this.#spoken === undefined) return ["", ""];
     const lane = this.lanes[this.#spoken - 1];
     if (lane !== undefined) {
-      const state = stateWords(lane.bits, stateAt(lane, t, base));
+      const state = stateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel) }, t, base));
       return [`${lane.name}${state === "" ? "" : `: ${state}`}`, lane.bits.doc];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);

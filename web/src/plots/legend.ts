@@ -4,6 +4,7 @@
  */
 import { toggleKey } from "../data/actions";
 import { lowerBound } from "../data/gaps";
+import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { number } from "../ui/format";
 import { el, Live, unit } from "../ui/dom";
@@ -13,7 +14,7 @@ import type { PlotSpec, Series } from "./select";
 const ON_THEIR_WAY_S = 0.25;
 
 /** The row of a series' ring that a cursor at `t` reads; −1 when there is none, or a gap. */
-export function rowAt({ channel: { ring } }: Series, t: number, base: TimeBase): number {
+export function rowAt({ channel: { ring } }: Pick<Series, "channel">, t: number, base: TimeBase): number {
   if (ring.length === 0) return -1;
   if (t === Infinity) return ring.end - 1;
   const i = ring.indexAt(t, base);
@@ -25,10 +26,15 @@ export function rowAt({ channel: { ring } }: Series, t: number, base: TimeBase):
   return age > fresh && ring.breaks[lowerBound(ring.breaks, next)] === next ? -1 : next - 1;
 }
 
+/** Where the samples of a channel are as they came, when what is drawn of it is summarised. */
+export type Reads = (channel: Channel) => Channel;
+const asDrawn: Reads = (channel) => channel;
+
 /** The value there; NaN when there is none. */
-export function valueAt(series: Series, t: number, base: TimeBase): number {
-  const row = rowAt(series, t, base);
-  const { ring } = series.channel;
+export function valueAt(series: Series, t: number, base: TimeBase, reads: Reads = asDrawn): number {
+  const channel = reads(series.channel);
+  const row = rowAt({ channel }, t, base);
+  const { ring } = channel;
   return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
 }
 
@@ -79,12 +85,12 @@ export class Legend {
   }
 
   /** Values at `t` (Infinity: the newest); with `from` the differences since then. */
-  read(t: number, base: TimeBase, from: number | undefined, narrow: boolean): void {
+  read(t: number, base: TimeBase, from: number | undefined, narrow: boolean, reads: Reads = asDrawn): void {
     for (const row of this.#rows) {
       const { series, button, value } = row;
-      const now = valueAt(series, t, base);
+      const now = valueAt(series, t, base, reads);
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
-      const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base)), decimals)}`;
+      const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base, reads)), decimals)}`;
       value.set(text);
       if (narrow) makeRoom(row, Math.max(text.length, decimals + (isAngle(series) ? 5 : 3)));
       button.classList.toggle("diff", from !== undefined);

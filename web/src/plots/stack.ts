@@ -22,6 +22,7 @@ import { el, every, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
 import { listen } from "./gestures";
 import { drawGlass, type Pane } from "./glass";
+import type { Reads } from "./legend";
 import { Lanes } from "./lanes";
 import { LaneNames } from "./lane-names";
 import { Memory } from "./memory";
@@ -33,10 +34,14 @@ import "./plots.css";
 
 export interface StackDeps {
   readonly store: Store;
+  /** Where values are read, when what is drawn is summarised; as drawn otherwise. */
+  readonly reads?: Reads;
+  /** All there is, when the store holds a part of it; what the store holds otherwise. */
+  readonly bounds?: () => { readonly first: number; readonly last: number };
 }
 
 /** Further quantities that a person has asked for, by plot key. Outlives a remount. */
-const asked = signal<ReadonlySet<string>>(new Set());
+export const asked = signal<ReadonlySet<string>>(new Set());
 /** Norms are read in the legend and drawn only when asked for: each is hidden once, when first seen. */
 const normsSeen = new Set<string>();
 /** Legends follow live data this often, a moving cursor every frame. */
@@ -48,6 +53,8 @@ const TITLE_PX = 126;
 
 class Stack {
   readonly #store: Store;
+  readonly #reads: Reads;
+  readonly #whole: StackDeps["bounds"];
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": "Plots" });
   readonly #glass = new Sheet(el("canvas", { class: "glass", "aria-hidden": "true" }));
   readonly #more = el("div", { class: "more", role: "group", "aria-label": "Further quantities" });
@@ -79,8 +86,10 @@ class Stack {
   /** Revision of the samples as looked at last; ten times a second is often enough where the window stands still. */
   #still = 0;
 
-  constructor(host: HTMLElement, { store }: StackDeps) {
+  constructor(host: HTMLElement, { store, reads = (channel) => channel, bounds }: StackDeps) {
     this.#store = store;
+    this.#reads = reads;
+    this.#whole = bounds;
     this.#names = new LaneNames(this.#lanesBox, () => this.#slowly());
     this.#lanesBox.append(this.#lanesSheet.canvas);
     this.#lanesHost.append(this.#lanesBox, this.#names.say);
@@ -230,7 +239,7 @@ class Stack {
       this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses);
     }
     const lostSince = this.#lostSince(device);
-    const marks = { losses, lostSince, cursor: reading, measure: measure.peek(), selection: this.#selection };
+    const marks = { losses, lostSince, cursor: reading, measure: measure.peek(), selection: this.#selection, reads: this.#reads };
     if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${shown.size} ${reading === undefined ? "" : still}`)) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
     }
@@ -248,8 +257,8 @@ class Stack {
     if (state === this.#cursorWas && !this.#legendsDue(now)) return;
     this.#cursorWas = state;
     const t = reading ?? (w.live ? Infinity : w.t1);
-    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow);
-    this.#names.read(t, w.base, this.#store.losses(view.peek().device ?? ""));
+    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow, this.#reads);
+    this.#names.read(t, w.base, this.#store.losses(view.peek().device ?? ""), this.#reads);
   }
 
   /** Twice a second: which lanes there are, what screen readers are told. */
@@ -291,6 +300,7 @@ class Stack {
   }
 
   #bounds(): { readonly first: number; readonly last: number } | undefined {
+    if (this.#whole) return this.#whole();
     let [first, last] = [Infinity, -Infinity];
     for (const { ring } of this.#channels) {
       if (ring.length === 0) continue;
@@ -302,7 +312,8 @@ class Stack {
 
   /** The sample `steps` on from t, of the channel that stands first. */
   #step(t: number, steps: number): number | undefined {
-    const ring = this.#plots[0]?.spec.series[0]?.channel.ring;
+    const channel = this.#plots[0]?.spec.series[0]?.channel;
+    const ring = channel && this.#reads(channel).ring;
     const base = view.peek().timeBase;
     if (ring === undefined || ring.length === 0) return undefined;
     // Half a microsecond: a cursor pinned to a sample must find that sample again.

@@ -1,0 +1,119 @@
+/** What the library says of a recording, and which ones it shows: search, categories, lengths and sizes in words. Pure. */
+import { number, type Quantity } from "../ui/format";
+import type { RecordingInfo } from "./types";
+
+export type Category = "all" | "pinned" | "lossy" | "damaged" | "deleted";
+
+export const CATEGORIES: readonly { readonly name: Category; readonly title: string }[] = [
+  { name: "all", title: "All" },
+  { name: "pinned", title: "Pinned" },
+  { name: "lossy", title: "With loss" },
+  { name: "damaged", title: "Damaged" },
+  { name: "deleted", title: "Deleted, 7 days" },
+];
+
+export const lostOf = (info: RecordingInfo): number => info.devices.reduce((sum, { lost }) => sum + lost, 0);
+export const rejectsOf = (info: RecordingInfo): number => info.devices.reduce((sum, { rejects }) => sum + rejects, 0);
+export const messagesOf = (info: RecordingInfo): number => info.devices.reduce((sum, { messages }) => sum + messages, 0);
+
+export function inCategory(info: RecordingInfo, category: Category): boolean {
+  if (category === "deleted") return info.deleted !== null;
+  if (info.deleted !== null) return false;
+  switch (category) {
+    case "all":
+      return true;
+    case "pinned":
+      return info.pinned;
+    case "lossy":
+      return lostOf(info) > 0 || info.losses.length > 0;
+    case "damaged":
+      return info.damaged !== "";
+  }
+}
+
+/** What is chosen on the left and typed above. */
+export interface Choice {
+  readonly category: Category;
+  /** A name of `deviceName`, or "" for any. */
+  readonly device: string;
+  readonly tag: string;
+  readonly query: string;
+}
+
+export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string =>
+  [product.split(" ")[0] || name, serial].filter(Boolean).join(" ");
+
+/** Every word that was typed stands somewhere in what is known of it. */
+export function matches(info: RecordingInfo, query: string): boolean {
+  const words = query.toLowerCase().split(/\s+/).filter(Boolean);
+  if (words.length === 0) return true;
+  const devices = info.devices.flatMap((one) => [one.name, one.product, one.serial_number, one.protocol]);
+  const text = [info.title, info.file, info.notes, dateWords(info.started), isoDay(info.started), ...info.tags, ...devices].join("\n").toLowerCase();
+  return words.every((word) => text.includes(word));
+}
+
+export function chosen(all: readonly RecordingInfo[], { category, device, tag, query }: Choice): readonly RecordingInfo[] {
+  return all.filter(
+    (info) =>
+      inCategory(info, category) &&
+      (device === "" || info.devices.some((one) => deviceName(one) === device)) &&
+      (tag === "" || info.tags.includes(tag)) &&
+      matches(info, query),
+  );
+}
+
+/** How often each value occurs, most often first. */
+export function tally(values: readonly string[]): readonly (readonly [string, number])[] {
+  const counts = new Map<string, number>();
+  for (const value of values) counts.set(value, (counts.get(value) ?? 0) + 1);
+  return [...counts].sort(([a, m], [b, n]) => n - m || a.localeCompare(b));
+}
+
+/** What went wrong, in one tag: the worst of it. */
+export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad"; readonly words: string } {
+  if (info.damaged !== "") return { tone: "bad", words: "damaged" };
+  const [lost, rejects] = [lostOf(info), rejectsOf(info)];
+  if (lost > 0) return { tone: "warn", words: `${number(lost, 0)} lost` };
+  if (rejects > 0) return { tone: "warn", words: `${number(rejects, 0)} ${rejects === 1 ? "reject" : "rejects"}` };
+  return { tone: "", words: "none" };
+}
+
+const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");
+
+/** A length or a place in a recording: "47:12", "10:00:04"; with digits of a second "21:52.314". */
+export function length(seconds: number | null | undefined, decimals = 0): string {
+  if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "—";
+  const scale = 10 ** decimals;
+  const ticks = Math.floor(Math.abs(seconds) * scale + 1e-6);
+  const s = Math.floor(ticks / scale);
+  const hours = Math.floor(s / 3600);
+  const text = `${hours > 0 ? `${hours}:` : ""}${pad((s % 3600) / 60)}:${pad(s % 60)}`;
+  return (seconds < 0 ? "−" : "") + text + (decimals > 0 ? `.${String(ticks % scale).padStart(decimals, "0")}` : "");
+}
+
+export function bytes(n: number | null | undefined): Quantity {
+  if (n === null || n === undefined || !Number.isFinite(n)) return { value: "—", unit: "" };
+  if (n < 1000) return { value: number(n, 0), unit: "B" };
+  if (n < 1e6) return { value: number(n / 1e3, 1), unit: "kB" };
+  if (n < 1e9) return { value: number(n / 1e6, 1), unit: "MB" };
+  return { value: number(n / 1e9, 2), unit: "GB" };
+}
+
+const MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+
+/** "21 Nov, 13:44" in UTC, as every time of the page; with the year where it is another one. */
+export function dateWords(unix: number | null, year = false): string {
+  if (unix === null) return "";
+  const d = new Date(unix * 1000);
+  const day = `${d.getUTCDate()} ${MONTHS[d.getUTCMonth()]}${year ? ` ${d.getUTCFullYear()}` : ""}`;
+  return `${day}, ${pad(d.getUTCHours())}:${pad(d.getUTCMinutes())}`;
+}
+
+function isoDay(unix: number | null): string {
+  return unix === null ? "" : new Date(unix * 1000).toISOString().slice(0, 10);
+}
+
+/** Days until what is in the bin is gone. */
+export function daysLeft(deleted: number, now: number): number {
+  return Math.max(0, Math.ceil(7 - (now - deleted) / 86_400));
+}
