@@ -106,14 +106,17 @@ class XbusDriver:
         if state == "measuring":
             yield from exchange.to_measurement()
             return (yield from body)
-        yield from exchange.to_config()
+        reached = False
         try:
+            yield from exchange.to_config()
+            reached = True
             result = yield from body
-        except StoppedError:
+        except StoppedError:  # also on the way there: the device may have heard GoToConfig already
             yield Send(frames.build(exchange.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
         except Exception:
-            yield from _measure_again()
+            if reached:
+                yield from _measure_again()
             raise
         yield from exchange.to_measurement()
         return result

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Expect, Pause, Relink, Send
+from protocols.dialogues import Expect, Known, Pause, Relink, Send, stop
 from protocols.events import Event
+from protocols.xbus.dialogues import XbusDriver
 from server.control import MOST_WAITING, Desk, DeskError
 from server.links.base import LinkError
 from server.runner import Runner
@@ -108,6 +109,15 @@ def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> No
             assert job.state == "done"
 
     run(check())
+
+
+def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring() -> None:
+    """The device had heard GoToConfig, the host not yet its answer: nobody told it to measure again."""
+    driver = XbusDriver()
+    dialogue = driver.within(driver.read("LocationID", Known()), Known())
+    first = next(dialogue)
+    assert isinstance(first, Send)
+    assert [act.frame.hex() for act in stop(dialogue)] == [GO_TO_MEASUREMENT]
 
 
 def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
