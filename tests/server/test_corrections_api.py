@@ -1,0 +1,74 @@
+"""Corrections over HTTP, on a running server with real twins."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from httpx import Client
+
+from tests.process import ServerProcess
+from tests.server.test_corrections import NUMBERS, STREAM
+
+
+@pytest.fixture
+def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
+    with Client(base_url=serve("twin:isb", "twin:idtp").url, timeout=10) as client:
+        yield client
+
+
+def until(client: Client, path: str, true: Any, seconds: float = 20) -> dict[str, Any]:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        body: dict[str, Any] = client.get(path).json()
+        if true(body):
+            return body
+        time.sleep(0.05)
+    raise AssertionError(f"it never came: {body}")
+
+
+@pytest.fixture
+def base() -> Iterator[int]:
+    """A base that serves whoever connects: its port."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def serve() -> None:
+        connection, _ = server.accept()
+        connection.sendall(STREAM)
+        connection.recv(1)
+        connection.close()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    yield int(server.getsockname()[1])
+    server.close()
+    thread.join(2)
+
+
+def test_a_stream_is_set_watched_and_ended(client: Client, base: int) -> None:
+    path = "/api/devices/1/corrections"
+    assert client.get(path).json() == {
+        **{"source": "", "running": False, "message": "", "hint": "", "age_s": None, "bytes_per_s": 0.0},
+        **{"messages": {}, "rejected": 0, "refused": 0},
+    }
+    until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
+    assert client.put(path, json={"source": f"tcp://127.0.0.1:{base}"}).status_code == 200
+    state = until(client, path, lambda body: body["messages"] == NUMBERS)
+    assert (state["running"], state["rejected"], state["refused"]) == (True, 0, 0)
+    assert state["age_s"] < 20
+    assert client.delete(path).json()["running"] is False
+    assert client.get(path).json()["source"] == ""
+
+
+def test_what_cannot_be_is_answered_in_words(client: Client) -> None:
+    until(client, "/api/devices", lambda devices: all(one["status"] == "live" for one in devices[:2]))
+    wrong = client.put("/api/devices/1/corrections", json={"source": "ntrip://me:secret@host"})
+    assert (wrong.status_code, wrong.json()["message"]) == (400, "The caster lacks a mount point.")
+    assert "secret" not in wrong.text
+    none = client.put("/api/devices/2/corrections", json={"source": "tcp://127.0.0.1:1"})
+    assert (none.status_code, none.json()["kind"]) == (409, "no-receiver")
+    assert client.get("/api/devices/99/corrections").status_code == 404
