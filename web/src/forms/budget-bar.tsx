@@ -25,7 +25,7 @@ export function BudgetBar({ load, before, baud, rates, changed, hot, hover, chil
   const over = overWords(load, baud);
   const rate = baud ?? load.baud;
   return (
-    <section class={`budget ${over ? "over" : ""}`} aria-label="Link budget">
+    <section class={`budget ${over ? "toomuch" : ""}`} aria-label="Link budget">
       <div class="row">
         <h3>Link budget</h3>
         <span data-load>
@@ -90,7 +90,7 @@ export function BudgetLine({ load, baud }: { readonly load: LoadInfo | null; rea
   const fill = load.total / capacity;
   const rate = baud ?? load.baud;
   return (
-    <div class={`strip budgetline ${fill > 1 ? "over" : ""}`}>
+    <div class={`strip budgetline ${fill > 1 ? "toomuch" : ""}`}>
       <span>Link</span>
       <div class="meter">
         <i style={{ width: `${Math.min(100, 100 * fill)}%` }} />

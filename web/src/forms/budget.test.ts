@@ -20,7 +20,7 @@ describe("barOf", () => {
     const bar = barOf(load([23_040]), null, undefined, []);
     expect(bar.fill).toBe(2);
     expect(bar.over).toBe(0.5);
-    expect(overWords(load([23_040]), undefined)).toBe("The outputs need 200 % of the link.");
+    expect(overWords(load([23_040]), undefined)).toBe("The outputs need 200.0 % of the link.");
     expect(overWords(load([11_521]), undefined)).toBe("The outputs need 100.1 % of the link.");
     expect(overWords(load([11_520]), undefined)).toBe("");
   });

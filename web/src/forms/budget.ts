@@ -69,7 +69,8 @@ export function capacityAt(load: LoadInfo, baud: number | undefined): number | n
 function marksOf(capacity: number, baud: number, now: number, scale: number, rates: readonly number[]): readonly Mark[] {
   const perBaud = capacity / baud;
   const marks: Mark[] = [{ baud, at: capacity / scale, is: "capacity" }];
-  const wanted = [...new Set([now, ...[...rates].sort((a, b) => b - a)])];
+  // What is slower than the present rate helps nobody; what is faster is of interest while an edit brings it.
+  const wanted = [...new Set([now, ...rates.filter((rate) => rate > now).sort((a, b) => b - a)])];
   for (const rate of wanted) {
     const at = (rate * perBaud) / scale;
     if (at > 1 || at < APART / 2 || marks.some((mark) => Math.abs(mark.at - at) < APART)) continue;
@@ -106,5 +107,6 @@ export function overWords(load: LoadInfo | null, baud: number | undefined): stri
   if (broken !== undefined) return broken;
   const capacity = capacityAt(load, baud);
   if (capacity === null || load.total <= capacity) return "";
-  return `The outputs need ${Math.ceil((1000 * load.total) / capacity) / 10} % of the link.`;
+  const percent = Math.max(100.1, (100 * load.total) / capacity); // never "100.0 %" of what does not fit
+  return `The outputs need ${percent.toFixed(1)} % of the link.`;
 }

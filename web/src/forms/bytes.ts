@@ -30,7 +30,7 @@ export function chipsOf(frame: FrameInfo): readonly Chip[] {
   return chips.map(({ spans, path }, k) => {
     const [first] = spans;
     const [begin, size] = [first?.offset ?? 0, spans.reduce((sum, span) => sum + span.size, 0)];
-    return { key: `${k}`, bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES), words: cut(spans.map(({ label }) => label).join(" · ")), path };
+    return { key: `${k}`, bytes: spaced(frame.hex.slice(2 * begin, 2 * (begin + size)), MOST_BYTES), words: cut(spans.map(brief).join(" · ")), path };
   });
 }
 
@@ -38,6 +38,13 @@ export function chipsOf(frame: FrameInfo): readonly Chip[] {
 export function spaced(hex: string, most = Infinity): string {
   const pairs = hex.toUpperCase().match(/../g) ?? [];
   return pairs.slice(0, most).join(" ") + (pairs.length > most ? " …" : "");
+}
+
+/** What is said of a few bytes, without the name of the field that the row has anyway. */
+function brief({ label, path }: SpanInfo): string {
+  const name = path.split(".").at(-1) ?? "";
+  const said = name !== "" && label.startsWith(name) ? label.slice(name.length).replace(/^\s*[:=]\s*/, "") || label : label;
+  return path.includes(".") ? said.replace(/^with every message.*/, "every") : label;
 }
 
 const cut = (text: string): string => (text.length > MOST_WORDS ? `${text.slice(0, MOST_WORDS - 1)}…` : text);

@@ -79,7 +79,8 @@ export function titleOf(field: FieldForm): string {
   return field.title === field.name ? named(field.name.split(".").map((part) => part.charAt(0).toUpperCase() + part.slice(1)).join(" · ")) : field.title;
 }
 
-function Editor(props: InputProps) {
+/** The input of a field, without its words. */
+export function Editor(props: InputProps) {
   const { sheet, field, path } = props;
   switch (field.editor) {
     case "choice":

@@ -1,6 +1,6 @@
 /** A list to fill in: entries that can be added, removed and put in another order; each a record, a word of flags, or a number. */
 import { Icon } from "../ui/icons";
-import { Field, Fields } from "./field";
+import { Editor, Fields } from "./field";
 import type { InputProps } from "./inputs";
 import type { FieldForm } from "./types";
 import { at, initialElement, words } from "./values";
@@ -30,7 +30,9 @@ export function ListInput({ sheet, field, path }: InputProps) {
               {field.fields.length > 0 ? (
                 <Fields sheet={sheet} fields={field.fields} root={[...path, place]} />
               ) : (
-                <Field sheet={sheet} field={elementOf(field, place)} path={[...path, place]} />
+                <div class="element">
+                  <Editor sheet={sheet} field={elementOf(field, place)} path={[...path, place]} label={`${field.title}, entry ${place + 1}`} />
+                </div>
               )}
             </details>
             {!fixed && (

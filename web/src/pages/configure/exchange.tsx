@@ -1,6 +1,6 @@
 /** The right side: every frame to and from the device, what it says and how long it took; what waits; bytes by hand. */
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/bytes";
 import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
@@ -73,13 +73,18 @@ export function matches(entry: ExchangeEntry, text: string): boolean {
 function Log({ model }: { readonly model: Model }) {
   const box = useRef<HTMLDivElement>(null);
   const follows = useRef(true);
+  const place = useRef(0);
   const entries = model.exchange.value.filter((entry) => (ways.value === "all" || entry.way === ways.value) && matches(entry, filter.value)).slice(-SHOWN);
-  useEffect(() => {
+  useLayoutEffect(() => {
     if (follows.current && box.current) box.current.scrollTop = box.current.scrollHeight;
   });
   const onScroll = (): void => {
     const at = box.current;
-    if (at) follows.current = at.scrollHeight - at.scrollTop - at.clientHeight < 40;
+    if (!at) return;
+    // Only a person scrolls back; entries that come move the end, not the place.
+    if (at.scrollHeight - at.scrollTop - at.clientHeight < 40) follows.current = true;
+    else if (at.scrollTop < place.current) follows.current = false;
+    place.current = at.scrollTop;
   };
   return (
     <div class="logbox" ref={box} onScroll={onScroll} tabIndex={0} role="region" aria-label="Log of the exchange">

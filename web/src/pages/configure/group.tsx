@@ -2,22 +2,20 @@
 import type { CommandForm } from "../../forms/types";
 import type { Model } from "./model";
 import { Setting } from "./setting";
-import { all, CAUTIONS, linkTo } from "./view";
+import { all, CAUTIONS, linkTo, visibleSettings } from "./view";
 
 export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
   const forms = model.forms.value;
   if (!forms) return null;
   const settings = forms.settings.filter((form) => form.group === name);
   const commands = forms.commands.filter((form) => form.group === name);
-  const shown = (row: { simple: boolean; name: string }): boolean => all.value || row.simple || model.counts.value.has(row.name);
-  const simple = settings.filter(shown);
-  const visible = simple.length > 0 || settings.length === 0 ? simple : settings;
+  const visible = visibleSettings(model, name);
   // What a setting's form does is not listed again as the commands that it is made of.
   const others = commands.filter((form) => all.value || settings.length === 0 || (form.kind === "do" && form.simple));
   return (
     <>
       {visible.map((form) => (
-        <Setting key={form.name} model={model} form={form} alone={visible.length === 1 && settings.length === 1} />
+        <Setting key={form.name} model={model} form={form} alone={visible.length === 1} />
       ))}
       {others.length > 0 && (
         <section class="setting" aria-label="Commands">

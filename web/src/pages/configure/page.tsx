@@ -19,7 +19,7 @@ import { ConfigureRail } from "./rail";
 import { Discard, Setting } from "./setting";
 import { KeepButton, SnapshotDialogs } from "./snapshot";
 import { LostBand, NoForms, NotRead, ProblemLine, Reading, ViewOnlyBand } from "./states";
-import { all, linkTo, type Place, placeOf, question } from "./view";
+import { all, linkTo, type Place, placeOf, question, visibleSettings } from "./view";
 import "../../forms/forms.css";
 import "./configure.css";
 import "./phone.css";
@@ -114,7 +114,8 @@ function Budget({ model }: { readonly model: Model }) {
 }
 
 function Title({ model, place }: { readonly model: Model; readonly place: Place }) {
-  const form = model.setting(place.name);
+  const visible = place.kind === "group" ? visibleSettings(model, place.name) : [];
+  const form = model.setting(place.name) ?? (visible.length === 1 ? visible[0] : undefined);
   const command = model.command(place.name);
   const title = { compare: "Compare", corrections: "Corrections", group: place.name, nothing: "Not there", setting: form?.title, command: command?.title }[place.kind] ?? "";
   const group = (form ?? command)?.group;
@@ -132,7 +133,8 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
               <a href={linkTo(model, group)}>{group}</a> ·{" "}
             </>
           )}
-          {form || command ? <span class="mono">{place.name}</span> : <span>{model.device.value?.name}</span>}
+          {form || command ? <span class="mono">{(form ?? command)?.name}</span> : <span>{model.device.value?.name}</span>}
+          {(form ?? command)?.source && <span>, {(form ?? command)?.source}</span>}
         </p>
       </div>
       <span class="grow" />

@@ -50,7 +50,7 @@ export function Setting({ model, form, alone }: Props) {
           <Discard model={model} form={form} edits={edits} />
         </div>
       )}
-      <Words form={form} />
+      <Words form={form} source={!alone} />
       {lacking !== undefined && <p class="hint inset">This device did not tell it: {lacking}.</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
@@ -68,13 +68,13 @@ export function Discard({ model, form, edits }: { readonly model: Model; readonl
 }
 
 /** What it is for, where that is written, when it takes effect, what harm it can do. */
-export function Words({ form }: { readonly form: Pick<SettingForm, "doc" | "source" | "caution" | "consequence"> & { readonly after?: SettingForm["after"] } }) {
+export function Words({ form, source = false }: { readonly source?: boolean; readonly form: Pick<SettingForm, "doc" | "source" | "caution" | "consequence"> & { readonly after?: SettingForm["after"] } }) {
   const effect = EFFECT[form.after ?? ""];
   return (
     <div class="setwords">
       {(form.doc || effect) && (
         <p>
-          {form.doc} {effect}
+          {form.doc} {effect} {source && form.source !== "" && <span class="dim source">{form.source}</span>}
         </p>
       )}
       {form.caution !== "" && (
@@ -82,7 +82,6 @@ export function Words({ form }: { readonly form: Pick<SettingForm, "doc" | "sour
           <span class="tag warn">▲ {CAUTIONS[form.caution]}</span> {form.consequence}
         </p>
       )}
-      {form.source !== "" && <p class="dim source">{form.source}</p>}
     </div>
   );
 }

@@ -1,7 +1,7 @@
 /** What is on screen of the Configure page beyond the model: which place, how much of it, which question is open. */
 import { computed, signal } from "@preact/signals";
 import { go, href, route } from "../route";
-import type { CautionKind } from "../../forms/types";
+import type { CautionKind, SettingForm } from "../../forms/types";
 import type { Model } from "./model";
 
 /** Also settings and fields that most people never change. */
@@ -40,6 +40,13 @@ export function placeOf(model: Model, place: string | undefined): Place {
 }
 
 export const here = computed(() => ({ place: route.value.place, more: route.value.more }));
+
+/** The settings of a group that are on screen: simple ones, those with edits, all where that was asked for. */
+export function visibleSettings(model: Model, group: string): readonly SettingForm[] {
+  const own = model.forms.value?.settings.filter((form) => form.group === group) ?? [];
+  const shown = own.filter((form) => all.value || form.simple || model.counts.value.has(form.name));
+  return shown.length > 0 ? shown : own;
+}
 
 export const linkTo = (model: Model, place: string, more?: string): string => href("configure", model.id, place, more);
 export const goTo = (model: Model, place: string, more?: string): void => go("configure", model.id, place, more);

@@ -1,0 +1,274 @@
+"""The Configure page with real servers and real twins: what a person does there, and what may never happen to them.
+
+Rates are changed and seen in the plot; a rate that cuts the line comes back by itself, also when nobody is there any more;
+profiles are compared and applied; every command and setting of every family opens as a form without an error.
+"""
+
+from __future__ import annotations
+
+import json
+import urllib.request
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser.test_page import AXE, TARGETS
+from tests.browser.test_pictures import picture
+from tests.chromium import until
+from tests.process import ServerProcess
+
+Serve = Callable[..., ServerProcess]
+OpenPage = Callable[..., Page]
+
+SAMPLES = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 20)"
+RATE = """name => {
+  const ring = window.imuscope.store.channels.value.find(channel => channel.info.name === name)?.ring;
+  const last = ring ? ring.length - 1 : 0, first = Math.max(0, last - 40);
+  return ring && last > 40 ? (last - first) / (ring.time(last) - ring.time(first)) : 0;
+}"""
+"""Samples per second of a quantity, over its newest forty."""
+ACCELERATION = 'tr[data-id="0x4020"]'
+
+
+def asked(server: ServerProcess, path: str) -> Any:
+    """What the server answers to a GET."""
+    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/1/{path}", timeout=20) as answer:
+        return json.load(answer)
+
+
+def configured(server: ServerProcess, open_page: OpenPage, place: str = "", **options: Any) -> Page:
+    """The Configure page of the first device, with its settings read."""
+    page = open_page(f"{server.url.rstrip('/')}/#/configure/1{place}", **options)
+    until(page, "document.querySelector('.cform h1') !== null")
+    if page.get_by_role("button", name="Read the settings").count():
+        page.get_by_role("button", name="Read the settings").click()
+    until(page, "document.querySelector('[data-setting], [data-command], .compare') !== null")
+    return page
+
+
+def test_a_rate_is_changed_in_five_actions_and_the_plot_follows(serve: Serve, open_page: OpenPage) -> None:
+    page = open_page(serve("twin:xbus").url)
+    until(page, SAMPLES)
+    until(page, f"Math.abs(({RATE})('Acceleration') - 100) < 10")
+    page.get_by_role("link", name="Configure").click()  # 1
+    page.get_by_role("button", name="Read the settings").click()  # 2
+    page.locator(f"{ACCELERATION} select").first.select_option("50")  # 3
+    until(page, "document.querySelector('.was')?.innerText === 'was 100 Hz'")
+    page.get_by_role("button", name="Apply", exact=True).click()  # 4
+    until(page, "/1 of 1 settings written and read back/.test(document.querySelector('.applybar')?.innerText)")
+    page.get_by_role("link", name="Live", exact=True).click()  # 5
+    until(page, f"Math.abs(({RATE})('Acceleration') - 50) < 5")
+    until(page, "document.querySelector('.plots canvas') !== null")
+
+
+def test_a_row_its_bytes_and_its_share_light_together(serve: Serve, open_page: OpenPage) -> None:
+    page = configured(serve("twin:xbus"), open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    until(page, "document.querySelectorAll('.hx.ch').length === 1 && document.querySelectorAll('.bb i.ch').length === 1")
+    page.hover(f"{ACCELERATION} td:nth-child(2)")
+    lit = "[...document.querySelectorAll('tr.hot, .hx.hot, .bb i.hot')].map(e => e.tagName).sort().join()"
+    until(page, f"{lit} === 'I,SPAN,TR'")
+    assert "40 20 00 32" in page.inner_text(".hx.hot").replace("\n", " ")
+    page.locator(".hx.ch").hover()
+    until(page, "document.querySelector('tr.hot')?.dataset.id === '0x4020'")
+
+
+def test_more_than_the_line_carries_is_not_written_but_made_to_fit(serve: Serve, open_page: OpenPage) -> None:
+    page = configured(serve("twin:xbus"), open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("400")
+    until(page, "document.querySelector('.bb .surplus') !== null")
+    assert page.get_by_role("button", name="Apply", exact=True).is_disabled()
+    assert "% of the link" in page.inner_text("#apply-why")
+    page.get_by_role("button", name="Make it fit").click()
+    until(page, "document.querySelector('.fitwords')?.innerText.includes('→')")
+    until(page, "document.querySelector('.bb .surplus') === null")
+    assert page.get_by_role("button", name="Apply", exact=True).is_enabled()
+
+
+def test_a_wrong_value_is_refused_where_it_is_typed(serve: Serve, open_page: OpenPage) -> None:
+    page = configured(serve("twin:xbus"), open_page, "/LatLonAlt")
+    latitude = page.get_by_label("Latitude")
+    before = latitude.input_value()
+    latitude.fill("95")
+    assert "90" in page.locator("[data-field=latitude] [role=alert]").first.inner_text()
+    assert latitude.get_attribute("aria-invalid") == "true"
+    latitude.fill("51.5")
+    until(page, "document.querySelector('[data-field=latitude] [role=alert]') === null")
+    assert page.get_by_role("button", name="Apply", exact=True).is_enabled()
+    page.get_by_role("button", name="Undo the last edit").click()
+    until(page, "document.querySelector('.applybar') === null")
+    latitude.blur()
+    assert page.get_by_label("Latitude").input_value() == before
+
+
+def set_baud(page: Page, words: str) -> None:
+    """Ask for another rate of the first port, on trial."""
+    page.locator("[data-field=words] select").first.select_option(label=words)
+    page.get_by_role("button", name="Apply", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    assert page.evaluate("document.activeElement.innerText") == "Leave it as it is"
+    dialog.get_by_role("button", name="Write on trial").click()
+
+
+def test_a_rate_that_nobody_keeps_goes_back_also_when_the_browser_is_gone(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:xbus")
+    page = configured(server, open_page, "/PortConfig")
+    set_baud(page, "921 600 Bd")
+    until(page, "document.querySelector('.deck[role=alertdialog]') !== null", timeout_s=40)
+    assert page.evaluate("document.activeElement.innerText") == "Go back now"
+    picture(page, "trial-1440")
+    assert asked(server, "control")["trial"]["state"] == "asking"
+    page.context.close()
+    other = open_page(server.url)
+    gone_back = "window.imuscope?.store.control.value.get('1')?.trial?.state === 'reverted'"
+    until(other, gone_back, timeout_s=60)
+    until(other, "window.imuscope.store.devices.value[0].baud === 115200")
+    until(other, "document.querySelector('.deck')?.innerText.includes('old settings')")
+
+
+def test_what_is_kept_stays(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:xbus")
+    page = configured(server, open_page, "/PortConfig")
+    set_baud(page, "921 600 Bd")
+    until(page, "document.querySelector('.deck[role=alertdialog]') !== null", timeout_s=40)
+    page.get_by_role("button", name="Keep settings").click()
+    until(page, "document.querySelector('.deck h3')?.innerText === 'Kept'")
+    until(page, "window.imuscope.store.devices.value[0].baud === 921600")
+    until(page, "/written and read back/.test(document.querySelector('.applybar')?.innerText)")
+
+
+def test_two_profiles_are_compared_and_one_is_applied(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:xbus")
+    page = configured(server, open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    page.get_by_role("button", name="Apply", exact=True).click()
+    until(page, "/written and read back/.test(document.querySelector('.applybar')?.innerText)")
+    page.get_by_role("navigation", name="Snapshots").get_by_role("link", name="First contact").click()
+    until(page, "document.querySelectorAll('.difftable tbody tr').length === 1")
+    row = page.locator(".difftable tbody tr")
+    assert "50 Hz" in row.locator("td").first.inner_text()
+    assert "100 Hz" in row.locator("td").last.inner_text()
+    picture(page, "compare-1440")
+    page.get_by_role("button", name="Apply this profile").click()
+    until(page, "document.querySelector('.compare')?.innerText.includes('No difference')")
+    entries = asked(server, "values")["values"]["OutputConfiguration"]["outputs"]
+    assert {"data_identifier": 0x4020, "output_frequency": 100} in entries
+
+
+def test_a_dangerous_command_asks_once_more_in_words(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:xbus")
+    page = configured(server, open_page, "/RestoreFactoryDef")
+    before = len(asked(server, "exchange"))
+    page.get_by_role("button", name="Send", exact=True).click()
+    dialog = page.get_by_role("dialog")
+    form = next(one for one in asked(server, "forms")["commands"] if one["name"] == "RestoreFactoryDef")
+    assert form["consequence"] in dialog.inner_text()
+    assert page.evaluate("document.activeElement.innerText") == "Leave it as it is"
+    picture(page, "asked-1440")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('dialog') === null")
+    assert len(asked(server, "exchange")) == before, "nothing was sent"
+
+
+SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: OpenPage, source: str) -> None:
+    """An error on the console, or a script that throws, fails it (see conftest)."""
+    server = serve(source)
+    page = open_page(f"{server.url.rstrip('/')}/#/configure/1")
+    until(page, "document.querySelector('.cats a') !== null", timeout_s=40)
+    forms = asked(server, "forms")
+    if forms["settings"]:
+        page.get_by_role("button", name="Read the settings").click()
+        until(page, "document.querySelector('[data-setting]') !== null", timeout_s=60)
+    page.get_by_role("button", name="All", exact=True).click()
+    for kind in ("setting", "command"):
+        for form in forms[f"{kind}s"]:
+            name = form["name"]
+            page.evaluate("([device, name]) => { location.hash = `#/configure/${device}/${encodeURIComponent(name)}`; }", ["1", name])
+            until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null", timeout_s=5)
+            fields = form["fields"] if kind == "setting" else form["arguments"]
+            drawn = page.locator(f'[data-{kind}="{name}"] > .fields > .frow').count()
+            assert form.get("editor") or drawn == len(fields), f"{name}: {drawn} of {len(fields)} fields"
+            assert page.inner_text(".cform h1") == form["title"]
+    page.wait_for_timeout(500)
+
+
+@pytest.mark.parametrize("dark", [True, False], ids=["dark", "light"])
+@pytest.mark.parametrize("width", ["1440", "phone"])
+def test_the_page_is_for_everybody(serve: Serve, open_page: OpenPage, width: str, dark: bool) -> None:
+    """No serious finding of axe-core, no sideways scrolling, targets that a finger hits, in every sort of place."""
+    phone = width == "phone"
+    size = {"width": 390, "height": 844, "touch": True} if phone else {}
+    page = configured(serve("twin:xbus"), open_page, dark=dark, **size)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    until(page, "document.querySelector('.hx.ch') !== null")
+    if not phone:
+        page.hover(f"{ACCELERATION} td:nth-child(2)")
+    picture(page, f"configure-{width}-{'dark' if dark else 'light'}")
+    page.evaluate(AXE.read_text())
+    for place in ("Output%20configuration", "Frame%20and%20mounting", "PortConfig", "SetSyncSettings", "compare"):
+        page.evaluate("place => { location.hash = `#/configure/1/${place}`; }", place)
+        page.wait_for_timeout(700)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        serious = [
+            f"{place}: {rule['id']}: {rule['help']}: {node['html'][:120]}"
+            for rule in found["violations"]
+            if rule["impact"] in ("serious", "critical")
+            for node in rule["nodes"]
+        ]
+        assert not serious, "\n".join(serious)
+        if phone:
+            assert page.evaluate("document.scrollingElement.scrollWidth") <= 390, place
+            small = page.evaluate(TARGETS)
+            assert not small, "\n".join([place, *small])
+
+
+def test_360_px_do_not_scroll_sideways(serve: Serve, open_page: OpenPage) -> None:
+    page = configured(serve("twin:xbus"), open_page, width=360, height=740, touch=True)
+    for place in ("Output%20configuration", "Filter%20profile", "PortConfig", "compare", "Commands"):
+        page.evaluate("place => { location.hash = `#/configure/1/${place}`; }", place)
+        page.wait_for_timeout(400)
+        assert page.evaluate("document.scrollingElement.scrollWidth") <= 360, place
+    page.evaluate("scrollTo(0, 0)")
+    page.get_by_role("button", name="Settings").click()
+    page.get_by_label("Search settings and commands").fill("lever")
+    assert page.get_by_role("navigation", name="Found").is_visible() or "Nothing" in page.inner_text("#rail")
+
+
+def test_the_keys_lead_between_the_pages_and_into_the_search(serve: Serve, open_page: OpenPage) -> None:
+    page = open_page(serve("twin:xbus").url)
+    until(page, SAMPLES)
+    page.keyboard.press("g")
+    page.keyboard.press("c")
+    until(page, "document.querySelector('.cats a') !== null")
+    page.keyboard.press("/")
+    until(page, "document.activeElement.type === 'search'")
+    page.keyboard.type("baud")
+    until(page, "document.querySelectorAll('.cats.found a').length > 0")
+    page.keyboard.press("Enter")
+    until(page, "location.hash.split('/').length === 4")
+    page.keyboard.press("Escape")
+    page.keyboard.press("g")
+    page.keyboard.press("l")
+    until(page, "document.querySelector('.plots') !== null")
+
+
+def test_bytes_by_hand_are_asked_about_and_seen_in_the_log(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("twin:xbus")
+    page = configured(server, open_page)
+    page.get_by_role("button", name="Send hex").click()
+    field = page.get_by_label("Bytes to send, hex")
+    field.fill("FA FF 0")
+    assert "Two hex digits" in page.inner_text("#byhand-why")
+    field.fill("FA FF 00 00 01")
+    page.locator(".byhand button").click()
+    page.get_by_role("dialog").get_by_role("button", name="Send", exact=True).click()
+    until(page, "[...document.querySelectorAll('.ex.in b')].at(-1)?.innerText === 'DeviceID'")
+    page.get_by_role("button", name="Filter").click()
+    page.get_by_placeholder("Name, bytes or words").fill("wakeup")
+    until(page, "[...document.querySelectorAll('.ex b')].every(b => /wakeup/i.test(b.innerText))")
