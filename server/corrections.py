@@ -60,6 +60,8 @@ class Receiver(Protocol):
 
     async def send(self, data: bytes) -> None: ...
 
+    async def idle(self) -> None: ...
+
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]: ...
 
 
@@ -327,6 +329,7 @@ class Forwarding:
         if not self._is_there():
             raise CorrectionError("The device was removed.", over=True)
         xbus = self._session.info.protocol == "xbus"
+        await self._session.idle()  # a message between a setting and its acknowledgement would be answered with Error
         self._counts.asked_at = time.monotonic()  # before: a twin answers at once
         try:
             await self._session.send(xbus_frame(FORWARD_GNSS_DATA, message) if xbus else message)

@@ -40,6 +40,7 @@ log = logging.getLogger("imuscope.session")
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
+IDLE_LOOK_S = 0.05
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
 
 Direction = Literal["rx", "tx"]
@@ -283,6 +284,11 @@ class Session:
     def hush(self, on: bool) -> None:
         """Silence is meant (a device that is being configured does not measure): it is not called lost for it."""
         self._patience.hush(on, self._hub.now())
+
+    async def idle(self) -> None:
+        """Wait until nobody configures the device: what is sent then cannot come between a request and its answer."""
+        while self._patience.hushed:
+            await asyncio.sleep(IDLE_LOOK_S)
 
     def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
         """Have something done before the link is closed for good."""

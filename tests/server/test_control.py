@@ -313,3 +313,38 @@ def test_a_runner_that_is_cancelled_writes_the_last_words() -> None:
         assert wire.sent == [b"measure"]
 
     run(check())
+
+
+# ── the other families ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_a_single_field_of_an_inertial_sense_device_is_written_alone(tmp_path: Path) -> None:
+    """Only its bytes travel, so that nothing else can be put back to what it was a moment ago."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:isb")
+            await here.read(desk)
+            before = dict(desk.values["DID_FLASH_CONFIG"])
+            job = await here.apply(desk, {"DID_FLASH_CONFIG": {"gnssCn0Minimum": 21, "dynamicModel": 8}})
+            assert (job.state, job.outcomes) == ("done", [])
+            now = dict(desk.values["DID_FLASH_CONFIG"])
+            told = ("checksum", "key")
+            changed = {name for name in now if now[name] != before[name] and name not in told}
+            assert changed == {"gnssCn0Minimum", "dynamicModel"}
+            frames = [bytes.fromhex(entry.hex) for entry in sent(desk) if entry.name.startswith("SET_DID_FLASH_CONFIG")]
+            assert frames
+            assert all(len(frame) < 20 for frame in frames)
+
+    run(check())
+
+
+def test_an_idtp_device_takes_a_frame_and_has_no_settings(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:idtp")
+            assert desk.rows == {}
+            job = await over(desk.add("Send", here.desks.jobs.raw(desk, b"\x00\x01")))
+            assert job.state == "done"
+
+    run(check())

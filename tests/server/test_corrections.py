@@ -63,6 +63,9 @@ class Receiver:
         self._now = 2 * S
         self._decoder = (XbusDecoder if protocol == "xbus" else IsbDecoder)()
 
+    async def idle(self) -> None:
+        return
+
     async def send(self, data: bytes) -> None:
         if self.broken:
             raise LinkError("gone", "It is unplugged.")

@@ -232,3 +232,35 @@ def answers(http: Client, condition: Any, patience_s: float = 40.0) -> None:
     while not condition():
         assert time.monotonic() < end, http.get("/api/devices/1/control").text
         time.sleep(0.05)
+
+
+@pytest.mark.parametrize("state", ["applying", "reverting"])
+def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_settings(
+    tmp_path: Path, state: str
+) -> None:
+    """The device is still at the old rate, perhaps in the config state: it is found there, and measures again."""
+
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            there.hold()
+            source = f"serial://{there.slave}?baud=115200"
+            desk = await here.add(source)
+            await here.read(desk)
+            await desk.session.send(bytes.fromhex("faff3000d1"))
+            await until(lambda: desk.state == "Config", "the device is in Config")
+            await here.sessions.remove(desk.device)
+            old = {"PortConfig": dict(desk.values["PortConfig"])}
+            new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
+            record = Record(source, "xbus", "MTi-630", "00800001", "", old, new, 115_200, 921_600, True)
+            record.state = "applying" if state == "applying" else "reverting"
+            here.desks.trials.keep(record)
+            await here.desks.resume()
+            desk = next(iter(here.desks._desks.values()))
+            await until(lambda: desk.control.done, "it is over")
+            assert desk.control.done[0].state == "done", desk.control.done[0].message
+            assert desk.trial is not None
+            assert desk.trial.state == "reverted"
+            assert files(tmp_path) == []
+            await until(lambda: desk.session.info.status == "live", "it streams")
+
+    run(check())
