@@ -371,6 +371,7 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
             STREAM_FIELDS,
             read=f"{GET_PREFIX}DID_RMC",
             write="GET_DATA",
+            partial=True,
             editor="streams",
             group=G_STREAMS,
             title="Streams",

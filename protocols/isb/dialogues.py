@@ -279,10 +279,10 @@ class IsbDriver:
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
     def _write_streams(self, values: Values) -> Dialogue[Values]:
-        """End what is not wanted, begin what is; look; once more what is not so."""
+        """End what is not wanted, begin what is; look; once more what is not so. Options alone change no stream."""
         wanted = chosen(values)
-        got = yield from listening.streams(lambda did: ask(did), quick=True)
-        for again in (False, True):
+        got = yield from listening.streams(lambda did: ask(did), quick="streams" in values)
+        for again in (False, True) if "streams" in values else ():
             now = {one["did"]: one["period"] for one in got["streams"]}
             for did in now:
                 if did not in wanted:

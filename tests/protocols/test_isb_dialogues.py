@@ -164,7 +164,9 @@ def test_streams_are_read_with_their_periods() -> None:
 
 def test_streams_are_begun_changed_and_ended() -> None:
     there = wire()
-    wanted = {"streams": [{"did": 4, "period": 4}, {"did": 52, "period": 1}, {"did": 10, "period": 100}]}
+    wanted: dict[str, Any] = {
+        "streams": [{"did": 4, "period": 4}, {"did": 52, "period": 1}, {"did": 10, "period": 100}]
+    }
     written = play(DRIVER.write("streams", wanted, KNOWN), there)
     assert written.got is not None
     got = {row["did"]: row["period"] for row in written.got["streams"]}
@@ -179,6 +181,17 @@ def test_streams_are_kept_over_a_restart_when_that_is_asked_for() -> None:
         play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
         there.pass_time(5)
         assert {row["did"] for row in read("streams", there)["streams"]} == kept
+
+
+def test_options_alone_keep_what_streams_and_end_nothing() -> None:
+    there = wire()
+    play(DRIVER.run("STOP_DID_BROADCAST", {"id": 58}, KNOWN), there)
+    written = play(DRIVER.write("streams", {"options": 1 << 9}, KNOWN), there)
+    assert written.got is not None
+    assert len(written.got["streams"]) == 7
+    play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
+    there.pass_time(5)
+    assert {row["did"] for row in read("streams", there)["streams"]} == {4, 5, 52, 53, 13, 30, 15}
 
 
 def test_a_preset_takes_the_place_of_all_streams() -> None:
