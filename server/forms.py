@@ -21,10 +21,16 @@
     POST   …/fit          Fit            FitAnswer: the same outputs with rates that fit
     GET, PUT, DELETE …/corrections       Corrections: a stream of RTCM, forwarded
 
-A job comes back at once; how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result is in
-`ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints them;
-a field with `scale` is shown as wire × scale + bias in `unit`. Errors have the one shape {kind, message, hint}; what is
-wrong with a value is not an error but a FieldProblem.
+`preview`, `fit` and `compare` send nothing to a device; as POST they need the control token all the same. What could
+harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
+that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
+could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "busy" (the queue is
+full), "not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "bad-snapshot"; 404 "not-found".
+
+A job comes back at once (202); how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result
+is in `ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints
+them; a field with `scale` is shown as wire × scale + bias in `unit`. Errors have the one shape {kind, message, hint};
+what is wrong with a value is not an error but a FieldProblem.
 """
 
 from __future__ import annotations
