@@ -13,5 +13,12 @@
     decoder.py    columns, replies, time                               plain.py     one packet as values and back
     listing.py    a capture line by line                               likeness.py  do bytes look like it?
 
+    commands.py   what it can be told and keeps, as rows               manual.py    ranges and meanings of fields
+    writing.py    the bytes of a command or a setting                  spans.py     what each byte of them is
+    dialogues.py  the driver: ask, tell, read back                     listening.py what streams, and how often
+    streams.py    what can stream                                      load.py      what that costs the line
+    compare.py    do two values mean the same?                         line.py      would it cut the line?
+    device.py     the twin                                             memory.py, speech.py, measurement.py  its parts
+
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.
 """
