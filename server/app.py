@@ -67,11 +67,11 @@ def create_app(
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         sessions.start()
+        if config.record:  # before there is a byte
+            await tape.begin(config.sources or DEFAULT_SOURCES)
         for source in config.sources or DEFAULT_SOURCES:
             sessions.add(source, reading if config.sources else Reading())
         await desks.resume()
-        if config.record:
-            await tape.start()
         await tape.resume()
         yield
         await tape.close()

@@ -1,13 +1,12 @@
 """What is being recorded? One recording at a time, of any number of devices, and the button that begins and ends it.
 
-    session.chunks ──bytes both ways──┐
-    hub: events, devices, exchange  ──┼──> Tape (its own thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
-    desk: settings that were read   ──┤                                     │ finished, or full and split
-    a person: markers, notes        ──┘                                     └──> Packer (a process) ──> small, indexed
+    devices, hub, desks ──Taking──> Tape (its own thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
+                                                                    │ finished, or full and split
+                                                                    └──> Packer (a process) ──> small, indexed
 
-Devices that appear later join a recording of all. What is known about a device is written again when more of it is. An
-Xsens device is asked for its Configuration, which its own program wants at the head of a log; it pauses for that, once
-in a recording, through the queue of its desk (server/control.py), and what it refuses is said and does no harm.
+Devices that appear later join a recording of all. An Xsens device is asked for its Configuration, which its own program
+wants at the head of a log; it pauses for that, once in a recording, through the queue of its desk (server/control.py),
+and what it refuses is said and does no harm.
 
 A browser that goes, a device that goes, a busy page: none ends a recording. The disk does, and then `message` says why.
 """
@@ -16,6 +15,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import platform
 import shutil
 import time
@@ -29,23 +29,23 @@ from recordings import quota
 from recordings.container import RecordingError
 from recordings.names import free_path
 from recordings.tape import Limits, Tape
-from server import codec, wire
+from server import wire
 from server.config import Config
-from server.control import Desk
 from server.desks import Desks
-from server.head import Head
 from server.hub import Hub
 from server.packer import Packer
+from server.portrait import short
 from server.recorded import Mark
 from server.session import Session
 from server.sessions import Sessions
+from server.taking import Taking
 from server.version import VERSION
+
+log = logging.getLogger("imuscope.recorder")
 
 FOLDER = "recordings"  # of the data folder
 LOOK_S = 0.5  # between two looks at how it goes, told to every browser
 CULL_EVERY = 20  # looks
-RATE_S = 10.0  # over which `seconds_left` takes the rate
-TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
 
 
 class RecorderError(Exception):
@@ -79,20 +79,6 @@ def plan_of(config: Config) -> Plan:
     return Plan(config.data / FOLDER, limits, round(config.recordings_quota_gb * 1e9), config.record_head)
 
 
-@dataclass(slots=True)
-class _Running:
-    """A recording under way."""
-
-    tape: Tape
-    title: str
-    all: bool
-    started: float
-    off: dict[str, Callable[[], None]] = field(default_factory=dict)  # device → takes its chunks off
-    said: dict[str, Any] = field(default_factory=dict)  # device → the settings that were written last
-    heads: dict[str, Head] = field(default_factory=dict)
-    sizes: list[tuple[float, int]] = field(default_factory=list)  # (when, bytes) of the last looks
-
-
 class Recorder:
     """Begins, watches and ends recordings.
 
@@ -107,21 +93,17 @@ class Recorder:
         self._sessions = sessions
         self._desks = desks
         self._packer = packer
-        self._now: _Running | None = None
+        self._now: Taking | None = None
         self._last = wire.RecorderState(running=False)
         self._watcher: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
         self._loop: asyncio.AbstractEventLoop | None = None
         sessions.on_added(self._appeared)
-        hub.heard_event.add(self._event)
-        hub.heard_device.add(self._device)
-        hub.heard_control.add(self._control)
-        hub.heard_exchange.add(self._exchange)
 
     # ── the button ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def start(
-        self, devices: Sequence[str] | None = None, title: str = "", path: Path | None = None
+        self, devices: Sequence[str] | None = None, title: str = "", *, path: Path | None = None, words: str = ""
     ) -> wire.RecorderState:
         """Begin.
 
@@ -129,6 +111,7 @@ class Recorder:
             devices: ids; None for all, also those that appear later.
             title: what a person calls it; may be empty.
             path: of the file, where it is not to be in the folder under a name of its own.
+            words: what the file is called after; the title or the devices where they are left out.
         Raises:
             RecorderError: something is being recorded already, or there is no such device.
             RecordingError: the file cannot be made.
@@ -137,15 +120,29 @@ class Recorder:
             if self._now is not None:
                 raise RecorderError("busy", "A recording is running already.", "Stop it first.")
             chosen = self._chosen(devices)
+            words = words or title or _words([session.info.name for session in chosen])
             self._loop = asyncio.get_running_loop()
-            tape = await asyncio.to_thread(self._tape, self._words(chosen, title), title, path)
-            now = self._now = _Running(tape, title, devices is None, self._hub.now())
-            for session in chosen if devices is not None else self._sessions.all:
-                self._join(now, session)
+            tape = await asyncio.to_thread(self._tape, words, title, path)
+            every = devices is None
+            now = Taking(self._hub, self._desks, tape, title, every=every, ask_head=self.plan.ask_head)
+            self._now = now
+            for session in self._sessions.all if every else chosen:
+                now.join(session)
             self._watcher = asyncio.get_running_loop().create_task(self._watch(now), name="recorder")
             self._tell()
             self._hub.library_changed()
             return self.state
+
+    async def begin(self, sources: Sequence[str]) -> None:
+        """Record all from the start of the server, before its sources are opened; where that cannot be, say so."""
+        try:
+            await self.start(words=_words([short(source) for source in sources]))
+        except RecordingError as error:
+            self._last = wire.RecorderState(running=False, message=error.message, hint=error.hint)
+            self._hub.set_recorder(self._last)
+            words = f"Nothing is recorded: {error.message}"
+            log.error("%s %s", words, error.hint)
+            self._hub.event("", "device", "fault", words, data={"hint": error.hint})
 
     async def stop(self) -> wire.RecorderState:
         """End it; the file is whole when this returns.
@@ -169,9 +166,7 @@ class Recorder:
         if now is None:
             hint = "A marker can be put into a finished recording on its page."
             raise RecorderError("not-now", "Nothing is being recorded.", hint)
-        when = self._hub.now() if mark.time is None else mark.time
-        now.tape.note(mark.kind, mark.text, round(when * 1e9), mark.device)
-        self._hub.event(mark.device, "marker", "info", mark.text or "Marker", time=when, data={"kind": mark.kind})
+        now.mark(mark)
         return self.state
 
     @property
@@ -185,12 +180,12 @@ class Recorder:
             running=True,
             id=now.tape.path.stem,
             title=now.title,
-            devices=list(now.off),
+            devices=now.devices,
             started=now.started,
             bytes=now.tape.bytes,
             behind_s=now.tape.behind_s,
             free=free,
-            seconds_left=_seconds_left(now.sizes, free),
+            seconds_left=now.seconds_left(free),
         )
 
     @property
@@ -226,14 +221,6 @@ class Recorder:
             raise RecorderError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
         return list(found.values())
 
-    @staticmethod
-    def _words(chosen: Sequence[Session], title: str) -> str:
-        """What the file is called after."""
-        if title or not chosen:
-            return title
-        more = f"-and-{len(chosen) - 1}-more" if len(chosen) > 1 else ""
-        return chosen[0].info.name + more
-
     def _tape(self, words: str, title: str, path: Path | None) -> Tape:
         """In a thread: it makes a file."""
         folder = path.parent if path is not None else self.plan.folder
@@ -265,12 +252,9 @@ class Recorder:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
-    async def _end(self, now: _Running, *, why: RecordingError | None = None) -> None:
+    async def _end(self, now: Taking, *, why: RecordingError | None = None) -> None:
         """Take everything off, wait for the file."""
-        for off in now.off.values():
-            off()
-        for head in now.heads.values():
-            head.close()
+        now.leave()
         await asyncio.to_thread(now.tape.stop)
         if self._now is not now:
             return  # somebody else was quicker
@@ -296,7 +280,7 @@ class Recorder:
 
     # ── while it runs ────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def _watch(self, now: _Running) -> None:
+    async def _watch(self, now: Taking) -> None:
         looks = 0
         while self._now is now:
             await asyncio.sleep(LOOK_S)
@@ -304,8 +288,7 @@ class Recorder:
             if not now.tape.running:
                 await self._end(now)
                 return
-            now.sizes.append((self._hub.now(), now.tape.bytes))
-            now.sizes = [one for one in now.sizes if one[0] >= self._hub.now() - RATE_S]
+            now.look()
             self._tell()
             if looks % CULL_EVERY == 0 and self.plan.quota_bytes:
                 await asyncio.to_thread(self._cull, (now.tape.path,))
@@ -326,85 +309,15 @@ class Recorder:
     def _tell(self) -> None:
         self._hub.set_recorder(self.state)
 
-    # ── what goes into it ────────────────────────────────────────────────────────────────────────────────────────────
-
     def _appeared(self, session: Session) -> None:
-        if self._now is not None and self._now.all:
-            self._join(self._now, session)
-
-    def _join(self, now: _Running, session: Session) -> None:
-        device, tape = session.info.id, now.tape
-        tape.device(device, about(session.info))
-        now.off[device] = session.chunks(lambda data, time_ns, way: tape.chunk(device, way, data, time_ns))
-
-        async def left() -> None:
-            now.off.pop(device, lambda: None)()
-
-        session.before_close(left)
-        desk = self._desk(device)
-        if desk is not None:
-            self._settings(now, desk)
-            now.heads[device] = Head(desk, lambda told: tape.device(device, told))
-            self._ask(now, session.info)
-
-    def _desk(self, device: str) -> Desk | None:
-        try:
-            return self._desks.get(device) if self._desks is not None else None
-        except KeyError:
-            return None
-
-    def _ask(self, now: _Running, info: wire.DeviceInfo) -> None:
-        """Have it asked what the head of a log wants, when it is there."""
-        if self.plan.ask_head and info.status == "live" and info.id in now.heads:
-            now.heads[info.id].ask()
-
-    def _settings(self, now: _Running, desk: Desk) -> None:
-        """The settings of a device, where they are known and were not written yet."""
-        if not desk.values or now.said.get(desk.device) == desk.values:
-            return
-        now.said[desk.device] = dict(desk.values)
-        known = desk.known
-        body = {
-            "values": desk.values,
-            "missing": desk.missing,
-            "reason": "as read while it was recorded" if desk.read_at >= now.started else "as read before",
-            "taken": desk.read_at,
-            "protocol": desk.session.info.protocol,
-            "product": known.product,
-            "serial_number": known.serial_number,
-            "firmware": known.firmware,
-        }
-        now.tape.snapshot(desk.device, codec.plain(body), round(self._hub.now() * 1e9))
-
-    def _event(self, event: wire.EventInfo) -> None:
-        now = self._now
-        if now is None or event.kind == "marker":  # that one is a note
-            return
-        if not event.device or event.device.partition(".")[0] in now.off:
-            now.tape.event(codec.plain(event), round(event.time * 1e9))
-
-    def _device(self, info: wire.DeviceInfo) -> None:
-        now = self._now
-        if now is not None and info.id in now.off:
-            now.tape.device(info.id, about(info))
-            self._ask(now, info)
-
-    def _control(self, state: wire.ControlState) -> None:
-        now, desk = self._now, self._desk(state.device)
-        if now is not None and desk is not None and state.device in now.off and state.running is None:
-            self._settings(now, desk)
-
-    def _exchange(self, entry: wire.ExchangeEntry) -> None:
-        """What was said between the frames; the frames themselves are bytes, and commands are events."""
-        now = self._now
-        if now is not None and entry.way == "note" and entry.device in now.off:
-            event = {"device": entry.device, "kind": "command", "level": entry.level, "text": entry.text, "data": {}}
-            now.tape.event(event, round(entry.time * 1e9))
+        if self._now is not None and self._now.every:
+            self._now.join(session)
 
 
-def about(info: wire.DeviceInfo) -> dict[str, Any]:
-    """What a recording tells of a device; what is not known is left out."""
-    return {name: value for name in TOLD if (value := getattr(info, name)) not in ("", None)}
+def _words(names: Sequence[str]) -> str:
+    """The first name, and how many more."""
+    more = f"-and-{len(names) - 1}-more" if len(names) > 1 else ""
+    return names[0] + more if names else ""
 
 
 def _free(path: Path) -> int | None:
@@ -412,13 +325,3 @@ def _free(path: Path) -> int | None:
         return shutil.disk_usage(path.parent).free
     except OSError:
         return None
-
-
-def _seconds_left(sizes: Sequence[tuple[float, int]], free: int | None) -> float | None:
-    """Until the disk is full, as it went in the last seconds."""
-    if free is None or len(sizes) < 2:
-        return None
-    (first, before), (last, after) = sizes[0], sizes[-1]
-    if last <= first or after <= before:
-        return None
-    return free / ((after - before) / (last - first))
