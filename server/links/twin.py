@@ -211,6 +211,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             clock_drift_ppm=drift,
             clock_jump=jump,
             road=1.0,
+            baud=options.faults.baud,
         )
     return XbusDevice(
         options.product,
