@@ -66,6 +66,7 @@ def test_a_rate_is_changed_in_five_actions_and_the_plot_follows(serve: Serve, op
 def test_a_row_its_bytes_and_its_share_light_together(serve: Serve, open_page: OpenPage) -> None:
     page = configured(serve("twin:xbus"), open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
+    until(page, "document.querySelector('.hx.ch')?.innerText.startsWith('40 20 00 32')")
     until(page, "document.querySelectorAll('.hx.ch').length === 1 && document.querySelectorAll('.bb i.ch').length === 1")
     page.hover(f"{ACCELERATION} td:nth-child(2)")
     lit = "[...document.querySelectorAll('tr.hot, .hx.hot, .bb i.hot')].map(e => e.tagName).sort().join()"
@@ -77,6 +78,7 @@ def test_a_row_its_bytes_and_its_share_light_together(serve: Serve, open_page: O
 
 def test_more_than_the_line_carries_is_not_written_but_made_to_fit(serve: Serve, open_page: OpenPage) -> None:
     page = configured(serve("twin:xbus"), open_page)
+    page.get_by_role("checkbox", name="Pressure").uncheck()
     page.locator(f"{ACCELERATION} select").first.select_option("400")
     until(page, "document.querySelector('.bb .surplus') !== null")
     assert page.get_by_role("button", name="Apply", exact=True).is_disabled()
@@ -108,7 +110,7 @@ def set_baud(page: Page, words: str) -> None:
     page.locator("[data-field=words] select").first.select_option(label=words)
     page.get_by_role("button", name="Apply", exact=True).click()
     dialog = page.get_by_role("dialog")
-    assert page.evaluate("document.activeElement.innerText") == "Leave it as it is"
+    until(page, "document.activeElement.innerText === 'Leave it as it is'")
     dialog.get_by_role("button", name="Write on trial").click()
 
 
@@ -117,7 +119,7 @@ def test_a_rate_that_nobody_keeps_goes_back_also_when_the_browser_is_gone(serve:
     page = configured(server, open_page, "/PortConfig")
     set_baud(page, "921 600 Bd")
     until(page, "document.querySelector('.deck[role=alertdialog]') !== null", timeout_s=40)
-    assert page.evaluate("document.activeElement.innerText") == "Go back now"
+    until(page, "document.activeElement.innerText === 'Go back now'")
     picture(page, "trial-1440")
     assert asked(server, "control")["trial"]["state"] == "asking"
     page.context.close()
@@ -165,7 +167,7 @@ def test_a_dangerous_command_asks_once_more_in_words(serve: Serve, open_page: Op
     dialog = page.get_by_role("dialog")
     form = next(one for one in asked(server, "forms")["commands"] if one["name"] == "RestoreFactoryDef")
     assert form["consequence"] in dialog.inner_text()
-    assert page.evaluate("document.activeElement.innerText") == "Leave it as it is"
+    until(page, "document.activeElement.innerText === 'Leave it as it is'")
     picture(page, "asked-1440")
     page.keyboard.press("Enter")
     until(page, "document.querySelector('dialog') === null")
@@ -265,10 +267,10 @@ def test_bytes_by_hand_are_asked_about_and_seen_in_the_log(serve: Serve, open_pa
     field = page.get_by_label("Bytes to send, hex")
     field.fill("FA FF 0")
     assert "Two hex digits" in page.inner_text("#byhand-why")
-    field.fill("FA FF 00 00 01")
+    field.fill("FA FF 30 00 D1")
     page.locator(".byhand button").click()
     page.get_by_role("dialog").get_by_role("button", name="Send", exact=True).click()
-    until(page, "[...document.querySelectorAll('.ex.in b')].at(-1)?.innerText === 'DeviceID'")
+    until(page, "[...document.querySelectorAll('.ex.in b')].at(-1)?.innerText === 'GoToConfigAck'")
     page.get_by_role("button", name="Filter").click()
-    page.get_by_placeholder("Name, bytes or words").fill("wakeup")
-    until(page, "[...document.querySelectorAll('.ex b')].every(b => /wakeup/i.test(b.innerText))")
+    page.get_by_placeholder("Name, bytes or words").fill("gotoconf")
+    until(page, "[...document.querySelectorAll('.ex b')].every(b => /gotoconf/i.test(b.innerText))")

@@ -9,8 +9,7 @@ import type { Trial } from "../../wire/types";
 import { type Model, modelOf, viewOnly } from "./model";
 import { Restore } from "./restore";
 import { server } from "./server";
-import "./configure.css";
-import "./phone.css";
+import "./styles";
 
 const RADIUS = 20;
 const ROUND = 2 * Math.PI * RADIUS;

@@ -20,9 +20,7 @@ import { Discard, Setting } from "./setting";
 import { KeepButton, SnapshotDialogs } from "./snapshot";
 import { LostBand, NoForms, NotRead, ProblemLine, Reading, ViewOnlyBand } from "./states";
 import { all, linkTo, type Place, placeOf, question, visibleSettings } from "./view";
-import "../../forms/forms.css";
-import "./configure.css";
-import "./phone.css";
+import "./styles";
 
 export default function ConfigurePage({ app }: { readonly app: App }) {
   const device = app.device.value;
@@ -142,7 +140,11 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
         <Icon name="search" />
         Settings
       </button>
-      {form && <Discard model={model} form={form} edits={model.counts.value.get(form.name) ?? 0} />}
+      {form && (
+        <span class="desk">
+          <Discard model={model} form={form} edits={model.counts.value.get(form.name) ?? 0} />
+        </span>
+      )}
       {place.kind === "compare" && <KeepButton model={model} />}
       {isForm && model.isRead.value && <ReadAgain model={model} />}
       {isForm && (

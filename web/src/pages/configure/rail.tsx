@@ -1,5 +1,5 @@
 /** The left side: which device, search, groups with their edits, and the states that one can go back to. */
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { view } from "../../data/view";
 import { search } from "../../forms/search";
 import type { SnapshotInfo } from "../../forms/types";
@@ -69,7 +69,7 @@ function SearchField({ model }: { readonly model: Model }) {
   const field = useRef<HTMLInputElement>(null);
   const forms = model.forms.value;
   const count = (forms?.settings.length ?? 0) + (forms?.commands.length ?? 0);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent): void => {
       const target = event.target instanceof HTMLElement ? event.target : document.body;
       if (event.key !== "/" || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName)) return;

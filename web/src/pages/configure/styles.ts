@@ -1,0 +1,4 @@
+/** The styles of Configure in the order in which they outdo each other; whatever part is loaded first brings all of them. */
+import "../../forms/forms.css";
+import "./configure.css";
+import "./phone.css";
