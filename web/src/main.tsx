@@ -6,6 +6,7 @@ import { Store } from "./data/store";
 import { cursor, view } from "./data/view";
 import { loadPorts, startApp } from "./pages/app";
 import { startKeyboard } from "./pages/keyboard";
+import { watchRecorder } from "./pages/record";
 import { startRoute } from "./pages/route";
 import { Shell } from "./pages/shell";
 import { refusal, socketUrl } from "./pages/states";
@@ -21,6 +22,7 @@ import "./ui/instruments.css";
 import "./ui/raws.css";
 import "./ui/phone.css";
 import "./ui/tabs.css";
+import "./ui/record.css";
 
 declare global {
   interface Window {
@@ -33,6 +35,7 @@ startTheme();
 const store = new Store();
 const app = startApp({ store, minute: new Minute() });
 startRoute();
+watchRecorder(app);
 startKeyboard(app);
 
 // A refused WebSocket does not say why; a plain request to the same server does.

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { paceWords, streamed, streamRows } from "./streams";
+import { paceWords, streamed, streamRows, told } from "./streams";
 import type { StreamChoice } from "./types";
 
 const choice = (did: number, source_ms: number): StreamChoice => ({
@@ -24,4 +24,11 @@ it("switches streams on and off, and says what was", () => {
 
 it("keeps a stream that the table does not know", () => {
   expect(streamRows(CHOICES, [{ did: 500, period: 2 }], []).at(-1)).toMatchObject({ title: "Not in the table", place: 0, was: "was off" });
+});
+
+it("takes a device's own periods from what its streams cost", () => {
+  const entries = [{ did: 4, period: 2 }];
+  const own = told(CHOICES, entries, [{ path: "streams.0", title: "", bytes_per_s: 4400 }], "streams");
+  expect(paceWords(own[0], 2)).toBe("50 Hz");
+  expect(paceWords(own[1], 1)).toBe("5.0 Hz");
 });

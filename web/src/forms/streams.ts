@@ -2,7 +2,7 @@
  * The streams of an Inertial Sense device as a table: one row for each data set, on with a multiple of its source's period, or off. Pure.
  */
 import { number } from "../ui/format";
-import type { StreamChoice } from "./types";
+import type { PartInfo, StreamChoice } from "./types";
 
 export interface StreamEntry {
   readonly did: number;
@@ -22,6 +22,23 @@ export interface StreamRow {
 
 /** Multiples of the source's period that a menu offers. */
 export const PERIODS: readonly number[] = [1, 2, 3, 4, 5, 8, 10, 15, 20, 25, 50, 75, 100, 200, 500, 1000];
+
+/** What a packet has around its data: header, offset-free, and checksum. */
+const ENVELOPE = 8;
+
+/**
+ * The same choices with the periods that this device has, not the document's: what its present streams cost tells how often they
+ * come, and sources of one period in the document have one on the device too.
+ */
+export function told(choices: readonly StreamChoice[], entries: readonly StreamEntry[], parts: readonly PartInfo[], list: string): readonly StreamChoice[] {
+  const actual = new Map<number, number>();
+  entries.forEach(({ did, period }, place) => {
+    const choice = choices.find((one) => one.did === did);
+    const bytes = parts.find(({ path }) => path === `${list}.${place}`)?.bytes_per_s ?? 0;
+    if (choice && choice.size > 0 && choice.source_ms > 0 && bytes > 0) actual.set(choice.source_ms, (1000 * (choice.size + ENVELOPE)) / (bytes * period));
+  });
+  return choices.map((choice) => ({ ...choice, source_ms: actual.get(choice.source_ms) ?? choice.source_ms }));
+}
 
 /** How often it comes: "143 Hz", "1 in 5" where the source's period is not known, "when it happens". */
 export function paceWords(choice: StreamChoice | undefined, period: number): string {

@@ -60,6 +60,7 @@ export function startApp(deps: Deps): App {
     view.value = { ...view.peek(), device: id };
   });
   effect(() => {
+    if (route.value.recording !== undefined) return; // its devices are others
     const [first] = store.devices.value;
     const chosen = device.value;
     if (!chosen && first) view.value = { ...view.peek(), device: first.id };

@@ -8,10 +8,19 @@ import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/state";
 import { theme, toggleTheme } from "../ui/theme";
 import { type App, folded, overlay, sheet } from "./app";
+import { Record } from "./record";
 import { href, PAGES, route } from "./route";
 
+/** What the folded panels of each page are called. */
+const PANELS = {
+  live: { rail: "Devices", side: "Values and health" },
+  configure: { rail: "Settings", side: "Exchange" },
+  recordings: { rail: "Filters and markers", side: "Details" },
+} as const;
+
 export function Bar({ app }: { readonly app: App }) {
-  const isLive = route.value.page === "live";
+  const { page } = route.value;
+  const isLive = page === "live";
   return (
     <header class="bar">
       <div class="brand">
@@ -26,22 +35,23 @@ export function Bar({ app }: { readonly app: App }) {
           </a>
         ))}
       </nav>
-      <Toggle name="rail" label={isLive ? "Devices" : "Settings"} icon="list" />
+      <Toggle name="rail" label={PANELS[page].rail} icon="list" />
       <span class="grow" />
       {isLive && showsPlots(app.state.value) && <TimeControls />}
-      {!isLive && <StateTags app={app} />}
+      {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
+      <Record app={app} />
       <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
         <Icon name="help" />
       </button>
       <Theme />
-      <Toggle name="side" label={isLive ? "Values and health" : "Exchange"} icon="side" />
+      <Toggle name="side" label={PANELS[page].side} icon="side" />
       {isLive && folded.value && (
         <button type="button" class="btn icon desk only-wide" aria-label="Show values and health" title="Show values and health" onClick={() => (folded.value = false)}>
           <Icon name="side" />
         </button>
       )}
-      <DeviceName app={app} />
+      {page !== "recordings" && <DeviceName app={app} />}
     </header>
   );
 }

@@ -4,6 +4,7 @@ import { cursor, measure, view } from "../data/view";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import { type App, overlay, sheet } from "./app";
 import { showsPlots } from "../ui/state";
+import { beginNote, mark, toggleRecord } from "./record";
 import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
@@ -22,6 +23,10 @@ export function startKeyboard(app: App): () => void {
     const action = actionFor(event);
     if (!action) return;
     if (action.do === "help") overlay.value = "help";
+    else if (action.do === "record") void toggleRecord(app);
+    else if (route.value.recording !== undefined) return; // a recording that is open has keys of its own
+    else if (action.do === "mark") void mark(app);
+    else if (action.do === "note") beginNote(app);
     else if (action.do === "close") close();
     else if (route.value.page === "live" && showsPlots(app.state.value)) act(action);
     else return;
@@ -73,6 +78,9 @@ function act(action: KeyAction): void {
       return actions.toggleTimeBase();
     case "series":
       return actions.toggleSeries(action.index, action.alone);
+    case "record":
+    case "mark":
+    case "note":
     case "help":
     case "close":
       return undefined;

@@ -70,7 +70,7 @@ function Centre({ app }: { readonly app: App }) {
   );
 }
 
-function Side({ app }: { readonly app: App }) {
+export function Side({ app }: { readonly app: App }) {
   if (!showsPlots(app.state.value)) return null;
   const fold = (): void => {
     if (sheet.value === "side") sheet.value = undefined;

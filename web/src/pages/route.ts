@@ -15,6 +15,7 @@ export type PageName = "live" | "configure" | "recordings";
 export const PAGES = [
   { name: "live", title: "Live", icon: "wave" },
   { name: "configure", title: "Configure", icon: "sliders" },
+  { name: "recordings", title: "Recordings", icon: "library" },
 ] as const satisfies readonly { readonly name: PageName; readonly title: string; readonly icon: IconName }[];
 
 export interface Route {

@@ -31,18 +31,20 @@ function late<P>(load: () => Promise<{ default: ComponentType<P> }>): { readonly
 }
 
 const configure = late<{ app: App }>(() => import("./configure/page"));
+const recordings = late<{ app: App }>(() => import("./recordings/page"));
 const decks = late<{ store: Store }>(() => import("./configure/decks"));
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;
   const onTrial = [...app.store.control.value.values()].some(({ trial }) => trial !== null);
-  if (page === "configure") configure.want();
+  const heavy = page === "live" ? undefined : page === "configure" ? configure : recordings;
+  heavy?.want();
   if (onTrial) decks.want();
-  const Configure = configure.value;
+  const Heavy = heavy?.value;
   const Decks = decks.value;
   return (
     <>
-      {page === "configure" ? Configure ? <Configure app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
+      {heavy ? Heavy ? <Heavy app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
       {onTrial && Decks && <Decks store={app.store} />}
       <Tabs />
     </>

@@ -1,0 +1,109 @@
+/** Opens a recording: how far its first decoding is, why it cannot be opened, and then the recording itself. */
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { readPlace } from "../../recordings/address";
+import { Replay } from "../../recordings/replay";
+import { isOpening, server } from "../../recordings/server";
+import type { OpeningState, RecordingDetail } from "../../recordings/types";
+import type { Problem } from "../../ui/api";
+import type { App } from "../app";
+import { Bar } from "../bar";
+import { href, route } from "../route";
+import { OfflineBand } from "../states";
+import { PageOverlays } from "./overlays";
+import { ReplayPage } from "./replay";
+
+/** How often is asked how far it is, ms. */
+const ASK_MS = 120;
+
+type State = { readonly kind: "opening"; readonly state: OpeningState | undefined } | { readonly kind: "failed"; readonly problem: Problem } | { readonly kind: "open"; readonly replay: Replay };
+
+/** The one that is open now; for the console and the tests, beside the live store. */
+declare global {
+  interface Window {
+    imuscopeReplay?: Replay | undefined;
+  }
+}
+
+export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
+  const now = useSignal<State>({ kind: "opening", state: undefined });
+  useEffect(() => {
+    let replay: Replay | undefined;
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    let over = false;
+    const opened = (detail: RecordingDetail): void => {
+      replay = new Replay(detail, readPlace(route.peek().query ?? ""));
+      window.imuscopeReplay = replay;
+      now.value = { kind: "open", replay };
+    };
+    const ask = async (): Promise<void> => {
+      const outcome = await server.detail(id);
+      if (over) return;
+      if (!outcome.ok) {
+        now.value = { kind: "failed", problem: outcome.problem };
+        // A server that is away comes back; what cannot be opened stays so.
+        if (outcome.problem.status === 0) timer = setTimeout(() => void ask(), 2000);
+      } else if (isOpening(outcome.value)) {
+        now.value = { kind: "opening", state: outcome.value };
+        timer = setTimeout(() => void ask(), ASK_MS);
+      } else opened(outcome.value);
+    };
+    void ask();
+    return () => {
+      over = true;
+      clearTimeout(timer);
+      replay?.dispose();
+      window.imuscopeReplay = undefined;
+    };
+  }, [id]);
+  const state = now.value;
+  if (state.kind === "open") return <ReplayPage replay={state.replay} app={app} />;
+  return (
+    <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
+      <Bar app={app} />
+      {app.store.connection.value === "closed" && <OfflineBand app={app} />}
+      <main class="centre wholecentre">
+        <h1 class="vh">Recording {id}</h1>
+        {state.kind === "failed" ? <Failed problem={state.problem} /> : <Opening id={id} state={state.state} />}
+      </main>
+      <PageOverlays app={app} />
+    </div>
+  );
+}
+
+function Opening({ id, state }: { readonly id: string; readonly state: OpeningState | undefined }) {
+  const share = state?.progress ?? 0;
+  return (
+    <div class="veil">
+      <section class="card opening">
+        <h2 class="ell">Opening {id}</h2>
+        <p>{state?.message ?? "Looking whether it was opened before."}</p>
+        <progress value={share} max={1} aria-label={`Opened ${Math.round(100 * share)} %`} />
+        <p class="num">
+          {Math.round(100 * share)}
+          <span class="u">%</span>
+        </p>
+      </section>
+    </div>
+  );
+}
+
+function Failed({ problem }: { readonly problem: Problem }) {
+  return (
+    <div class="veil">
+      <section class="card">
+        <h2>
+          <span class="dot bad" />
+          It cannot be opened
+        </h2>
+        <p>{problem.message}</p>
+        {problem.hint !== "" && <p class="hint">{problem.hint}</p>}
+        <div class="row">
+          <a class="btn main" href={href("recordings")}>
+            To the library
+          </a>
+        </div>
+      </section>
+    </div>
+  );
+}

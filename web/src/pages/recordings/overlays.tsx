@@ -1,0 +1,10 @@
+/** What lies over the pages of recordings: the list of keys, and what is exported. */
+import { Help } from "../../ui/help";
+import { type App, overlay } from "../app";
+import { ExportDialog, exporting } from "./export";
+
+export function PageOverlays({ app }: { readonly app: App }) {
+  if (overlay.value === "help") return <Help onClose={() => (overlay.value = undefined)} />;
+  if (exporting.value) return <ExportDialog app={app} of={exporting.value} />;
+  return null;
+}

@@ -1,0 +1,12 @@
+/** The Recordings page: the library, or one recording that is open. Loaded when it is first wanted. */
+import type { App } from "../app";
+import { route } from "../route";
+import { LibraryPage } from "./library";
+import { OpenPage } from "./open";
+import "./library.css";
+import "./replay.css";
+
+export default function RecordingsPage({ app }: { readonly app: App }) {
+  const id = route.value.recording;
+  return id === undefined ? <LibraryPage app={app} /> : <OpenPage key={id} id={id} app={app} />;
+}

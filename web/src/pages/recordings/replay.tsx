@@ -1,0 +1,175 @@
+/** A recording that is open: the panels of Live over its samples, with the controls of its time under the plots. */
+import { useEffect } from "preact/hooks";
+import { mountAttitude } from "../../attitude/panel";
+import { mountLargeTrack } from "../../attitude/large-track";
+import { onFrame } from "../../data/loop";
+import { view } from "../../data/view";
+import { mountStack } from "../../plots/stack";
+import { placeHref, readPlace } from "../../recordings/address";
+import { bytes, dateWords, length } from "../../recordings/listing";
+import type { Replay } from "../../recordings/replay";
+import { Dialog } from "../../ui/dialog";
+import type { Panel } from "../../ui/dom";
+import { Icon } from "../../ui/icons";
+import { Mounted } from "../../ui/mounted";
+import { type App, folded, overlay, sheet } from "../app";
+import { Bar } from "../bar";
+import { Side } from "../live";
+import { href, route } from "../route";
+import { OfflineBand, ProblemBand } from "../states";
+import { listenForKeys } from "./keys";
+import { Markers } from "./markers";
+import { mountOverview } from "./overview";
+import { PageOverlays } from "./overlays";
+import { Transport } from "./transport";
+
+/** The address follows what is on screen this often, ms: a reload finds its place. */
+const ADDRESS_MS = 1000;
+
+export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly app: App }) {
+  const { info } = replay.detail;
+  useEffect(() => {
+    document.title = `${info.title} · imuscope`;
+    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay, app), keepAddress(replay)];
+    return () => stops.forEach((stop) => stop());
+  }, []);
+  const offline = app.store.connection.value === "closed";
+  return (
+    <div class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
+      <a class="btn edge skip" href="#plots">
+        Skip to the plots
+      </a>
+      <Bar app={app} />
+      {offline && <OfflineBand app={app} />}
+      <About replay={replay} />
+      <main class="centre">
+        <h1 class="vh">{info.title}</h1>
+        <ProblemBand />
+        <Trouble replay={replay} />
+        <Panels key={view.value.device} replay={replay} />
+        <Transport replay={replay} app={app} />
+        <Mounted class="overview" label="The whole recording" mount={(host) => mountOverview(host, replay)} />
+      </main>
+      <Side app={replay.app} />
+      {overlay.value === "track" && (
+        <Dialog title={`Track of ${replay.app.device.value?.name ?? "the device"}`} wide onClose={() => (overlay.value = undefined)}>
+          <Mounted class="largetrack" mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })} />
+        </Dialog>
+      )}
+      <PageOverlays app={app} />
+    </div>
+  );
+}
+
+/** The instruments and the plots, as on Live: the plots draw what is on screen, everything else reads around the cursor. */
+function Panels({ replay }: { readonly replay: Replay }) {
+  return (
+    <>
+      <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, replay.app, () => (overlay.value = "track"))} />
+      <div class="plots" id="plots" tabIndex={-1}>
+        <Mounted class="plothost" label="Plots" mount={(host) => mountPlots(host, replay)} />
+      </div>
+    </>
+  );
+}
+
+function mountPlots(host: HTMLElement, replay: Replay): Panel {
+  const stack = mountStack(host, {
+    store: replay.drawn,
+    reads: (channel) => replay.near.channel(channel.info.device, channel.info.name) ?? channel,
+    bounds: () => replay.bounds,
+  });
+  const resized = new ResizeObserver(() => {
+    const style = getComputedStyle(host);
+    const of = (name: string): number => parseFloat(style.getPropertyValue(name)) || 0;
+    replay.pixels = Math.max(200, host.clientWidth - of("--gutter-w") - of("--tail-w"));
+  });
+  resized.observe(host);
+  return {
+    update: (now) => stack.update(now),
+    dispose() {
+      resized.disconnect();
+      stack.dispose();
+    },
+  };
+}
+
+/** While it is paused the address is that of what is on screen; a link that is opened over it moves there. */
+function keepAddress(replay: Replay): () => void {
+  const { id } = replay.detail.info;
+  let ours = location.hash;
+  const timer = setInterval(() => {
+    const next = placeHref(id, replay.place());
+    if (replay.playing.peek() || next === ours || location.hash !== ours) return;
+    ours = next;
+    history.replaceState(null, "", next);
+  }, ADDRESS_MS);
+  const moved = route.subscribe(({ recording, query }) => {
+    if (recording !== id || location.hash === ours) return;
+    ours = location.hash;
+    replay.go(readPlace(query ?? ""));
+  });
+  return () => {
+    clearInterval(timer);
+    moved();
+  };
+}
+
+/** What is wrong with the samples on screen, in a band of its own. */
+function Trouble({ replay }: { readonly replay: Replay }) {
+  const problem = replay.problem.value;
+  const { damaged } = replay.detail.info;
+  return (
+    <>
+      {problem && (
+        <div class="band" role="alert">
+          <span class="dot bad" />
+          <b>{problem.message}</b>
+          <span class="mid">{problem.hint}</span>
+        </div>
+      )}
+      {damaged !== "" && (
+        <div class="band caution" role="status">
+          <span class="dot warn" />
+          <b>Damaged</b>
+          <span class="mid">{damaged}</span>
+        </div>
+      )}
+    </>
+  );
+}
+
+/** The recording, its devices and its markers. */
+function About({ replay }: { readonly replay: Replay }) {
+  const { info, devices, t0, t1 } = replay.detail;
+  const size = bytes(info.size);
+  return (
+    <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="This recording">
+      <div class="head">
+        <a class="btn icon" href={href("recordings")} aria-label="Back to the library" title="Back to the library">
+          <Icon name="left" />
+        </a>
+        <h2 class="ell">{info.title}</h2>
+        <span class="grow" />
+        {sheet.value === "rail" && (
+          <button type="button" class="btn icon" aria-label="Close" onClick={() => (sheet.value = undefined)}>
+            <Icon name="close" />
+          </button>
+        )}
+      </div>
+      <p class="foot-note dim about">
+        {dateWords(info.started ?? t0, true)} UTC · {length(t1 - t0)} · {size.value} {size.unit}
+        {info.notes && <span class="notes">{info.notes}</span>}
+      </p>
+      <div class="cats" role="group" aria-label="Device">
+        {devices.map((device) => (
+          <button type="button" key={device.id} aria-pressed={view.value.device === device.id} onClick={() => replay.choose(device.id)}>
+            <span class="ell">{device.name}</span>
+            <span class="c">{device.serial_number}</span>
+          </button>
+        ))}
+      </div>
+      <Markers replay={replay} />
+    </aside>
+  );
+}

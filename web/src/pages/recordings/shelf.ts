@@ -1,0 +1,97 @@
+/** What the library holds and what is chosen of it: asked for when the server says that it has changed. */
+import { computed, effect, signal } from "@preact/signals";
+import { type Choice, chosen } from "../../recordings/listing";
+import { server, upload } from "../../recordings/server";
+import type { Edit, RecordingInfo } from "../../recordings/types";
+import type { Problem } from "../../ui/api";
+import { type App, run } from "../app";
+
+export const all = signal<readonly RecordingInfo[] | undefined>(undefined);
+/** Why the list could not be had. */
+export const trouble = signal<Problem | undefined>(undefined);
+export const choice = signal<Choice>({ category: "all", device: "", tag: "", query: "" });
+export const selected = signal<string | undefined>(undefined);
+/** What was deleted last, until something else is done. */
+export const gone = signal<RecordingInfo | undefined>(undefined);
+
+export const shown = computed(() => chosen(all.value ?? [], choice.value));
+export const current = computed(() => all.value?.find(({ id }) => id === selected.value));
+
+/** A file on its way into the library. */
+export interface Coming {
+  readonly key: number;
+  readonly name: string;
+  readonly share: number;
+  readonly problem: Problem | undefined;
+  readonly cancel: () => void;
+}
+export const coming = signal<readonly Coming[]>([]);
+
+export function choose(part: Partial<Choice>): void {
+  choice.value = { ...choice.peek(), ...part };
+}
+
+async function load(): Promise<void> {
+  const outcome = await server.list();
+  if (outcome.ok) all.value = outcome.value;
+  trouble.value = outcome.ok ? undefined : outcome.problem;
+}
+
+/** Follow the library while its page is open. */
+export function follow(app: App): () => void {
+  return effect(() => {
+    void app.store.library.value;
+    void app.store.recorder.value?.running;
+    if (app.store.connection.value === "open" || all.peek() === undefined) void load();
+  });
+}
+
+function replace(info: RecordingInfo | undefined): void {
+  if (info === undefined) return;
+  const list = all.peek() ?? [];
+  all.value = list.some(({ id }) => id === info.id) ? list.map((one) => (one.id === info.id ? info : one)) : [info, ...list];
+}
+
+export async function edit(id: string, change: Partial<Edit>): Promise<void> {
+  replace(await run(server.edit(id, change)));
+}
+
+export async function remove(info: RecordingInfo): Promise<void> {
+  const deleted = await run(server.remove(info.id));
+  if (deleted === undefined) return;
+  gone.value = deleted;
+  replace(deleted);
+  if (selected.peek() === info.id) selected.value = undefined;
+}
+
+export async function undelete(id: string): Promise<void> {
+  const back = await run(server.undelete(id));
+  if (back === undefined) return;
+  gone.value = undefined;
+  replace(back);
+  selected.value = back.id;
+}
+
+let keys = 0;
+
+/** Hand files over, one after the other: one slow line is not made slower. */
+export async function add(files: readonly File[]): Promise<void> {
+  for (const file of files) {
+    const key = ++keys;
+    const change = (part: Partial<Coming>): void => {
+      coming.value = coming.peek().map((one) => (one.key === key ? { ...one, ...part } : one));
+    };
+    const { done, cancel } = upload(file, (share) => change({ share }));
+    coming.value = [...coming.peek(), { key, name: file.name, share: 0, problem: undefined, cancel }];
+    const outcome = await done;
+    if (outcome.ok) {
+      replace(outcome.value);
+      selected.value = outcome.value.id;
+      dismiss(key);
+    } else change({ problem: outcome.problem });
+  }
+}
+
+export function dismiss(key: number): void {
+  coming.value = coming.peek().filter((one) => one.key !== key);
+}

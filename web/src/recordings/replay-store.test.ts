@@ -1,0 +1,51 @@
+import { expect, it } from "vitest";
+import type { SampleFrame } from "../wire/codec";
+import type { ChannelInfo, EventInfo } from "../wire/types";
+import { isBounds, ReplayStore } from "./replay-store";
+
+const column = (name: string) => ({ name, dtype: "f8", unit: "m/s²", label: "", axis: name, choices: {}, bits: [], decimals: -1, period: 0, doc: "" });
+const info = (id: number, kind = "vector") =>
+  ({ id, device: "1", message: "M", name: `N${id}`, title: "Acceleration", kind, unit: "m/s²", frame: "", columns: ["x", "y", "z"].map(column), doc: "", source: "", verified: true, group: "" }) as unknown as ChannelInfo;
+const frame = (channel: number, time: readonly number[], values: readonly number[]): SampleFrame => ({
+  channel, n: time.length, dropped: 0, sequence: 7, history: true, now: 0,
+  arrival: Float64Array.from(time), time: Float64Array.from(time), columns: [1, 2, 3].map(() => Float64Array.from(values)),
+});
+const step = { seq: 1, time: 5, device: "1", kind: "clock", level: "info", text: "", t0: null, t1: null, samples: 0, data: {} } as EventInfo;
+const store = (events: readonly EventInfo[] = []): ReplayStore =>
+  new ReplayStore({ devices: [], channels: [info(1), info(2)], events, longest_s: { 1: 0.1, 2: 0.1 } }, () => 42);
+
+it("holds the newest stretch and no other, and leaves other channels alone", () => {
+  const replay = store();
+  const of = (name: string) => replay.channel("1", name)!.ring;
+  replay.show([1, 2], [frame(1, [0, 1, 2], [1, 2, 3]), frame(2, [0], [9])], { t0: 0, t1: 3, width: 10 }, true);
+  replay.show([1], [frame(1, [5, 6], [7, 8])], { t0: 5, t1: 7, width: 10 }, true);
+  expect([of("N1").length, of("N1").time(0), of("N1").value(0, 1)]).toEqual([2, 5, 8]);
+  expect(of("N2").length).toBe(1);
+  replay.keepOnly([1]);
+  expect(of("N2").length).toBe(0);
+  expect(replay.serverNow()).toBe(42);
+});
+
+it("knows bounds from samples, joins bounds that follow each other and no others", () => {
+  const times = [0, 0, 1, 1, 2, 2, 5, 5];
+  expect(isBounds(frame(1, times, times), "vector")).toBe(true);
+  expect(isBounds(frame(1, times, times), "rows")).toBe(false);
+  expect(isBounds(frame(1, [0, 1, 2, 3], times), "vector")).toBe(false);
+  const replay = store();
+  replay.show([1], [frame(1, times, [-3, 4, -3, 4, -3, 4, -3, 4])], { t0: 0, t1: 6, width: 6 }, false);
+  const { ring } = replay.channel("1", "N1")!;
+  expect(ring.breaks.map((row) => row - ring.first)).toEqual([6]);
+  // The norm of bounds is a bound of norms, not the norm of the least components.
+  expect(ring.value(3, 0)).toBe(0);
+  expect(ring.value(3, 1)).toBeCloseTo(4 * Math.sqrt(3), 4);
+});
+
+it("draws no line over a step of the device's clock, in whatever stretch", () => {
+  const replay = store([step]);
+  const { ring } = replay.channel("1", "N1")!;
+  for (const from of [4, 4.5]) {
+    const times = Array.from({ length: 12 }, (_, k) => from + 0.1 * k);
+    replay.show([1], [frame(1, times, times)], { t0: from, t1: from + 2, width: 100 }, true);
+    expect(ring.breaks.map((row) => ring.time(row - ring.first))[0]).toBeCloseTo(5, 6);
+  }
+});

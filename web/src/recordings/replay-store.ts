@@ -1,0 +1,86 @@
+/**
+ * How does a recording stand behind panels that were made for live devices? As a store like the live one: devices, channels, events
+ * and rings. Only that its rings are filled a stretch at a time, from the answer to one request, and that "now" is where the
+ * recording is being read.
+ *
+ *     GET …/window ──decode──▶ show ──clear, keep──▶ Ring of the channel ──▶ the plots and panels that are on Live
+ *
+ * A stretch with more samples than are asked for comes summarised: two rows at one time, the least and the greatest (of flags
+ * those of any row, and of all). Rings draw that as they draw dense samples; `windows.py` is the other end.
+ */
+import { Store } from "../data/store";
+import type { SampleFrame } from "../wire/codec";
+import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
+import type { Stretch } from "./stretch";
+import type { RecordingDetail } from "./types";
+
+/** A gap of more usual spacings than this is one, among samples as they came (design, "Plots"). */
+const BREAK_FACTOR = 2.5;
+
+/** Do these rows bound stretches? Samples that came never share their times two by two; tables and attitudes are not summarised. */
+export function isBounds(frame: SampleFrame, kind: ChannelInfo["kind"]): boolean {
+  if (frame.n === 0 || frame.n % 2 !== 0 || kind === "rows" || kind === "quaternion" || kind === "matrix") return false;
+  for (let i = 0; i < frame.n; i += 2) if (frame.time[i] !== frame.time[i + 1]) return false;
+  return true;
+}
+
+/** The channel of the recording that a channel of the store is, or is worked out from. */
+const sourceOf = ({ id }: ChannelInfo): number => (id < 0 ? -1 - id : id);
+
+export class ReplayStore extends Store {
+  readonly #now: () => number;
+  readonly #infos: ReadonlyMap<number, ChannelInfo>;
+  readonly #usual: Readonly<Record<string, number>>;
+  readonly #steps: readonly EventInfo[];
+
+  /** @param now where the recording is being read, unix s */
+  constructor(detail: Pick<RecordingDetail, "devices" | "channels" | "events" | "longest_s">, now: () => number) {
+    super();
+    this.#now = now;
+    this.#usual = detail.longest_s;
+    this.#infos = new Map(detail.channels.map((info) => [info.id, info]));
+    this.#steps = detail.events.filter(({ kind, device }) => kind === "clock" && device !== "");
+    this.connection.value = "open";
+    this.receive({ kind: "text", text: { op: "devices", devices: [...detail.devices] } });
+    this.receive({ kind: "text", text: { op: "channels", channels: [...detail.channels] } });
+    this.receive({ kind: "text", text: { op: "events", events: [...detail.events] } });
+  }
+
+  override serverNow(): number {
+    return this.#now();
+  }
+
+  /** The dtypes of a channel's columns, for decoding. */
+  dtypesOf = (channel: number): readonly Dtype[] | undefined => this.#infos.get(channel)?.columns.map(({ dtype }) => dtype);
+
+  /** Hold nothing of channels other than these: they are not asked for any more. */
+  keepOnly(channels: readonly number[]): void {
+    for (const { info, ring } of this.channels.peek()) if (ring.length > 0 && !channels.includes(sourceOf(info))) ring.clear();
+  }
+
+  /** Of these channels hold the samples of this stretch and no others. */
+  show(channels: readonly number[], frames: readonly SampleFrame[], stretch: Stretch, exact: boolean): void {
+    const mine = this.channels.peek().filter(({ info }) => channels.includes(sourceOf(info)));
+    const shown = new Map(frames.map((frame) => [frame.channel, frame]));
+    const bucket = stretch.width > 0 ? (stretch.t1 - stretch.t0) / stretch.width : 0;
+    for (const { info, ring } of mine) {
+      const frame = shown.get(sourceOf(info));
+      // Of rows that were thinned or summarised the spacing says nothing; what the channel's usual one is, the server tells.
+      ring.clear(exact ? NaN : this.#longest(sourceOf(info), frame, bucket));
+    }
+    for (const frame of frames) {
+      const kind = this.#infos.get(frame.channel)?.kind;
+      this.keep({ ...frame, sequence: 0, history: false, dropped: 0 }, !exact && kind !== undefined && isBounds(frame, kind));
+    }
+    for (const { info, ring } of mine) {
+      for (const { device, time } of this.#steps) if (device === info.device) ring.cut(time);
+    }
+  }
+
+  /** Summaries of neighbouring stretches begin up to one and a half of them apart; thinned rows somewhat more than evenly. */
+  #longest(id: number, frame: SampleFrame | undefined, bucket: number): number {
+    const usual = this.#usual[String(id)] ?? 0;
+    const thinned = frame === undefined || frame.n < 2 ? 0 : (frame.time[frame.n - 1]! - frame.time[0]!) / (frame.n - 1);
+    return 1.5 * Math.max(bucket, thinned === thinned ? thinned : 0) + BREAK_FACTOR * usual;
+  }
+}

@@ -1,0 +1,256 @@
+/**
+ * A recording that is open: where it is read, what is on screen, and the samples for both.
+ *
+ *     head, speed, loop ──▶ view, cursor (the same signals as on Live) ──▶ plots, panels
+ *                             │
+ *                             ├─ the window, as finely as the screen ──▶ Feed ──▶ store `drawn`   what plots draw
+ *                             └─ samples around the cursor, as they came ──▶ Feeds ──▶ store `near`   what is read
+ *
+ * `near` tells of the devices as they were at the head: its clock is the head, its events are those that had happened by then.
+ */
+import { computed, signal } from "@preact/signals";
+import type { Channel } from "../data/store";
+import { cursor, hidden, measure, view } from "../data/view";
+import { Minute } from "../panels/minute";
+import { readingAt } from "../panels/reading";
+import { plotsOf } from "../plots/select";
+import { asked } from "../plots/stack";
+import type { App } from "../pages/app";
+import type { Problem } from "../ui/api";
+import type { PageState } from "../ui/state";
+import type { Place } from "./address";
+import { Feed } from "./feed";
+import { healthAt, until } from "./figures";
+import { advance, begin, followed, type Playing } from "./player";
+import { ReplayStore } from "./replay-store";
+import { type Bounds, isEnough, type Near, nearOf, stretchFor } from "./stretch";
+import type { Marker, RecordingDetail } from "./types";
+
+/** Plots are seldom wider than this before their width is known, px. */
+const USUAL_PX = 1200;
+/** Shortest reach of samples around the cursor, s. */
+const LEAST_REACH_S = 0.02;
+/** The server gives rows as they are when there are at most twice as many. */
+const NEAR_WIDTH = 8000;
+
+interface Around {
+  readonly near: Near;
+  readonly feed: Feed;
+  /** Share of the reach that is asked for: less where samples come too densely. */
+  share: number;
+}
+
+export class Replay {
+  readonly drawn: ReplayStore;
+  readonly near: ReplayStore;
+  readonly app: App;
+  readonly bounds: Bounds;
+  readonly markers = signal<readonly Marker[]>([]);
+  readonly playing = signal(false);
+  readonly speed = signal(1);
+  readonly loop = signal<readonly [number, number] | undefined>(undefined);
+  readonly looping = signal(false);
+  readonly follow = signal(true);
+  readonly problem = signal<Problem | undefined>(undefined);
+  /** Where it is read, unix s. Changes with every frame: not a signal. */
+  head: number;
+  /** Width of the plots, px. */
+  pixels = USUAL_PX;
+  readonly #window: Feed;
+  #around: readonly Around[] = [];
+  #aroundOf: string | undefined;
+  #frame = NaN;
+  #told = "";
+  readonly #before = { view: view.peek(), cursor: cursor.peek(), measure: measure.peek(), hidden: hidden.peek(), asked: asked.peek() };
+  readonly #drawnChannels = computed(() => this.#wanted(this.drawn.channels.value, view.value.device));
+
+  constructor(
+    readonly detail: RecordingDetail,
+    place: Place,
+  ) {
+    this.bounds = { first: detail.t0, last: Math.max(detail.t1, detail.t0 + 1e-3) };
+    this.head = place.cursor ?? place.t0 ?? detail.t0;
+    this.drawn = new ReplayStore(detail, () => this.bounds.last);
+    this.near = new ReplayStore(detail, () => this.head);
+    this.#window = new Feed(detail.info.id, this.drawn, (problem) => (this.problem.value = problem));
+    this.markers.value = detail.markers;
+    this.app = appOf(this.near);
+    this.go(place);
+  }
+
+  /** Show a place; what it does not say is the whole recording and its first device. */
+  go(place: Place): void {
+    const { first, last } = this.bounds;
+    const known = this.detail.devices.some(({ id }) => id === place.device);
+    const device = known ? place.device : this.detail.devices[0]?.id;
+    const [t0, t1] = [place.t0 ?? first, place.t1 ?? last];
+    if (place.loop) [this.loop.value, this.looping.value] = [place.loop, true];
+    if (place.hide.length > 0) hidden.value = new Set(place.hide);
+    if (place.panels.length > 0) asked.value = new Set(place.panels);
+    measure.value = undefined;
+    view.value = { device, live: false, end: t1, span: Math.max(t1 - t0, 0.005), timeBase: place.base ?? "device" };
+    this.#put(Math.min(Math.max(place.cursor ?? t0, first), last));
+  }
+
+  /** What a link to what is on screen carries. */
+  place(): Place {
+    const { end, span, device, timeBase } = view.peek();
+    const loop = this.loop.peek();
+    return {
+      t0: end - span, t1: end, cursor: this.head,
+      ...(loop && this.looping.peek() ? { loop } : {}),
+      ...(device !== undefined ? { device } : {}),
+      base: timeBase,
+      hide: [...hidden.peek()], panels: [...asked.peek()],
+    };
+  }
+
+  toggle(): void {
+    if (this.playing.peek()) {
+      this.playing.value = false;
+      return;
+    }
+    const next = begin(this.#state(), this.bounds);
+    this.seek(next.head);
+    this.playing.value = true;
+  }
+
+  /** Read there; the window follows when that is not on screen. */
+  seek(t: number): void {
+    const { first, last } = this.bounds;
+    const to = Math.min(last, Math.max(first, t));
+    const { end, span } = view.peek();
+    if (to < end - span || to > end) view.value = { ...view.peek(), end: followed(end, span, this.head, to) };
+    this.#put(to);
+  }
+
+  /** Loop what is on screen, or no longer loop. */
+  toggleLoop(): void {
+    if (this.looping.peek()) {
+      this.looping.value = false;
+      return;
+    }
+    const { end, span } = view.peek();
+    this.loop.value = [Math.max(end - span, this.bounds.first), Math.min(end, this.bounds.last)];
+    this.looping.value = true;
+  }
+
+  choose(device: string): void {
+    view.value = { ...view.peek(), device };
+  }
+
+  /** Once a frame; `now` in ms. */
+  tick(now: number): void {
+    const seconds = Math.min(0.25, (now - this.#frame) / 1000); // a tab that slept goes on where it was
+    this.#frame = now;
+    const at = cursor.peek();
+    if (at?.kind === "pinned" && at.time !== this.head) this.head = at.time; // somebody pressed on a plot or stepped
+    if (this.playing.peek()) this.#advance(seconds);
+    this.#draw();
+    this.#read();
+    this.#tell();
+  }
+
+  /** Milliseconds from the last request for the window to its samples in their rings. */
+  get took(): number {
+    return this.#window.took;
+  }
+
+  dispose(): void {
+    this.#window.dispose();
+    for (const { feed } of this.#around) feed.dispose();
+    view.value = this.#before.view;
+    cursor.value = this.#before.cursor?.kind === "pinned" ? this.#before.cursor : undefined;
+    measure.value = this.#before.measure;
+    hidden.value = this.#before.hidden;
+    asked.value = this.#before.asked;
+  }
+
+  #state(): Playing {
+    return { head: this.head, playing: this.playing.peek(), speed: this.speed.peek(), loop: this.loop.peek(), looping: this.looping.peek() };
+  }
+
+  #put(t: number): void {
+    this.head = t;
+    cursor.value = { kind: "pinned", time: t };
+  }
+
+  #advance(seconds: number): void {
+    const was = this.head;
+    const next = advance(this.#state(), seconds, this.bounds);
+    this.#put(next.head);
+    if (next.playing !== this.playing.peek()) this.playing.value = next.playing;
+    const { end, span } = view.peek();
+    const whole = span >= this.bounds.last - this.bounds.first;
+    if (this.follow.peek() && !whole) view.value = { ...view.peek(), end: followed(end, span, was, next.head) };
+  }
+
+  /** Channels whose samples are drawn: those of the plots on screen, and the status words under them. */
+  #wanted(channels: readonly Channel[], device: string | undefined): readonly number[] {
+    const own = channels.filter(({ info }) => info.device === device);
+    const shown = plotsOf(own).filter(({ primary, key }) => primary !== asked.value.has(key));
+    const ids = shown.flatMap(({ series }) => series.map(({ channel }) => channel.info.id));
+    const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info.id);
+    const track = own.filter(({ info }) => info.columns.some(({ name }) => /^lat/i.test(name))).map(({ info }) => info.id);
+    return [...new Set([...ids, ...status, ...track].map((id) => (id < 0 ? -1 - id : id)))];
+  }
+
+  #draw(): void {
+    const { end, span, timeBase: base } = view.peek();
+    const channels = this.#drawnChannels.value;
+    const speed = this.playing.peek() && this.follow.peek() ? this.speed.peek() : 0;
+    const { held } = this.#window;
+    const same = this.#window.holds(channels, base);
+    if (same && isEnough(held?.stretch, held?.exact ?? false, end - span, end, this.pixels, speed, this.bounds)) return;
+    if (!same) this.drawn.keepOnly(channels);
+    this.#window.ask({ stretch: stretchFor(end - span, end, this.pixels, speed, this.bounds), channels, base });
+  }
+
+  /** Have the samples around what is read. */
+  #read(): void {
+    const { device, timeBase: base } = view.peek();
+    if (device !== this.#aroundOf) this.#choose(device);
+    const { time } = readingAt(view.peek(), cursor.peek(), this.head);
+    const ahead = this.playing.peek() ? 0.3 * this.speed.peek() : 0;
+    for (const around of this.#around) {
+      const { near, feed } = around;
+      const { held } = feed;
+      if (held && !held.exact && around.share * near.before > LEAST_REACH_S) {
+        around.share /= 2;
+        feed.held = undefined;
+      }
+      const reach = around.share * near.before;
+      const here = held && feed.holds(near.channels, base) && held.stretch.t0 <= Math.max(time - 0.3 * reach, this.bounds.first - 1);
+      if (here && feed.held && held.stretch.t1 >= Math.min(time + Math.min(ahead, 0.3 * reach), this.bounds.last)) continue;
+      feed.ask({ stretch: { t0: time - reach, t1: time + reach, width: NEAR_WIDTH }, channels: near.channels, base });
+    }
+  }
+
+  #choose(device: string | undefined): void {
+    this.#aroundOf = device;
+    for (const { feed } of this.#around) feed.dispose();
+    const own = this.detail.channels.filter((info) => info.device === device);
+    const told = (problem: Problem | undefined): void => {
+      if (problem) this.problem.value = problem;
+    };
+    this.#around = nearOf(own, this.detail.longest_s).map((near) => ({ near, feed: new Feed(this.detail.info.id, this.near, told), share: 1 }));
+  }
+
+  /** Events and figures as they stood at the head. */
+  #tell(): void {
+    const { device } = view.peek();
+    const happened = until(this.detail.events, this.head);
+    const state = `${happened.length} ${device}`;
+    if (state === this.#told) return;
+    this.#told = state;
+    this.near.events.value = happened;
+    if (device !== undefined) this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head)]]);
+  }
+}
+
+/** The recording as the panels know the page: always with something on screen, and never old. */
+function appOf(store: ReplayStore): App {
+  const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
+  const state = signal<PageState>("live");
+  return { store, minute: new Minute(), device, state, held: () => false };
+}

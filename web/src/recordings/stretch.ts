@@ -1,0 +1,66 @@
+/**
+ * Which stretch of a recording is asked for, and does the one that is here still do? Pure. What is on screen is asked for with
+ * room on both sides, so that panning and playing find samples there; zooming in is answered from coarser rows at once, and by
+ * finer ones as soon as they come.
+ */
+import type { ChannelInfo } from "../wire/types";
+
+/** A stretch of time, summarised to at most `width` parts. */
+export interface Stretch {
+  readonly t0: number;
+  readonly t1: number;
+  readonly width: number;
+}
+
+export interface Bounds {
+  readonly first: number;
+  readonly last: number;
+}
+
+/** Asked for on either side of the window, in windows. */
+const ROOM = 0.5;
+/** Rows this much coarser than the screen are not seen to be. */
+const COARSER = 1.3;
+/** Seconds of playing that are fetched ahead. */
+const AHEAD_S = 0.8;
+/** The server's most. */
+const MOST_WIDTH = 8000;
+
+/** What to ask for: the window t0…t1, `pixels` wide, played `speed` times as fast (0: it stands still). */
+export function stretchFor(t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): Stretch {
+  const span = t1 - t0;
+  const ahead = Math.max(ROOM * span, 2 * AHEAD_S * speed);
+  const from = Math.max(t0 - ROOM * span, Math.min(first, t0));
+  const to = Math.min(t1 + ahead, Math.max(last, t1));
+  return { t0: from, t1: to, width: Math.min(MOST_WIDTH, Math.max(1, Math.ceil((pixels * (to - from)) / span))) };
+}
+
+/** Does `held` show t0…t1 as finely as the screen can, for a while yet? */
+export function isEnough(held: Stretch | undefined, exact: boolean, t0: number, t1: number, pixels: number, speed: number, { first, last }: Bounds): boolean {
+  if (held === undefined) return false;
+  const [from, to] = [Math.max(t0, first), Math.min(t1 + AHEAD_S * speed, last)];
+  if (held.t0 > from || held.t1 < to) return from >= last || to <= first; // beyond the ends there is nothing to show
+  return exact || ((held.t1 - held.t0) / held.width) * pixels <= COARSER * (t1 - t0);
+}
+
+/** Samples around a moment, of one group of channels that come about equally often. */
+export interface Near {
+  readonly channels: readonly number[];
+  readonly before: number;
+  readonly after: number;
+}
+
+/** Spacings up to these, s, belong together; slower channels are looked for further back. */
+const PACES: readonly number[] = [0.02, 0.25, 2, Infinity];
+/** Of each group this much is asked for: fast ones a moment, slow ones until one is found. */
+const REACH_S: readonly number[] = [1.5, 10, 120, 7200];
+
+/** What to ask for so that every channel can be read at a moment: a request for each pace. */
+export function nearOf(channels: readonly ChannelInfo[], usual: Readonly<Record<string, number>>): readonly Near[] {
+  const groups = PACES.map((): number[] => []);
+  for (const { id } of channels) {
+    const spacing = usual[String(id)] ?? 0;
+    groups[spacing > 0 ? PACES.findIndex((pace) => spacing <= pace) : PACES.length - 1]?.push(id);
+  }
+  return groups.flatMap((ids, k) => (ids.length > 0 ? [{ channels: ids, before: REACH_S[k]!, after: REACH_S[k]! }] : []));
+}
