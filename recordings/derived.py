@@ -44,6 +44,24 @@ def euler_columns(columns: Sequence[Array]) -> list[Floats]:
     return [roll, pitch, yaw]
 
 
+def quaternion_columns(columns: Sequence[Array]) -> list[Floats]:
+    """Quaternions of n rotations that come as Euler angles.
+
+    Args:
+        columns: roll, pitch and yaw, (n,) °.
+    Returns:
+        w, x, y, z: (n,) each, of unit norm.
+    """
+    half = [np.radians(np.asarray(column, np.float64)) / 2 for column in columns]
+    (cr, cp, cy), (sr, sp, sy) = [np.cos(angle) for angle in half], [np.sin(angle) for angle in half]
+    return [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
+
+
 def _matrix(w: Floats, x: Floats, y: Floats, z: Floats) -> list[Floats]:
     s = 2 / (w * w + x * x + y * y + z * z)
     return [

@@ -1,0 +1,101 @@
+"""How does the viewer open? Bodies and track on the left, curves on the right, what happened below.
+
+There is no map view: the viewer's asks tile servers of other companies for pictures, and offers no way to name one's
+own. The track is drawn in metres, north up, instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import rerun.blueprint as rrb
+
+from recordings.rrd.chunks import DEVICE_TIME, name_of
+from recordings.rrd.layout import WORLD, Device, Info
+
+SHOWN = 4  # plots of a device; the others are a click away in the viewer's own list
+LIKED = ("euler", "vector", "scalar", "quaternion", "matrix")
+_DULL = ("SampleTime", "PacketCounter")
+
+
+def blueprint(
+    devices: Sequence[Device], channels: Sequence[Info], logs: Sequence[str], *, live_s: float = 0.0
+) -> rrb.Blueprint:
+    """Views and panels.
+
+    Args:
+        devices, channels: of which views are made; channels without rows are better left out.
+        logs: entities with texts.
+        live_s: how much of a live stream plots show, s; 0: everything, it is a recording.
+    """
+    infos = {int(info["id"]): info for info in channels}
+    bodies = [_body(device) for device in devices if device.attitude is not None]
+    tracks = [device for device in devices if device.position is not None]
+    left: list[Any] = []
+    if bodies:
+        left.append(bodies[0] if len(bodies) == 1 else rrb.Grid(*bodies))
+    if tracks:
+        left.append(_track(tracks))
+    plots = [_plots(device, infos, live_s) for device in devices]
+    right = [one for one in plots if one is not None]
+    columns: list[Any] = []
+    if left:
+        columns.append(left[0] if len(left) == 1 else rrb.Vertical(*left, row_shares=[3, 2]))
+    if right:
+        columns.append(right[0] if len(right) == 1 else rrb.Tabs(*right))
+    parts: list[Any] = [rrb.Horizontal(*columns, column_shares=[1, 1][: len(columns)])] if columns else []
+    if logs:
+        parts.append(rrb.TextLogView(origin="/", contents=[f"+ {log}" for log in logs], name="What happened"))
+    root = rrb.Vertical(*parts, row_shares=[4, 1][: len(parts)]) if parts else rrb.Vertical()
+    play: Literal["following", "paused"] = "following" if live_s else "paused"
+    panel = rrb.TimePanel(timeline=DEVICE_TIME, state="collapsed", play_state=play)
+    side = (rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"))
+    return rrb.Blueprint(root, *side, panel, auto_views=False)
+
+
+def _body(device: Device) -> rrb.Spatial3DView:
+    assert device.attitude is not None
+    eye = rrb.EyeControls3D(position=(-1.9, -2.6, 1.7), look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0))
+    return rrb.Spatial3DView(
+        origin="/" + name_of((WORLD, device.name)), name=device.title, eye_controls=eye, line_grid=True
+    )
+
+
+def _track(devices: Sequence[Device]) -> rrb.Spatial3DView:
+    contents = [f"+ /{WORLD}/track/**", *(f"+ /{name_of((WORLD, device.name, 'here'))}" for device in devices)]
+    return rrb.Spatial3DView(origin=f"/{WORLD}", contents=contents, name="Track: m east, north, up", line_grid=True)
+
+
+def _plots(device: Device, infos: Mapping[int, Info], live_s: float) -> Any:
+    """The plots of a device: what a person looks at first."""
+    wanted = [infos[number] for number in device.curves if number in infos]
+    wanted = [info for info in wanted if info["kind"] in LIKED and not str(info["name"]).startswith(_DULL)]
+    wanted.sort(key=lambda info: LIKED.index(info["kind"]))
+    seen: set[str] = set()
+    views: list[Any] = []
+    for info in wanted:
+        if str(info["title"]) in seen or len(views) == SHOWN:
+            continue
+        seen.add(str(info["title"]))
+        paths = [curve.path for curve in device.curves[info["id"]]]
+        views.append(
+            rrb.TimeSeriesView(
+                origin="/" + name_of(paths[0][:1]),
+                contents=[f"+ /{name_of(path)}" for path in paths],
+                name=paths[0][-1] if len(paths) == 1 else str(info["title"]),
+                plot_legend=rrb.PlotLegend(visible=True, corner="lefttop"),
+                time_ranges=_lately(live_s),
+            )
+        )
+    return rrb.Vertical(*views, name=device.title) if views else None
+
+
+def _lately(live_s: float) -> Any:
+    if not live_s:
+        return None
+    return rrb.VisibleTimeRange(
+        DEVICE_TIME,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-live_s),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )

@@ -1,0 +1,192 @@
+"""How do rows of a channel become columns of an entity? Whole columns at once; nothing goes row by row.
+
+A chunk of Rerun is one entity's columns with their three timelines. The viewer handles few large chunks in no time and
+thousands of small ones hardly at all, so whoever calls this gives as many rows as there are, up to a block of a store.
+
+Scalars are float64 there: an integer beyond ±2^53 loses its last digits, everything else is kept exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from recordings.columns import Exact
+from recordings.derived import quaternion_columns
+from recordings.rrd.ground import Origin, enu_of, is_place
+from recordings.rrd.layout import Attitude, Curve, Path, Position
+
+Array = NDArray[Any]
+Floats = NDArray[np.float64]
+
+DEVICE_TIME, ARRIVAL_TIME, SAMPLE = "device_time", "arrival_time", "sample"
+LEVELS = {"info": "INFO", "caution": "WARN", "fault": "ERROR"}
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """When and which samples: (n,) each, datetime64[ns] twice and int64."""
+
+    device: Array
+    arrival: Array
+    sample: Array
+
+    def columns(self) -> list[rr.TimeColumn]:
+        """As Rerun takes them."""
+        return [
+            rr.TimeColumn(DEVICE_TIME, timestamp=self.device),
+            rr.TimeColumn(ARRIVAL_TIME, timestamp=self.arrival),
+            rr.TimeColumn(SAMPLE, sequence=self.sample),
+        ]
+
+    def only(self, which: Any) -> Times:
+        """Some of them, by a mask or by position."""
+        return Times(self.device[which], self.arrival[which], self.sample[which])
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+
+def times_of(rows: Exact, first: int) -> Times:
+    """The timelines of rows.
+
+    Args:
+        first: number of the first row within its channel.
+    """
+    return Times(
+        nanoseconds(np.where(np.isnan(rows.time), rows.arrival, rows.time)),
+        nanoseconds(rows.arrival),
+        np.arange(first, first + len(rows)),
+    )
+
+
+def nanoseconds(seconds: Floats) -> Array:
+    """Unix seconds as datetime64[ns]."""
+    return np.rint(np.asarray(seconds, np.float64) * 1e9).astype(np.int64).view("datetime64[ns]")
+
+
+def name_of(path: Path) -> str:
+    """The entity's path as Rerun writes it."""
+    return rr.new_entity_path(list(path))
+
+
+def send(stream: rr.RecordingStream, path: Path, times: Times, columns: Iterable[rr.ComponentColumn]) -> None:
+    """One chunk."""
+    rr.send_columns(name_of(path), times.columns(), columns, recording=stream, strict=True)
+
+
+def send_curve(stream: rr.RecordingStream, curve: Curve, times: Times, columns: Sequence[Array]) -> None:
+    """Values of one entity; `columns` are all of the channel."""
+    if len(times):
+        values = np.column_stack([columns[i].astype(np.float64, copy=False) for i in curve.columns])
+        send(stream, curve.path, times, rr.Scalars.columns(scalars=values))
+
+
+def send_table(stream: rr.RecordingStream, curve: Curve, times: Times, columns: Sequence[Array]) -> None:
+    """Values of a table, several rows of which share one time: as many instances then."""
+    if len(times):
+        starts = np.flatnonzero(np.append(True, np.diff(times.arrival.view(np.int64)) != 0))
+        lengths = np.diff(starts, append=len(times))
+        values = columns[curve.columns[0]].astype(np.float64, copy=False)
+        send(stream, curve.path, times.only(starts), rr.Scalars.columns(scalars=values).partition(lengths))
+
+
+def send_attitude(stream: rr.RecordingStream, attitude: Attitude, times: Times, columns: Sequence[Array]) -> None:
+    """Transforms, of the rows that are rotations: a device that has none yet sends zeros or NaN."""
+    values = np.column_stack([column.astype(np.float64, copy=False) for column in columns])
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(values).all(axis=1)
+        if attitude.kind != "euler":
+            good &= (values**2).sum(axis=1) > 0.25
+    times, values = times.only(good), values[good]
+    if not len(times):
+        return
+    if attitude.kind == "matrix":  # row by row here, column by column there
+        turned = values.reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 9).astype(np.float32)
+        send(stream, attitude.path, times, rr.Transform3D.columns(mat3x3=turned))
+        return
+    if attitude.kind == "euler":
+        values = np.column_stack(quaternion_columns(list(values.T)))
+    xyzw = np.ascontiguousarray(values[:, [1, 2, 3, 0]], np.float32)
+    send(stream, attitude.path, times, rr.Transform3D.columns(quaternion=xyzw))
+
+
+def metres(position: Position, columns: Sequence[Array], height: Floats | None, origin: Origin | None) -> Floats:
+    """East, north, up of each row; NaN where it is no place.
+
+    Args:
+        height: (n,) m, from another channel; None where the channel tells it, or nothing does.
+        origin: of the plane; not needed for a local position.
+    Returns:
+        (n, 3) float64.
+    """
+    first, second, third = (columns[i].astype(np.float64) if i >= 0 else None for i in position.columns)
+    assert first is not None
+    assert second is not None
+    if position.kind == "local":
+        assert third is not None
+        return np.column_stack((second, first, -third))
+    assert origin is not None
+    up = third if third is not None else height
+    enu = enu_of(first, second, np.full(len(first), origin.height) if up is None else up, origin)
+    enu[~is_place(first, second)] = np.nan
+    return enu
+
+
+def send_positions(stream: rr.RecordingStream, path: Path, times: Times, enu: Floats) -> None:
+    """Transforms, of the rows that are places."""
+    good = np.isfinite(enu).all(axis=1)
+    if good.any():
+        send(stream, path, times.only(good), rr.Transform3D.columns(translation=enu[good].astype(np.float32)))
+
+
+def send_texts(stream: rr.RecordingStream, path: Path, times: Times, texts: list[str], levels: list[str]) -> None:
+    """Log lines."""
+    if texts:
+        send(stream, path, times, rr.TextLog.columns(text=texts, level=levels))
+
+
+def changes(column: Mapping[str, Any], before: int | None, words: Array) -> tuple[Array, list[str], list[str]]:
+    """What came and went in a word of flags.
+
+    Args:
+        column: as the manifest has it, with its `bits`.
+        before: the word before the first row; None: that one is told whole.
+        words: (n,) unsigned.
+    Returns:
+        at which rows, one sentence each, and its level.
+    """
+    whole = words.astype(np.uint64)
+    earlier = np.empty_like(whole)
+    earlier[1:] = whole[:-1]
+    earlier[0] = ~whole[0] if before is None else before
+    rows = np.flatnonzero(whole != earlier)
+    told = [_change(column["bits"], int(earlier[i]) if i or before is not None else None, int(whole[i])) for i in rows]
+    kept = [k for k, (text, _) in enumerate(told) if text]
+    return rows[kept], [told[k][0] for k in kept], [told[k][1] for k in kept]
+
+
+def _change(groups: Sequence[Mapping[str, Any]], before: int | None, now: int) -> tuple[str, str]:
+    parts: list[str] = []
+    level = "info"
+    for group in groups:
+        mask = (1 << group["width"]) - 1
+        value = now >> group["low"] & mask
+        if before is not None and before >> group["low"] & mask == value:
+            continue
+        if group["width"] == 1:
+            abnormal = bool(value) != bool(group["normal_set"])
+            if before is None and not value:
+                continue
+            parts.append(f"{group['name']} {'set' if value else 'cleared'}")
+        else:
+            abnormal = False
+            parts.append(f"{group['name']}: {group['choices'].get(str(value), value)}")
+        if abnormal and group["severity"] and level != "fault":
+            level = group["severity"]
+    return ", ".join(parts), LEVELS[level]
