@@ -76,7 +76,7 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
     except OSError as error:
         aside.unlink(missing_ok=True)
         raise problem(error, path) from None
-    except RecordingError:
+    except BaseException:  # also when somebody has enough of waiting
         aside.unlink(missing_ok=True)
         raise
 

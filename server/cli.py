@@ -1,4 +1,4 @@
-"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`.
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `record`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
 needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
@@ -21,7 +21,7 @@ from server.config import Config, ConfigError, default_data, load
 from server.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "inspect", "compose", "send")
+COMMANDS = ("serve", "ports", "inspect", "compose", "send", "record")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 
 
@@ -81,6 +81,13 @@ def parser() -> argparse.ArgumentParser:
     send.add_argument("--yes", action="store_true", help="send also what loses settings, stops output or cuts the line")
     _add_reading(send, "protocol of the source (recognised when left out)")
     _add_data(send)
+
+    record = commands.add_parser("record", help="record a source into a file, without a page")
+    record.add_argument("source", metavar="SOURCE", help=SOURCES)
+    record.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="of the recording, .mcap")
+    record.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of data")
+    _add_reading(record, "protocol of the source (recognised when left out)")
+    _add_data(record)
     return root
 
 
@@ -120,8 +127,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _compose(options)
             case "send":
                 _send(options)
+            case "record":
+                _record(options)
     except (UsageError, ConfigError, ReadingError) as error:
-        end = "" if str(error).endswith(".") else "."
+        end = "" if str(error).endswith((".", "?")) else "."
         print(f"imuscope: {error}{end}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -298,6 +307,23 @@ def _send(options: argparse.Namespace) -> None:
     try:
         asyncio.run(send(wish, said, sys.stdout, sys.stderr))
     except (ComposeError, SendError) as error:
+        raise UsageError(str(error)) from None
+
+
+def _record(options: argparse.Namespace) -> None:
+    if options.duration is not None and not options.duration > 0:
+        raise UsageError(f"--duration {options.duration:g} is no time")
+    data = load(data=options.data).data
+    _compile(data)
+    from server.links.base import LinkError
+    from server.record import RecordError, Wish, record
+
+    source, said = taken_from(options.source, _said(options))
+    _known(said.protocol, ("auto", *_protocols()))
+    said = replace(said, protocol="" if said.protocol == "auto" else said.protocol)
+    try:
+        print(record(Wish(source, said, options.output, options.duration, data), sys.stderr))
+    except (RecordError, LinkError) as error:
         raise UsageError(str(error)) from None
 
 

@@ -169,6 +169,10 @@ class Recorder:
         now.mark(mark)
         return self.state
 
+    def now(self) -> float:
+        """Unix s that never step."""
+        return self._hub.now()
+
     @property
     def state(self) -> wire.RecorderState:
         """As browsers are told."""

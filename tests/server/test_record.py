@@ -1,0 +1,124 @@
+"""`imuscope record`: a file of what came, ended by time, by hand or by the source; nothing where nothing came."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from recordings.blocks import Recording
+from recordings.importers import open_file
+from recordings.packing import is_loose
+from server.record import amount
+from tests.process import ROOT, tied
+from tests.server.line import Line
+from tests.server.test_recorder import chunks
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One data folder, as the first start in it compiles."""
+    return tmp_path_factory.mktemp("data")
+
+
+def command(*arguments: str) -> list[str]:
+    return tied([sys.executable, "-m", "server.cli", "record", *arguments])
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=120)
+
+
+def test_what_came_in_its_time_is_in_the_file(tmp_path: Path, data: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with Line(500) as line:
+        done = run(line.source, "-o", str(path), "--duration", "1", "--data", str(data))
+        assert done.returncode == 0, done.stderr
+        found = chunks(path, "rx/1")
+        assert line.sent.startswith(found)
+    assert len(found) > 10_000
+    assert done.stdout.startswith(f"{path}: ")
+    assert " of Xsens" in done.stdout
+    assert "\r" not in done.stderr  # no line that changes where nobody looks
+    assert not is_loose(path)
+    source = open_file(path)
+    assert source.devices["1"].protocol == "xbus"
+    with Recording(path) as recording:
+        assert not recording.damage
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: signal.Signals) -> None:
+    path = tmp_path / "drive.mcap"
+    with Line(500) as line:
+        process = subprocess.Popen(
+            command(line.source, "-o", str(path), "--data", str(data)),
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        end = time.monotonic() + 60
+        while not (path.exists() and path.stat().st_size > 20_000):
+            assert process.poll() is None
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        process.send_signal(number)
+        said, problem = process.communicate(timeout=60)
+        assert process.returncode == 0, problem
+        assert line.sent.startswith(chunks(path, "rx/1"))
+    assert said.startswith(str(path))
+    with Recording(path) as recording:
+        assert recording.whole
+        assert recording.chunks
+
+
+def test_a_file_that_is_played_ends_the_recording(tmp_path: Path, data: Path) -> None:
+    capture = tmp_path / "capture.bin"
+    with Line(2000) as line:
+        run(line.source, "-o", str(tmp_path / "first.mcap"), "--duration", "0.5", "--data", str(data))
+    capture.write_bytes(chunks(tmp_path / "first.mcap", "rx/1"))
+    done = run(f"{capture}?speed=10", "-o", str(tmp_path / "second.mcap"), "--data", str(data))
+    assert done.returncode == 0, done.stderr
+    assert chunks(tmp_path / "second.mcap", "rx/1") == capture.read_bytes()
+
+
+def test_what_cannot_be_recorded_is_said_in_a_line_and_leaves_nothing(tmp_path: Path, data: Path) -> None:
+    there = tmp_path / "there.mcap"
+    there.write_bytes(b"somebody's")
+    empty = tmp_path / "empty.bin"
+    empty.touch()
+    wrong = [
+        (("twin:isb", "-o", str(there)), "a file of that name already"),
+        (("twin:isb", "-o", str(tmp_path / "a.bin")), ".mcap"),
+        (("twin:nothing", "-o", str(tmp_path / "a.mcap")), "no twin"),
+        (("twin:isb", "-o", str(tmp_path / "none" / "a.mcap")), "No such file"),
+        ((str(empty), "-o", str(tmp_path / "a.mcap"), "--protocol", "xbus"), "nothing was recorded"),
+        (("twin:isb", "-o", str(tmp_path / "a.mcap"), "--duration", "0"), "is no time"),
+    ]
+    for arguments, words in wrong:
+        process = subprocess.Popen(
+            command(*arguments, "--data", str(data)), cwd=ROOT, stderr=subprocess.PIPE, text=True
+        )
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 1
+        lines = [line for line in said.splitlines() if "compiling" not in line]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert "Traceback" not in said
+    assert [path.name for path in tmp_path.glob("*.mcap")] == ["there.mcap"]
+    assert there.read_bytes() == b"somebody's"
+
+
+def test_amounts_are_read_by_people() -> None:
+    assert [amount(size) for size in (0, 912, 1240, 1_240_000, 5_000_000_000)] == [
+        "0 B",
+        "912 B",
+        "1.24 kB",
+        "1.24 MB",
+        "5.00 GB",
+    ]
