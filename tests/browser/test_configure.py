@@ -237,7 +237,7 @@ def test_360_px_do_not_scroll_sideways(serve: Serve, open_page: OpenPage) -> Non
         page.wait_for_timeout(400)
         assert page.evaluate("document.scrollingElement.scrollWidth") <= 360, place
     page.evaluate("scrollTo(0, 0)")
-    page.get_by_role("button", name="Settings").click()
+    page.get_by_role("button", name="Settings", exact=True).click()
     page.get_by_label("Search settings and commands").fill("lever")
     assert page.get_by_role("navigation", name="Found").is_visible() or "Nothing" in page.inner_text("#rail")
 
@@ -271,6 +271,6 @@ def test_bytes_by_hand_are_asked_about_and_seen_in_the_log(serve: Serve, open_pa
     page.locator(".byhand button").click()
     page.get_by_role("dialog").get_by_role("button", name="Send", exact=True).click()
     until(page, "[...document.querySelectorAll('.ex.in b')].at(-1)?.innerText === 'GoToConfigAck'")
-    page.get_by_role("button", name="Filter").click()
+    page.get_by_role("button", name="Filter", exact=True).click()
     page.get_by_placeholder("Name, bytes or words").fill("gotoconf")
     until(page, "[...document.querySelectorAll('.ex b')].every(b => /gotoconf/i.test(b.innerText))")

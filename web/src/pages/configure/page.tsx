@@ -127,9 +127,9 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
         <h1>{title}</h1>
         <p class="ell">
           {group !== undefined && group !== title && (
-            <>
+            <span class="desk">
               <a href={linkTo(model, group)}>{group}</a> ·{" "}
-            </>
+            </span>
           )}
           {form || command ? <span class="mono">{(form ?? command)?.name}</span> : <span>{model.device.value?.name}</span>}
           {(form ?? command)?.source && <span>, {(form ?? command)?.source}</span>}
