@@ -120,7 +120,7 @@ function FilePicker({ model }: { readonly model: Model }) {
   };
   return (
     <label class="btn edge filepick">
-      <input type="file" class="vh" accept=".yaml,.yml,text/yaml" onChange={(event) => void take(event.currentTarget.files?.[0])} />
+      <input type="file" accept=".yaml,.yml,text/yaml" onChange={(event) => void take(event.currentTarget.files?.[0])} />
       Open a file
     </label>
   );
