@@ -32,7 +32,7 @@ import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
-from mcap.records import Channel, ChunkIndex, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
 from protocols.framing import Bytes, Ints
 from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
@@ -154,6 +154,7 @@ class Recording:
         self.metadata: list[tuple[str, dict[str, str]]] = []
         self.damage: list[Damage] = []
         self.whole = False  # its end is there
+        self.statistics: Statistics | None = None  # counts and times, where its end tells them
         self._schemas: dict[int, Schema] = {}
         self.chunks = self._summary()
 
@@ -303,6 +304,8 @@ class Recording:
                     of.encoding if of else "",
                     of.data if of else b"",
                 )
+            elif opcode == STATISTICS:
+                self.statistics = Statistics.read(_stream(body))
             elif opcode == METADATA:
                 told = Metadata.read(_stream(body))
                 if (told.name, told.metadata) in self.metadata:

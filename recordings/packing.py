@@ -22,7 +22,7 @@ import os
 import struct
 import sys
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -41,9 +41,9 @@ from mcap.records import (
 )
 
 from protocols.framing import Ints
-from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Recording
+from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Recording, Topic
 from recordings.container import PROFILE, RecordingError, problem
-from recordings.records import MAGIC, bytes_of, ending
+from recordings.records import MAGIC, bytes_of, ending, message
 
 CHUNK_BYTES = 1 << 20
 ASIDE = ".packing"  # a file that is being written beside the other
@@ -125,6 +125,36 @@ def packed(
     target.end(kept)
 
 
+def wrapped(
+    topics: Mapping[int, Topic],
+    pieces: Iterable[tuple[int, bytes, Ints, Ints]],
+    metadata: Mapping[str, Mapping[str, str]],
+    out: BinaryIO,
+) -> None:
+    """Write a recording of what comes from elsewhere, chunked and indexed.
+
+    Args:
+        topics: the channels, by id.
+        pieces: (channel, data, where each message ends in it, when each was logged in ns), in order.
+        metadata: by name.
+    """
+    target = _Target(out)
+    target.tell(topics)
+    for channel, data, ends, times in pieces:
+        starts = np.concatenate(([0], ends[:-1]))
+        first = 0
+        while first < len(ends):
+            past = max(int(np.searchsorted(ends, int(starts[first]) + CHUNK_BYTES, "right")), first + 1)
+            cuts = zip(starts[first:past].tolist(), ends[first:past].tolist(), times[first:past].tolist(), strict=True)
+            body = b"".join(message(channel, time, data[start:end]) for start, end, time in cuts)
+            sizes = ends[first:past] - starts[first:past]
+            at = np.cumsum(sizes + _HEAD) - sizes
+            rows = np.stack((np.full(past - first, channel), times[first:past], at, sizes)).astype(np.int64)
+            target.chunk(memoryview(body), rows)
+            first = past
+    target.end(metadata)
+
+
 class _Target:
     """The file that is written."""
 
@@ -148,7 +178,11 @@ class _Target:
 
     def learn(self, source: Recording) -> None:
         """Channels that the source has told of since the last time."""
-        for topic in source.topics.values():
+        self.tell(source.topics)
+
+    def tell(self, topics: Mapping[int, Topic]) -> None:
+        """Those of these channels that are new."""
+        for topic in topics.values():
             if topic.id in self._channels:
                 continue
             number = 0

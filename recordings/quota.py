@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection
 from pathlib import Path
 
+from recordings import sidecar
 from recordings.blocks import Recording
 from recordings.container import EDIT, SUFFIX, RecordingError
 
@@ -14,6 +15,9 @@ log = logging.getLogger("imuscope.quota")
 
 def is_pinned(path: Path) -> bool:
     """Does a person want to keep it? One that cannot be read is kept: nobody has looked at it."""
+    said = sidecar.read(path).pinned
+    if said is not None:
+        return said
     try:
         with Recording(path) as recording:
             return recording.meta(EDIT).get("pinned", "").lower() in ("true", "1")
@@ -45,6 +49,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
             continue
         try:
             path.unlink()
+            sidecar.beside(path).unlink(missing_ok=True)
         except OSError as error:
             log.warning("%s is over the quota and cannot be deleted: %s", path.name, error)
             continue

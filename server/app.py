@@ -17,11 +17,13 @@ from server.api import (
     devices,
     errors,
     forms,
+    library,
     live,
     map_tiles,
     page,
     ports,
     recorder,
+    recordings,
     snapshots,
 )
 from server.auth import Access, Guard
@@ -29,6 +31,7 @@ from server.config import Config
 from server.correction_desk import CorrectionDesk
 from server.desks import Desks
 from server.hub import Hub
+from server.library import Catalogue
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.packer import Packer
@@ -36,6 +39,7 @@ from server.reading import Reading
 from server.recognition import Speech
 from server.recorder import Recorder, plan_of
 from server.sessions import OpenLink, Sessions
+from server.shelf import Shelf
 from server.version import VERSION
 
 DEFAULT_SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
@@ -63,6 +67,9 @@ def create_app(
 
     desks = Desks(hub, sessions, config.data, config.trial_s)
     tape = Recorder(hub, sessions, desks, plan_of(config), Packer(lambda path: hub.library_changed()))
+    catalogue = Catalogue(hub, config.data)
+    key = reading.key.hex() if reading.key else ""
+    shelf = catalogue.shelf = Shelf(config.data, catalogue.path, lambda recording: key)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -73,7 +80,10 @@ def create_app(
             sessions.add(source, reading if config.sources else Reading())
         await desks.resume()
         await tape.resume()
+        catalogue.start()
         yield
+        await catalogue.close()
+        await shelf.close()
         await tape.close()
         await app.state.corrections.close()
         await sessions.close()
@@ -92,6 +102,8 @@ def create_app(
     app.state.desks = desks
     app.state.corrections = CorrectionDesk(sessions)
     app.state.recorder = tape
+    app.state.library = catalogue
+    app.state.shelf = shelf
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.scan_lock = asyncio.Lock()
@@ -105,6 +117,8 @@ def create_app(
         snapshots,
         corrections,
         recorder,
+        library,
+        recordings,
         ports,
         build,
         map_tiles,

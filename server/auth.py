@@ -38,6 +38,8 @@ PROTECTED = ("/api", "/ws", "/openapi.json", "/viser", "/rerun")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_BODY = 1024 * 1024
+UPLOAD = ("PUT", "/api/recordings/upload")  # the one body that is no JSON: a recording, as large as is configured
+UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600
 
 
@@ -99,7 +101,7 @@ class Access:
             self._check_origin(headers.get("origin"), headers.get("host", ""))
         role = self._check_token(headers, client, query_token)
         if changes:
-            self._check_body(headers)
+            self._check_body(headers, upload=(method, path) == UPLOAD)
             if role != "control":
                 raise RefusedError(
                     403, "view-only", "This token may look, not change.", "Open the page with a control token."
@@ -141,14 +143,19 @@ class Access:
         hint = "Open the address that the server printed when it started; it carries the token."
         raise RefusedError(401, "no-token", "This server asks for a token.", hint)
 
-    @staticmethod
-    def _check_body(headers: Mapping[str, str]) -> None:
+    def _check_body(self, headers: Mapping[str, str], *, upload: bool = False) -> None:
         length = headers.get("content-length", "0")
         has_body = length != "0" or "transfer-encoding" in headers
-        if has_body and headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+        kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+        if upload and kind != UPLOAD_TYPE:
+            hint = f"Send it with Content-Type: {UPLOAD_TYPE}."
+            raise RefusedError(415, "not-a-file", "An upload is the bytes of a file.", hint)
+        if has_body and not upload and kind != "application/json":
             raise RefusedError(415, "not-json", "A body must be JSON.", "Send it with Content-Type: application/json.")
-        if not length.isdigit() or int(length) > MOST_BODY:
-            raise RefusedError(413, "too-large", f"A body may have at most {MOST_BODY} bytes.")
+        most = round(self.config.upload_gb * 1e9) if upload else MOST_BODY
+        if not length.isascii() or not length.isdigit() or int(length) > most:
+            hint = "upload_gb in the configuration file says how much; a file can be put into the folder, too."
+            raise RefusedError(413, "too-large", f"A body may have at most {most} bytes.", hint if upload else "")
         if "transfer-encoding" in headers:
             raise RefusedError(411, "no-length", "A body needs a length.", "Send it with Content-Length.")
 

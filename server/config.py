@@ -84,6 +84,7 @@ class Config:
         recordings_quota_gb: how much all recordings may take together, 10⁹ bytes; 0 for no quota.
         split_mb, split_min: a recording goes on in a new file when it has 10⁶ bytes or minutes like that; 0 for never.
         record_head: ask an Xsens device for its Configuration when a recording begins (it pauses for a moment).
+        upload_gb: how large an uploaded recording may be, 10⁹ bytes.
         map: the tile server for a map under the track (server/api/map_tiles.py).
     """
 
@@ -108,6 +109,7 @@ class Config:
     split_mb: float = 0.0
     split_min: float = 0.0
     record_head: bool = True
+    upload_gb: float = 16.0
     map: MapTiles = MapTiles()
 
     def reading(self) -> Reading:
@@ -182,6 +184,8 @@ def _checked(settings: Mapping[str, Any]) -> Config:
             raise ConfigError(f"{name} {value:g} is neither 0 (no limit) nor {least:g} … 1 000 000 {unit}.")
     if not 1 <= config.memory_mb <= MOST_MEMORY_MB:
         raise ConfigError(f"memory_mb {config.memory_mb} is outside 1 … {MOST_MEMORY_MB} MB.")
+    if not 0 < config.upload_gb <= 1e6:
+        raise ConfigError(f"upload_gb {config.upload_gb:g} is outside 0 … 1 000 000.")
     for name in ("view_token", "control_token"):
         token = getattr(config, name)
         if token and (len(token) < 8 or not token.isascii() or not token.isprintable() or " " in token):

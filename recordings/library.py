@@ -1,0 +1,418 @@
+"""Which recordings are there? The folder is the truth: what lies in it is listed, whoever put it there.
+
+    <data>/recordings/20261121T044324Z-MTi-630.mcap         a recording
+                      20261121T044324Z-MTi-630.mcap.json    what a person changed about it (recordings/sidecar.py)
+                      LOG_SN60339_…_0001.raw, _0002.raw     a split log: listed as one
+                      .index/<file>.json                    what was found out when it was opened; may be deleted
+                      .bin/<ms>/…                           deleted at that time, with all that belongs to it; 7 days
+                      .incoming/<token>/…                   being uploaded
+
+A recording's id is its file's name without suffix; where several files share that, the first kind of `SUFFIXES` has it
+and the others go by their whole name. Listing looks at names, sizes and times only; a file is looked into (peek.py)
+when these are new. Subfolders are not looked into. Names from outside never become paths: a recording is found among
+those that are listed, and the name of an upload is cleaned.
+
+Threads may share a Library; its methods wait for the disk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import secrets
+import shutil
+import threading
+import time
+import unicodedata
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recordings import inertial_logs, sidecar
+from recordings.columns import Columns
+from recordings.container import RecordingError, problem
+from recordings.importers import SUFFIXES, open_file
+from recordings.peek import Device, Peek, peek
+from recordings.portrait import summary
+from recordings.sidecar import Edits, Marker
+
+INDEX, BIN, INCOMING = ".index", ".bin", ".incoming"
+KEPT_S = 7 * 86_400.0  # in the bin
+STALE_S = 3600.0  # an upload that nobody goes on with
+LONGEST_NAME = 120
+_SWEEP_S = 600.0
+_COMPANIONS = (".idx",)
+
+
+@dataclass(slots=True)
+class Entry:
+    """One recording in the list.
+
+    Args:
+        files: it consists of these, in order; the first names it.
+        peek: what it says of itself, with what was found when it was opened.
+        edits: what a person changed, over what the file holds.
+        indexed: whether it was looked at since it is as it is (Library.learn).
+        deleted: unix s, while it is in the bin.
+    """
+
+    id: str
+    files: list[Path]
+    size: int
+    modified: float
+    peek: Peek
+    edits: Edits
+    thumbnail: list[list[float]]
+    losses: list[float]
+    marker_texts: list[str]
+    indexed: bool = False
+    deleted: float | None = None
+
+    @property
+    def path(self) -> Path:
+        return self.files[0]
+
+    @property
+    def title(self) -> str:
+        return self.edits.title or self.peek.title or self.path.stem
+
+    @property
+    def markers(self) -> int:
+        """How many, also those put in later."""
+        return max(self.peek.markers, len(self.marker_texts)) + len(self.edits.markers)
+
+    @property
+    def began(self) -> float:
+        """What the list is sorted by."""
+        return self.peek.started if self.peek.started is not None else self.modified
+
+    def holds(self, words: Iterable[str]) -> bool:
+        """Are all these words (case-folded) somewhere in what is told of it?"""
+        devices = [text for one in self.peek.devices for text in (one.name, one.product, one.serial_number)]
+        edits = self.edits
+        markers = [marker.text for marker in edits.markers]
+        told = (self.title, self.path.name, *(edits.tags or ()), edits.notes or "", *devices, *markers)
+        text = "\n".join((*told, *self.marker_texts)).casefold()
+        return all(word in text for word in words)
+
+
+class Library:
+    """The recordings of one folder.
+
+    Args:
+        folder: made when something is written into it.
+        now: unix seconds.
+    """
+
+    def __init__(self, folder: Path, now: Callable[[], float] = time.time) -> None:
+        self.folder = folder
+        self._now = now
+        self._lock = threading.RLock()
+        self._peeks: dict[Path, tuple[tuple[int, int], Peek | None]] = {}
+        self._swept = -_SWEEP_S
+
+    # ── listing ──────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def all(self, search: str = "") -> list[Entry]:
+        """Newest first; then those in the bin, newest deletion first."""
+        words = search.casefold().split()
+        with self._lock:
+            self._sweep()
+            entries = [entry for entry in self._live() if entry.holds(words)]
+            gone = [entry for entry in self._deleted() if entry.holds(words)]
+        return [
+            *sorted(entries, key=lambda entry: entry.began, reverse=True),
+            *sorted(gone, key=lambda entry: entry.deleted or 0.0, reverse=True),
+        ]
+
+    def get(self, recording: str) -> Entry:
+        """One that is not deleted.
+
+        Raises:
+            KeyError: there is none of that id.
+        """
+        with self._lock:
+            return next((entry for entry in self._live(only=recording) if entry.id == recording), None) or _none(
+                recording
+            )
+
+    def path(self, recording: str) -> Path:
+        """Its file, the first where there are several. KeyError: there is none of that id."""
+        return self.get(recording).path
+
+    def stamp(self, written: str = "") -> int:
+        """Changes when a file in the folder does, but for one that is being written (its name without suffix)."""
+        with self._lock:
+            files = sorted(self._files(self.folder).items())
+        return hash(tuple((path.name, *stamp) for path, stamp in files if path.stem != written))
+
+    def learn(self, recording: str, columns: Columns) -> None:
+        """Keep what the list wants to know of an opened recording. KeyError: there is none of that id."""
+        entry = self.get(recording)
+        stat = entry.path.stat()
+        body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summary(columns)}
+        with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
+            (self.folder / INDEX).mkdir(exist_ok=True)
+            sidecar.write_text(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
+
+    def _live(self, only: str = "") -> list[Entry]:
+        return [
+            entry
+            for name, files in _named(_groups(self._files(self.folder)))
+            if (not only or name == only) and (entry := self._entry(name, files)) is not None
+        ]
+
+    def _deleted(self) -> list[Entry]:
+        live = {name for name, _ in _named(_groups(self._files(self.folder)))}
+        found = []
+        for folder in self._bins():
+            for name, files in _named(_groups(self._files(folder))):
+                entry = self._entry(name if name not in live else f"{name}.{folder.name}", files)
+                if entry is not None:
+                    found.append(replace(entry, deleted=int(folder.name) / 1000))
+        return found
+
+    def _bins(self) -> list[Path]:
+        try:
+            return [folder for folder in (self.folder / BIN).iterdir() if folder.name.isdigit()]
+        except OSError:
+            return []
+
+    def _files(self, folder: Path) -> dict[Path, tuple[int, int]]:
+        """What lies in a folder and may be a recording: path → size, time of change."""
+        found = {}
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    suffix = os.path.splitext(entry.name)[1].lower()
+                    if entry.name.startswith(".") or suffix in (sidecar.SUFFIX, *_COMPANIONS):
+                        continue
+                    with contextlib.suppress(OSError):
+                        if entry.is_file():
+                            stat = entry.stat()
+                            found[Path(entry.path)] = (stat.st_size, stat.st_mtime_ns)
+        except OSError:
+            pass
+        return found
+
+    def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> Entry | None:
+        path, stamp = next(iter(files.items()))
+        known = self._peeks.get(path)
+        if known is None or known[0] != stamp:
+            known = self._peeks[path] = (stamp, peek(path))
+        if known[1] is None:
+            return None
+        size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
+        entry = Entry(name, list(files), size, modified, known[1], Edits(), [], [], [])
+        self._apply_index(entry, stamp)
+        entry.edits = sidecar.read(path).over(entry.peek.edits)
+        return entry
+
+    def _apply_index(self, entry: Entry, stamp: tuple[int, int]) -> None:
+        try:
+            told = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
+            if (told["size"], told["modified_ns"]) != stamp:
+                return
+            entry.peek = _completed(entry.peek, told)
+            entry.thumbnail, entry.losses = told["thumbnail"], told["losses"]
+            entry.marker_texts = told["markers"]
+            entry.indexed = True
+        except (OSError, ValueError, KeyError, TypeError):
+            return
+
+    # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def edit(self, recording: str, edits: Edits) -> Entry:
+        """Change what is not None; markers are added to those that there are.
+
+        Raises:
+            KeyError: there is none of that id.
+            RecordingError: it cannot be kept.
+        """
+        with self._lock:
+            entry = self.get(recording)
+            self._keep(entry, edits.over(sidecar.read(entry.path)))
+            return self.get(recording)
+
+    def mark(self, recording: str, marker: Marker) -> Marker:
+        """A marker or note that was not put in while it was recorded. Raises as `edit` does."""
+        with self._lock:
+            entry = self.get(recording)
+            edits = entry.edits.with_marker(marker)
+            self._keep(entry, replace(sidecar.read(entry.path), markers=edits.markers))
+            return edits.markers[-1]
+
+    def _keep(self, entry: Entry, edits: Edits) -> None:
+        try:
+            sidecar.write(entry.path, edits)
+        except OSError as error:
+            raise problem(error, sidecar.beside(entry.path)) from None
+
+    def delete(self, recording: str) -> Entry:
+        """Into the bin, with all that belongs to it. Raises as `edit` does."""
+        with self._lock:
+            entry = self.get(recording)
+            stamp = round(self._now() * 1000)
+            while (self.folder / BIN / str(stamp)).exists():
+                stamp += 1
+            target = self.folder / BIN / str(stamp)
+            try:
+                target.mkdir(parents=True)
+                _move(_belonging(entry.files), target)
+            except OSError as error:
+                raise problem(error, entry.path) from None
+            return replace(entry, deleted=stamp / 1000)
+
+    def undelete(self, recording: str) -> Entry:
+        """Out of the bin; of several the one that was deleted last.
+
+        Raises:
+            KeyError: there is none of that id in the bin.
+            RecordingError: a file of that name is there.
+        """
+        with self._lock:
+            found = [entry for entry in self._deleted() if recording == entry.id]
+            entry = max(found, key=lambda one: one.deleted or 0.0, default=None) or _none(recording)
+            source = entry.path.parent
+            taken = next((file for file in source.iterdir() if (self.folder / file.name).exists()), None)
+            if taken is not None:
+                hint = "Delete or rename that one first."
+                raise RecordingError(f"There is a file {taken.name} already.", hint)
+            try:
+                _move(list(source.iterdir()), self.folder)
+                source.rmdir()
+            except OSError as error:
+                raise problem(error, entry.path) from None
+            return next(one for one in self._live() if one.path.name == entry.path.name)
+
+    def _sweep(self) -> None:
+        """Empty the bin of what is older than 7 days; forget uploads that ended in the middle."""
+        if self._now() - self._swept < _SWEEP_S:
+            return
+        self._swept = self._now()
+        for folder in self._bins():
+            if self._now() - int(folder.name) / 1000 > KEPT_S:
+                shutil.rmtree(folder, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            for folder in (self.folder / INCOMING).iterdir():
+                if self._now() - folder.stat().st_mtime > STALE_S:
+                    shutil.rmtree(folder, ignore_errors=True)
+        there = self._files(self.folder)
+        self._peeks = {path: known for path, known in self._peeks.items() if path in there or BIN in path.parts}
+
+    # ── taking in ────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def incoming(self, name: str) -> Path:
+        """A path to write an upload to, under its cleaned name; `take` or `refuse` it afterwards.
+
+        Raises:
+            RecordingError: there is no place for it.
+        """
+        folder = self.folder / INCOMING / secrets.token_hex(8)
+        try:
+            folder.mkdir(parents=True)
+        except OSError as error:
+            raise problem(error, folder) from None
+        return folder / clean_name(name)
+
+    def take(self, path: Path) -> Entry:
+        """An upload is whole: look whether it is a recording, and let it appear.
+
+        Raises:
+            RecordingError: it is nothing that can be opened; it is gone then.
+        """
+        try:
+            open_file(path)
+            with self._lock:
+                target = _free(self.folder / path.name)
+                os.rename(path, target)
+                return next(entry for entry in self._live() if target in entry.files)
+        except OSError as error:
+            raise problem(error, path) from None
+        finally:
+            self.refuse(path)
+
+    def refuse(self, path: Path) -> None:
+        """Leave nothing of an upload."""
+        shutil.rmtree(path.parent, ignore_errors=True)
+
+
+def clean_name(name: str) -> str:
+    """A file's name out of whatever somebody calls it: no folder, nothing hidden, nothing that cannot be printed.
+
+    >>> clean_name("../../etc/passwd\\x00")
+    'passwd.bin'
+    """
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
+    text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').strip(" .")
+    stem, suffix = os.path.splitext(text)
+    if suffix.lower() not in SUFFIXES:
+        stem, suffix = text, ".bin"
+    stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").strip(" .")
+    return f"{stem or 'upload'}{suffix}"
+
+
+def _free(path: Path) -> Path:
+    """The path, or one like it that is not taken."""
+    count, free = 1, path
+    while free.exists():
+        count += 1
+        free = path.with_name(f"{path.stem}-{count}{path.suffix}")
+    return free
+
+
+def _none(recording: str) -> Entry:
+    raise KeyError(recording)
+
+
+def _groups(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, int]]]:
+    """The files of one recording together: the parts of a log in order, any other file alone."""
+    groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
+    for path in files:
+        name = inertial_logs.log_name(path) if path.suffix.lower() in (".raw", ".dat") else None
+        key = (name.stem if name is not None else path.name, path.suffix)
+        groups.setdefault(key, []).append((name.part if name is not None else 0, path))
+    return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]
+
+
+def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Path, tuple[int, int]]]]:
+    """Each group with the id that the module's docstring gives it."""
+
+    def rank(group: dict[Path, tuple[int, int]]) -> tuple[int, str]:
+        first = next(iter(group))
+        suffix = first.suffix.lower()
+        return (SUFFIXES.index(suffix) if suffix in SUFFIXES else len(SUFFIXES)), first.name
+
+    found: dict[str, dict[Path, tuple[int, int]]] = {}
+    for group in sorted(groups, key=rank):
+        first = next(iter(group))
+        found[first.stem if first.stem not in found else first.name] = group
+    return list(found.items())
+
+
+def _completed(known: Peek, told: dict[str, Any]) -> Peek:
+    """What the file says of itself, with what was found when it was opened."""
+    return replace(
+        known,
+        started=told["started"] if told["started"] is not None else known.started,
+        duration=told["duration"] if told["duration"] is not None else known.duration,
+        devices=[Device(**device) for device in told["devices"]] or known.devices,
+        damaged=told["damaged"] or known.damaged,
+    )
+
+
+def _belonging(files: list[Path]) -> list[Path]:
+    """A recording's files, and what lies beside them because of them."""
+    found = []
+    for file in files:
+        others = (sidecar.beside(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))
+        found += [file, *(other for other in others if other.is_file())]
+    return found
+
+
+def _move(files: list[Path], target: Path) -> None:
+    for file in files:
+        os.rename(file, target / file.name)
