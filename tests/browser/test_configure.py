@@ -1,7 +1,7 @@
 """The Configure page with real servers and real twins: what a person does there, and what may never happen to them.
 
-Rates are changed and seen in the plot; a rate that cuts the line comes back by itself, also when nobody is there any more;
-profiles are compared and applied; every command and setting of every family opens as a form without an error.
+Rates are changed and seen in the plot; a rate that cuts the line comes back by itself, also when nobody is there any
+more; profiles are compared and applied; every command and setting of every family opens as a form without an error.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ def test_a_row_its_bytes_and_its_share_light_together(serve: Serve, open_page: O
     page = configured(serve("twin:xbus"), open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
     until(page, "document.querySelector('.hx.ch')?.innerText.startsWith('40 20 00 32')")
-    until(page, "document.querySelectorAll('.hx.ch').length === 1 && document.querySelectorAll('.bb i.ch').length === 1")
+    until(
+        page, "document.querySelectorAll('.hx.ch').length === 1 && document.querySelectorAll('.bb i.ch').length === 1"
+    )
     page.hover(f"{ACCELERATION} td:nth-child(2)")
     lit = "[...document.querySelectorAll('tr.hot, .hx.hot, .bb i.hot')].map(e => e.tagName).sort().join()"
     until(page, f"{lit} === 'I,SPAN,TR'")
@@ -191,7 +193,10 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
     for kind in ("setting", "command"):
         for form in forms[f"{kind}s"]:
             name = form["name"]
-            page.evaluate("([device, name]) => { location.hash = `#/configure/${device}/${encodeURIComponent(name)}`; }", ["1", name])
+            page.evaluate(
+                "([device, name]) => { location.hash = `#/configure/${device}/${encodeURIComponent(name)}`; }",
+                ["1", name],
+            )
             until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null", timeout_s=5)
             fields = form["fields"] if kind == "setting" else form["arguments"]
             drawn = page.locator(f'[data-{kind}="{name}"] > .fields > .frow').count()
@@ -205,7 +210,7 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
 def test_the_page_is_for_everybody(serve: Serve, open_page: OpenPage, width: str, dark: bool) -> None:
     """No serious finding of axe-core, no sideways scrolling, targets that a finger hits, in every sort of place."""
     phone = width == "phone"
-    size = {"width": 390, "height": 844, "touch": True} if phone else {}
+    size: dict[str, Any] = {"width": 390, "height": 844, "touch": True} if phone else {}
     page = configured(serve("twin:xbus"), open_page, dark=dark, **size)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
     until(page, "document.querySelector('.hx.ch') !== null")

@@ -1,4 +1,6 @@
 /** The styles of Configure in the order in which they outdo each other; whatever part is loaded first brings all of them. */
 import "../../forms/forms.css";
+import "../../forms/tables.css";
 import "./configure.css";
+import "./exchange.css";
 import "./phone.css";
