@@ -1,5 +1,6 @@
 /** What a panel is given when it is mounted. */
 import { cursor, view } from "../data/view";
+import type { Ring } from "../data/ring";
 import type { Channel, Store } from "../data/store";
 import type { DeviceInfo } from "../wire/types";
 import { type Recent, recentOf } from "./figures";
@@ -9,6 +10,8 @@ import { type Reading, readingAt } from "./reading";
 export interface Deps {
   readonly store: Store;
   readonly minute: Minute;
+  /** Where every sample of the window is, when the store holds only some; undefined where nowhere. */
+  readonly everySample?: (channel: Channel, from: number, to: number) => Ring | undefined;
 }
 
 /** The moment that panels read now. */

@@ -49,7 +49,7 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
   const statsDue = every(3);
   return {
     update(frame) {
-      if (turn < lines.length) turn = writeSomeStats(lines, turn, reading(deps));
+      if (turn < lines.length) turn = writeSomeStats(lines, turn, reading(deps), deps);
       else if (statsDue(frame)) turn = 0;
       if (!numbersDue(frame)) return;
       const channels = channelsOf(deps);
@@ -145,22 +145,23 @@ function rowsAt(channel: Channel, i: number): number {
 }
 
 /** Statistics of as many lines as fit in the time a frame has to spare; gives where to go on. */
-function writeSomeStats(lines: readonly Line[], from: number, at: Reading): number {
+function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps: Deps): number {
   const until = performance.now() + STATS_MS;
   let turn = from;
   do {
     const line = lines[turn];
-    if (line) writeStats(line, at);
+    if (line) writeStats(line, at, deps);
     turn += 1;
   } while (turn < lines.length && performance.now() < until);
   return turn;
 }
 
-function writeStats(line: Line, at: Reading): void {
+function writeStats(line: Line, at: Reading, { everySample }: Deps): void {
   const { row, channel, mean, sd } = line;
   if (!mean || !sd || !row.info) return;
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
-  const stats = channel.ring.stats(row.column, at.from, at.to, view.value.timeBase);
-  mean.set(stats.n > 0 ? number(stats.mean, decimals) : NONE);
-  sd.set(stats.n > 1 ? number(stats.sigma, decimals) : NONE);
+  const ring = everySample ? everySample(channel, at.from, at.to) : channel.ring;
+  const stats = ring?.stats(row.column, at.from, at.to, view.value.timeBase);
+  mean.set(stats && stats.n > 0 ? number(stats.mean, decimals) : NONE);
+  sd.set(stats && stats.n > 1 ? number(stats.sigma, decimals) : NONE);
 }

@@ -9,6 +9,7 @@
  * `near` tells of the devices as they were at the head: its clock is the head, its events are those that had happened by then.
  */
 import { computed, signal } from "@preact/signals";
+import type { Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
 import { Minute } from "../panels/minute";
@@ -68,13 +69,13 @@ export class Replay {
     readonly detail: RecordingDetail,
     place: Place,
   ) {
-    this.bounds = { first: detail.t0, last: Math.max(detail.t1, detail.t0 + 1e-3) };
-    this.head = place.cursor ?? place.t0 ?? detail.t0;
+    this.bounds = boundsOf(detail);
+    this.head = this.bounds.first;
     this.drawn = new ReplayStore(detail, () => this.bounds.last);
     this.near = new ReplayStore(detail, () => this.head);
     this.#window = new Feed(detail.info.id, this.drawn, (problem) => (this.problem.value = problem));
     this.markers.value = detail.markers;
-    this.app = appOf(this.near);
+    this.app = appOf(this.near, (channel, from, to) => this.#every(channel, from, to));
     this.go(place);
   }
 
@@ -206,6 +207,16 @@ export class Replay {
     this.#window.ask({ stretch: stretchFor(end - span, end, this.pixels, speed, this.bounds), channels, base });
   }
 
+  /** Where a channel's samples of the window are all there: what is drawn, when that is not summarised, or what is read. */
+  #every({ info, ring }: Channel, from: number, to: number): Ring | undefined {
+    const { held } = this.#window;
+    const whole = held?.exact && held.stretch.t0 <= Math.max(from, this.bounds.first) && held.stretch.t1 >= Math.min(to, this.bounds.last);
+    const drawn = whole ? this.drawn.channel(info.device, info.name)?.ring : undefined;
+    if (drawn && drawn.length > 0) return drawn;
+    const around = this.#around.find(({ near }) => near.channels.includes(info.id))?.feed.held;
+    return around?.exact && around.stretch.t0 <= Math.max(from, this.bounds.first) && around.stretch.t1 >= Math.min(to, this.bounds.last) ? ring : undefined;
+  }
+
   /** Have the samples around what is read. */
   #read(): void {
     const { device, timeBase: base } = view.peek();
@@ -248,9 +259,17 @@ export class Replay {
   }
 }
 
+/** Device times may begin years off, before a receiver knows the date: those samples are there, but no axis starts with them. */
+const FAR_OFF_S = 86_400;
+
+function boundsOf({ t0, t1, info }: RecordingDetail): Bounds {
+  const first = info.started !== null && t0 < info.started - FAR_OFF_S ? info.started : t0;
+  return { first, last: Math.max(t1, first + 1e-3) };
+}
+
 /** The recording as the panels know the page: always with something on screen, and never old. */
-function appOf(store: ReplayStore): App {
+function appOf(store: ReplayStore, everySample: NonNullable<App["everySample"]>): App {
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
   const state = signal<PageState>("live");
-  return { store, minute: new Minute(), device, state, held: () => false };
+  return { store, minute: new Minute(), device, state, held: () => false, everySample };
 }

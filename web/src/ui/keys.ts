@@ -49,7 +49,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["M", "Shift M"], what: "Drop a marker, a note into the recording" },
   { keys: ["L"], what: "Loop what is on screen, in a recording" },
   { keys: ["C"], what: "Copy the link to what is on screen, in a recording" },
-  { keys: ["G", "L"], what: "Live; G then C: Configure; G then R: Recordings" },
+  { keys: ["G L", "G C", "G R"], what: "Live, Configure, Recordings" },
   { keys: ["/"], what: "Search, on Configure" },
   { keys: ["?"], what: "This list" },
   { keys: ["Esc"], what: "Close, or unpin the cursor" },

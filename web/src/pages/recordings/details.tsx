@@ -33,7 +33,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
             <b>Damaged.</b> {info.damaged}
           </p>
         )}
-        {info.deleted === null ? <Actions info={info} app={app} /> : <Deleted info={info} app={app} />}
+        {info.deleted === null ? <Actions info={info} /> : <Deleted info={info} app={app} />}
         <Facts info={info} />
         {info.deleted === null && <Words info={info} />}
         <Jobs app={app} recording={info.id} />
@@ -42,7 +42,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
   );
 }
 
-function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
+function Actions({ info }: { readonly info: RecordingInfo }) {
   if (info.recording) return <p class="hint">It is being recorded now. It opens when the recording ends.</p>;
   const play = async (): Promise<void> => {
     const devices = await run(server.play(info.id, { speed: 1, loop: true, t0: null, t1: null }));
@@ -73,7 +73,6 @@ function Actions({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
         <Icon name="trash" />
         Delete
       </button>
-      <span class="vh">{app.store.connection.value}</span>
     </div>
   );
 }

@@ -3,13 +3,12 @@ import * as actions from "../../data/actions";
 import { cursor, measure, view } from "../../data/view";
 import type { Replay } from "../../recordings/replay";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
-import { type App, overlay, sheet } from "../app";
+import { overlay, sheet } from "../app";
 import { exporting } from "./export";
 import { beginMarker } from "./markers";
-import { copyLink } from "./transport";
+import { copyLink } from "./hand-on";
 
-export function listenForKeys(replay: Replay, app: App): () => void {
-  void app;
+export function listenForKeys(replay: Replay): () => void {
   let chord = -Infinity;
   const onKey = (event: KeyboardEvent): void => {
     if (event.defaultPrevented || overlay.peek() !== undefined || exporting.peek() !== undefined) return;

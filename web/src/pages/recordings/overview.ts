@@ -147,7 +147,7 @@ function draw(sheet: Sheet, look: Palette, scene: Scene): void {
   const at = (t: number): number => left + ((Math.min(last, Math.max(first, t)) - first) / (last - first)) * width;
   const [top, bottom] = [FLAGS_PX, sheet.height - AXIS_PX];
   drawRows(x, look, scene, top, bottom - STATUS_PX - 4, at);
-  drawStatus(x, look, scene, bottom - STATUS_PX, at);
+  drawStatus(x, look, scene, bottom - STATUS_PX);
   drawLosses(x, look, scene, top, bottom, at);
   drawLoop(x, look, scene, top, bottom, at);
   drawWindow(x, look, scene, top, bottom, at);
@@ -180,8 +180,7 @@ function drawRows(x: X, look: Palette, { rows, left, width, first, last, t0, t1 
   });
 }
 
-function drawStatus(x: X, look: Palette, { worst, left, width }: Scene, y: number, at: At): void {
-  void at;
+function drawStatus(x: X, look: Palette, { worst, left, width }: Scene, y: number): void {
   x.fillStyle = look.colour["bg-hover"];
   x.fillRect(left, y, width, STATUS_PX - 4);
   const step = width / PARTS;

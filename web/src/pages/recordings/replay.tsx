@@ -21,6 +21,7 @@ import { listenForKeys } from "./keys";
 import { Markers } from "./markers";
 import { mountOverview } from "./overview";
 import { PageOverlays } from "./overlays";
+import { HandOn } from "./hand-on";
 import { Transport } from "./transport";
 
 /** The address follows what is on screen this often, ms: a reload finds its place. */
@@ -30,7 +31,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
   const { info } = replay.detail;
   useEffect(() => {
     document.title = `${info.title} · imuscope`;
-    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay, app), keepAddress(replay)];
+    const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay), keepAddress(replay)];
     return () => stops.forEach((stop) => stop());
   }, []);
   const offline = app.store.connection.value === "closed";
@@ -47,7 +48,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
         <ProblemBand />
         <Trouble replay={replay} />
         <Panels key={view.value.device} replay={replay} />
-        <Transport replay={replay} app={app} />
+        <Transport replay={replay} />
         <Mounted class="overview" label="The whole recording" mount={(host) => mountOverview(host, replay)} />
       </main>
       <Side app={replay.app} />
@@ -141,7 +142,8 @@ function Trouble({ replay }: { readonly replay: Replay }) {
 
 /** The recording, its devices and its markers. */
 function About({ replay }: { readonly replay: Replay }) {
-  const { info, devices, t0, t1 } = replay.detail;
+  const { info, devices } = replay.detail;
+  const { first, last } = replay.bounds;
   const size = bytes(info.size);
   return (
     <aside class={`rail ${sheet.value === "rail" ? "open" : ""}`} id="rail" aria-label="This recording">
@@ -158,9 +160,10 @@ function About({ replay }: { readonly replay: Replay }) {
         )}
       </div>
       <p class="foot-note dim about">
-        {dateWords(info.started ?? t0, true)} UTC · {length(t1 - t0)} · {size.value} {size.unit}
+        {dateWords(info.started ?? first, true)} UTC · {length(last - first)} · {size.value} {size.unit}
         {info.notes && <span class="notes">{info.notes}</span>}
       </p>
+      <HandOn replay={replay} />
       <div class="cats" role="group" aria-label="Device">
         {devices.map((device) => (
           <button type="button" key={device.id} aria-pressed={view.value.device === device.id} onClick={() => replay.choose(device.id)}>
