@@ -147,7 +147,7 @@ class Access:
         length = headers.get("content-length", "0")
         has_body = length != "0" or "transfer-encoding" in headers
         kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-        if upload and kind != UPLOAD_TYPE:
+        if upload and has_body and kind != UPLOAD_TYPE:
             hint = f"Send it with Content-Type: {UPLOAD_TYPE}."
             raise RefusedError(415, "not-a-file", "An upload is the bytes of a file.", hint)
         if has_body and not upload and kind != "application/json":
