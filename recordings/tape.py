@@ -30,7 +30,7 @@ from recordings.container import Direction, RecordingError, Writer
 
 log = logging.getLogger("imuscope.tape")
 
-GATHER_S = 0.004  # one write for what comes within; of the 20 ms that a killed process may lose
+GATHER_S = 0.008  # one write for what comes within; a killed process may lose 20 ms, 2 of them in its link
 SYNC_S = 1.0
 _BATCH = 4096  # chunks written at once, so that a part ends near its size
 
@@ -174,10 +174,12 @@ class Tape:
     def _write_forever(self) -> None:
         try:
             while True:
-                self._wake.wait()
+                if not self._queue:  # while more comes all the time, sleeping is cheaper than being woken
+                    self._wake.clear()
+                    if not (self._queue or self._stopping or self.trouble):
+                        self._wake.wait()
                 if not self._stopping:
                     time.sleep(GATHER_S)
-                self._wake.clear()
                 while self._queue and self.trouble is None:
                     self._write_some()
                 if self._stopping or self.trouble is not None:

@@ -75,7 +75,7 @@ def test_what_was_put_is_written_without_being_asked(tmp_path: Path) -> None:
     wanted = put(tape, 100)
     until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
     tape.stop()
-    assert GATHER_S <= 0.005
+    assert GATHER_S <= 0.010  # half of what may be lost
 
 
 def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
