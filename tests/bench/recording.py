@@ -1,0 +1,130 @@
+"""What does recording cost, and what does a killed server lose?
+
+    python tests/bench/recording.py [--rate 2000] [--seconds 4] [--turns 5] [--kills 5] [--save]
+
+A server reads a device on a pseudo-terminal; recording is switched on and off in turns, and what it costs is the
+processor time of the turns with it minus that of those without (the middle of all pairs of neighbours, as both drift
+alike). The yardstick, in the same run: a bare loop that writes the same bytes at the same pace to a file every 8 ms and
+asks the disk for them once a second, i.e. what the kernel and this machine's disk alone cost.
+
+Then a server that records is killed, and what had been sent to it is compared with what is in its file: the age of the
+oldest byte that is missing.
+
+Budget: at most 3 % of a core at 2 kHz; at most 20 ms lost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.bench import feed as feeding  # noqa: E402
+from tests.bench.cpu import seconds_of  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+from tests.process import ServerProcess  # noqa: E402
+from tests.server.test_recorder import lost_by_kill  # noqa: E402
+
+SETTLE_S = 3.0
+PAUSE_S = 0.5
+BUDGET_SHARE, BUDGET_LOST_MS = 0.03, 20.0
+
+
+def post(url: str, path: str) -> None:
+    head = {"content-type": "application/json"}
+    with urllib.request.urlopen(urllib.request.Request(f"{url}{path}", b"{}", head), timeout=10) as answer:
+        json.load(answer)
+
+
+def share(pid: int, seconds: float) -> float:
+    """Processor time of a process over some seconds, in cores."""
+    before, began = seconds_of(pid), time.monotonic()
+    time.sleep(seconds)
+    return (seconds_of(pid) - before) / (time.monotonic() - began)
+
+
+def cost(rate: float, seconds: float, turns: int) -> dict[str, float]:
+    """Shares of a core, without recording, with it, and the difference."""
+    whole = SETTLE_S + 2 * turns * (seconds + 2 * PAUSE_S) + 10
+    with tempfile.TemporaryDirectory() as folder, feeding.Feed(rate, whole) as feed:
+        config = Path(folder) / "imuscope.toml"
+        config.write_text("record_head = false\n")  # nobody answers there
+        source = f"serial://{feed.terminal}?baud=2000000"
+        with ServerProcess(source, data=Path(folder), arguments=("--config", str(config))) as server:
+            feed.go()
+            time.sleep(SETTLE_S)
+            feeding.must_be_live(server.url)
+            off, on = [], []
+            for _ in range(turns):
+                off.append(share(server.process.pid, seconds))
+                post(server.url, "/api/recordings/start")
+                time.sleep(PAUSE_S)
+                on.append(share(server.process.pid, seconds))
+                post(server.url, "/api/recordings/stop")
+                time.sleep(2 * PAUSE_S)
+    pairs = [with_it - without for with_it, without in zip(on, off, strict=True)]
+    return {"without": statistics.median(off), "with": statistics.median(on), "cost": statistics.median(pairs)}
+
+
+def bare(rate: float, seconds: float) -> float:
+    """The yardstick: share of a core of a loop that only writes."""
+    size = len(feeding.frame(0, rate))
+    with tempfile.NamedTemporaryFile() as file:
+        fd, done, synced = file.fileno(), 0, 0.0
+        began, before = time.monotonic(), time.process_time()
+        while (now := time.monotonic() - began) < seconds:
+            due = int(now * rate)
+            os.write(fd, bytes(size * (due - done)))
+            done = due
+            if now - synced >= 1:
+                os.fdatasync(fd)
+                synced = now
+            time.sleep(0.008)
+        return (time.process_time() - before) / seconds
+
+
+def killed(times: int) -> list[float]:
+    """Milliseconds lost, sorted."""
+    lost = []
+    for _ in range(times):
+        with tempfile.TemporaryDirectory() as folder:
+            lost.append(lost_by_kill(Path(folder)) * 1e3)
+    return sorted(lost)
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rate", type=float, default=2000)
+    parser.add_argument("--seconds", type=float, default=4)
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--kills", type=int, default=5)
+    parser.add_argument("--save", action="store_true")
+    given = parser.parse_args()
+    found = cost(given.rate, given.seconds, given.turns)
+    yardstick = bare(given.rate, given.seconds)
+    lost = killed(given.kills)
+    report(
+        "recording",
+        {
+            "rate_hz": given.rate,
+            "share_of_a_core": found,
+            "yardstick_share": yardstick,
+            "ratio": found["cost"] / yardstick,
+            "lost_by_kill_ms": {"each": lost, "median": statistics.median(lost) if lost else None},
+            "budget": {"share_of_a_core": BUDGET_SHARE, "lost_ms": BUDGET_LOST_MS},
+        },
+    )
+
+
+if __name__ == "__main__":
+    main()
