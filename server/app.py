@@ -25,6 +25,7 @@ from server.api import (
     recorder,
     recordings,
     snapshots,
+    viser,
 )
 from server.auth import Access, Guard
 from server.config import Config
@@ -41,6 +42,7 @@ from server.recorder import Recorder, plan_of
 from server.sessions import OpenLink, Sessions
 from server.shelf import Shelf
 from server.version import VERSION
+from server.views.viser import Viser
 
 DEFAULT_SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
 
@@ -84,6 +86,7 @@ def create_app(
         yield
         await catalogue.close()
         await shelf.close()
+        await app.state.viser.close()
         await tape.close()
         await app.state.corrections.close()
         await sessions.close()
@@ -102,6 +105,7 @@ def create_app(
     app.state.desks = desks
     app.state.corrections = CorrectionDesk(sessions)
     app.state.recorder = tape
+    app.state.viser = Viser(hub)
     app.state.library = catalogue
     app.state.shelf = shelf
     app.state.protocols = default_speech.protocols
@@ -123,6 +127,7 @@ def create_app(
         build,
         map_tiles,
         live,
+        viser,
         page,
     ):  # the page last: it takes every path that is left
         app.include_router(module.router)

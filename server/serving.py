@@ -22,12 +22,15 @@ from websockets.http11 import Request
 
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
+MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
 
 
 class LiveProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's WebSocket, telling its transport."""
+    """uvicorn's WebSocket, telling its transport; a viewer of others may send larger messages than our page."""
 
     def handle_connect(self, event: Request) -> None:
+        if event.path.startswith("/viser"):
+            self.conn.max_message_size = MOST_FROM_VIEWER
         super().handle_connect(event)
         scope = getattr(self, "scope", None)
         if scope is not None:  # the handshake was a WebSocket's

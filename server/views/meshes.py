@@ -1,0 +1,129 @@
+"""May this file be the body in a scene? GLB and STL, read as what they are: bytes of a stranger.
+
+    GLB   "glTF" │ u32 version 2 │ u32 length │ chunk: u32 size │ "JSON" │ … │ chunk: u32 size │ "BIN\0" │ …
+    STL   80 bytes │ u32 triangles │ triangles × (normal, 3 vertices: 12 f32, u16)          or text, "solid …"
+
+A GLB goes to the browser as it came, so it may name nothing outside itself: no address of a buffer or a picture, and no
+compression whose decoder the viewer would fetch from another host. Both are brought to one metre in size, whatever
+their unit.
+
+Source: glTF 2.0 (Khronos), section 4.4; StereoLithography Interface Specification, 3D Systems, October 1989.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_BYTES = 20 * 1024 * 1024
+MOST_TRIANGLES = 300_000
+# Their decoders are not part of the viewer: it would ask another host for them.
+FETCHED = {"KHR_draco_mesh_compression", "KHR_texture_basisu", "EXT_meshopt_compression"}
+_STL = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = re.compile(rb"vertex\s+([-+.\deE]+)\s+([-+.\deE]+)\s+([-+.\deE]+)")
+
+
+class MeshError(ValueError):
+    """A file that cannot be a body: a sentence for a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A body.
+
+    Args:
+        name: of the file, for a person.
+        scale: what makes it a metre long.
+        glb: the file itself; empty for an STL.
+        vertices: (n, 3) float32 around the origin; faces: (m, 3) uint32.
+    """
+
+    name: str
+    scale: float
+    glb: bytes
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+
+
+def read(name: str, data: bytes) -> Mesh:
+    """The mesh in a file.
+
+    Raises:
+        MeshError: too large, neither GLB nor STL, broken, or in need of something outside itself.
+    """
+    if len(data) > MOST_BYTES:
+        raise MeshError(f"A mesh may have at most {MOST_BYTES >> 20} MB.")
+    name = re.sub(r"[^\w .()-]", "", name)[:60] or "mesh"
+    if data[:4] == b"glTF":
+        return _glb(name, data)
+    if len(data) >= 84 and len(data) == 84 + 50 * struct.unpack_from("<I", data, 80)[0]:
+        return _stl(name, np.frombuffer(data, _STL, offset=84)["vertices"].reshape(-1, 3))
+    if data[:512].lstrip()[:5].lower() == b"solid":
+        found = _VERTEX.findall(data)
+        try:
+            return _stl(name, np.array(found, dtype="S24").astype(np.float32).reshape(-1, 3))
+        except ValueError:
+            raise MeshError("This STL holds a vertex that is no number.") from None
+    raise MeshError("This is neither a GLB nor an STL file.")
+
+
+def _stl(name: str, points: NDArray[np.float32]) -> Mesh:
+    if len(points) < 3 or len(points) % 3:
+        raise MeshError("This STL holds no whole triangle.")
+    if len(points) > 3 * MOST_TRIANGLES:
+        raise MeshError(f"A mesh may have at most {MOST_TRIANGLES} triangles.")
+    if not np.isfinite(points).all():
+        raise MeshError("This STL holds a vertex that is no number.")
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low).max())
+    if not size > 0:
+        raise MeshError("All points of this STL are the same.")
+    vertices = np.asarray((points - (low + high) / 2) / size, np.float32)
+    return Mesh(name, 1.0, b"", vertices, np.arange(len(points), dtype=np.uint32).reshape(-1, 3))
+
+
+def _glb(name: str, data: bytes) -> Mesh:
+    try:
+        version, length, size, sort = struct.unpack_from("<III4s", data, 4)
+        document = json.loads(data[20 : 20 + size])
+    except (struct.error, ValueError, RecursionError):
+        raise MeshError("This GLB is broken.") from None
+    if version != 2 or length != len(data) or sort != b"JSON" or not isinstance(document, dict):
+        raise MeshError("This is no whole GLB of version 2.")
+    if FETCHED & set(map(str, _list(document, "extensionsUsed"))):
+        raise MeshError("This GLB is compressed in a way that needs a decoder from another host. Export it plain.")
+    for one in _list(document, "buffers") + _list(document, "images"):
+        if isinstance(one, dict) and "uri" in one and not str(one["uri"]).startswith("data:"):
+            raise MeshError("This GLB refers to another file. Export it with everything in it.")
+    accessors = [one for one in _list(document, "accessors") if isinstance(one, dict)]
+    if sum(one["count"] for one in accessors if isinstance(one.get("count"), int)) > 12 * MOST_TRIANGLES:
+        raise MeshError(f"A mesh may have at most {MOST_TRIANGLES} triangles.")
+    empty = np.zeros((0, 3))
+    return Mesh(name, 1 / _extent(document), data, empty.astype(np.float32), empty.astype(np.uint32))
+
+
+def _extent(document: dict[str, Any]) -> float:
+    """Largest side of the largest primitive, from the bounds that every position accessor has to give."""
+    sizes = []
+    try:
+        for mesh in _list(document, "meshes"):
+            for primitive in mesh["primitives"]:
+                accessor = document["accessors"][primitive["attributes"]["POSITION"]]
+                sizes.append(max(float(b) - float(a) for a, b in zip(accessor["min"], accessor["max"], strict=True)))
+    except (KeyError, IndexError, TypeError, ValueError):
+        raise MeshError("This GLB does not say how large it is.") from None
+    size = max(sizes, default=0.0)
+    if not 1e-9 < size < 1e9:
+        raise MeshError("There is nothing to see in this GLB.")
+    return size
+
+
+def _list(document: dict[str, Any], name: str) -> list[Any]:
+    found = document.get(name, [])
+    return found if isinstance(found, list) else []

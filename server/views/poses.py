@@ -1,0 +1,237 @@
+"""How does each device lie now, where has it been, which way do gravity and the field point? For a scene in 3D. Pure.
+
+Everything is brought into one world, ENU (x east, y north, z up), whatever frame a device speaks:
+
+    q_enu_from_body = q_enu_from_frame ⊗ q_frame_from_body        frame: ENU, NED or NWU
+
+Gravity is the opposite of what an accelerometer at rest feels; both it and the field are vectors in body axes. Which
+channel is the attitude and which the position is recordings/rrd/layout.py's decision, so that every view agrees.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.rrd import ground, layout
+from server.codec import Samples
+
+Floats = NDArray[np.float64]
+Quaternion = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+Info = Mapping[str, Any]
+
+G = 9.80665  # m/s², standard gravity (CGPM 1901)
+PACE_S = 0.1  # a track has no more points than that
+TRACK_S = 600.0
+_HALF = math.sqrt(0.5)
+ENU_FROM: Mapping[str, Quaternion] = {
+    "ENU": (1.0, 0.0, 0.0, 0.0),
+    "NED": (0.0, _HALF, _HALF, 0.0),
+    "NWU": (_HALF, 0.0, 0.0, _HALF),
+}
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """a ⊗ b: first turned by b, then by a."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+def unit(q: Sequence[float]) -> Quaternion | None:
+    """The same rotation with length 1; None for what is no rotation (zeros, NaN)."""
+    length = math.hypot(*q)
+    if not 1e-6 < length < 1e6:
+        return None
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+def of_euler(roll: float, pitch: float, yaw: float) -> Quaternion | None:
+    """Of angles in °, yaw first (ZYX intrinsic)."""
+    r, p, y = (math.radians(angle) / 2 for angle in (roll, pitch, yaw))
+    cr, sr, cp, sp, cy, sy = math.cos(r), math.sin(r), math.cos(p), math.sin(p), math.cos(y), math.sin(y)
+    return unit(
+        (
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        )
+    )
+
+
+def of_matrix(m: Sequence[float]) -> Quaternion | None:
+    """Of a rotation matrix, row by row. From the largest of the four components, so that no root vanishes."""
+    squares = (
+        1 + m[0] + m[4] + m[8],
+        1 + m[0] - m[4] - m[8],
+        1 - m[0] + m[4] - m[8],
+        1 - m[0] - m[4] + m[8],
+    )
+    rows = (
+        (squares[0], m[7] - m[5], m[2] - m[6], m[3] - m[1]),
+        (m[7] - m[5], squares[1], m[1] + m[3], m[2] + m[6]),
+        (m[2] - m[6], m[1] + m[3], squares[2], m[5] + m[7]),
+        (m[3] - m[1], m[2] + m[6], m[5] + m[7], squares[3]),
+    )
+    return unit(rows[max(range(4), key=squares.__getitem__)]) if all(map(math.isfinite, m)) else None
+
+
+READ: Mapping[str, Callable[[Sequence[float]], Quaternion | None]] = {
+    "quaternion": unit,
+    "matrix": of_matrix,
+    "euler": lambda angles: of_euler(*angles),
+}
+
+
+def yaw_of(q: Quaternion) -> float:
+    """Heading about the frame's own z axis, rad."""
+    w, x, y, z = q
+    return math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
+
+
+def about_z(angle: float) -> Quaternion:
+    """The rotation by `angle` rad about z."""
+    return (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
+
+
+def from_x(v: Vector) -> Quaternion:
+    """A rotation that brings +x to the direction of `v`, which has a length."""
+    x, y, z = (one / math.hypot(*v) for one in v)
+    if x < -0.999999:
+        return (0.0, 0.0, 0.0, 1.0)
+    found = unit((1 + x, 0.0, -z, y))
+    assert found is not None
+    return found
+
+
+class Look:
+    """One device, as a scene shows it.
+
+    Args:
+        device: which of its channels say what.
+        infos: all its channels.
+    Attributes:
+        q_frame_from_body: newest attitude in the frame the device speaks; None before there is one.
+        gravity: in body axes, in units of g; field: in body axes, any unit.
+        place: newest position: metres east, north and up of its first one.
+    """
+
+    def __init__(self, device: layout.Device, infos: Sequence[Info]) -> None:
+        self.id, self.title = device.id, device.title
+        self.attitude, self.position = device.attitude, device.position
+        self.frame = device.attitude.frame if device.attitude else "ENU"
+        self._acceleration = _vector(infos, re.compile("^acceleration", re.I), "m/s²")
+        self._field = _vector(infos, re.compile("^magnetic", re.I), None)
+        self.q_frame_from_body: Quaternion | None = None
+        self.gravity: Vector | None = None
+        self.field: Vector | None = None
+        self.place: Vector | None = None
+        self._origin: ground.Origin | None = None
+        self._track: Floats = np.zeros((0, 4))  # time (unix s), east, north, up; ascending
+
+    @property
+    def channels(self) -> list[int]:
+        """What it must be told of."""
+        used = [self._acceleration, self._field]
+        used += [self.attitude.channel] if self.attitude else []
+        used += [self.position.channel] if self.position else []
+        return [number for number in used if number]
+
+    @property
+    def q_enu_from_body(self) -> Quaternion | None:
+        q = self.q_frame_from_body
+        return None if q is None else multiply(ENU_FROM[self.frame], q)
+
+    def hear(self, samples: Samples) -> None:
+        """Newer samples of a channel, or of a position older ones."""
+        if samples.n == 0:
+            return
+        own = samples.columns[2:]
+        if self.position and samples.channel == self.position.channel:
+            self._hear_place(samples)
+        if samples.history:
+            return
+        if self.attitude and samples.channel == self.attitude.channel:
+            values = [float(column[-1]) for column in own]
+            self.q_frame_from_body = READ[self.attitude.kind](values) or self.q_frame_from_body
+        elif samples.channel == self._acceleration:
+            self.gravity = _direction([-float(column[-1]) / G for column in own])
+        elif samples.channel == self._field:
+            self.field = _direction([float(column[-1]) for column in own])
+
+    def track(self, seconds: float) -> Floats:
+        """Where it was in its last so many seconds.
+
+        Returns:
+            (n, 3) float64: metres east, north and up of its first place.
+        """
+        if len(self._track) == 0:
+            return np.zeros((0, 3))
+        return self._track[self._track[:, 0] >= self._track[-1, 0] - seconds, 1:]
+
+    def forget_track(self) -> None:
+        """Begin anew: what is played has jumped."""
+        self._track = np.zeros((0, 4))
+
+    def _hear_place(self, samples: Samples) -> None:
+        rows = self._places(samples)
+        if len(rows) == 0:
+            return
+        if not samples.history:
+            self.place = (rows[-1, 1], rows[-1, 2], rows[-1, 3])
+        last = self._track[-1, 0] if len(self._track) and not samples.history else -math.inf
+        rows = rows[rows[:, 0] >= last + PACE_S]
+        rows = rows[np.diff(np.floor(rows[:, 0] / PACE_S), prepend=-math.inf) > 0]
+        if len(rows) == 0:
+            return
+        both = (rows, self._track) if samples.history else (self._track, rows)
+        track = np.concatenate(both)
+        self._track = track[track[:, 0] >= track[-1, 0] - TRACK_S]
+
+    def _places(self, samples: Samples) -> Floats:
+        """Rows of time, east, north, up; those that are no places left out."""
+        assert self.position is not None
+        own = samples.columns[2:]
+        a, b, c = ((own[i] if i >= 0 else np.zeros(samples.n)).astype(np.float64) for i in self.position.columns)
+        time = samples.columns[0]
+        if self.position.kind == "local":
+            there = np.isfinite(a) & np.isfinite(b) & np.isfinite(c)
+            return np.column_stack((time, b, a, -c))[there]
+        there = ground.is_place(a, b)
+        if not there.any():
+            return np.zeros((0, 4))
+        lat, lon, height = a[there], b[there], np.nan_to_num(c[there])
+        if self._origin is None:
+            self._origin = ground.Origin(float(lat[-1]), float(lon[-1]), float(height[-1]))
+        return np.column_stack((time[there], ground.enu_of(lat, lon, height, self._origin)))
+
+
+def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[Look]:
+    """All devices that tell how they lie, in order."""
+    found = [
+        Look(device, [info for info in channels if info["device"] == device.id])
+        for device in layout.devices_of(devices, channels)
+    ]
+    return [look for look in found if look.attitude]
+
+
+def _vector(infos: Sequence[Info], title: re.Pattern[str], unit: str | None) -> int:
+    for info in infos:
+        right = info["kind"] == "vector" and len(info["columns"]) == 3 and title.match(str(info["title"]))
+        if right and (unit is None or info["unit"] == unit):
+            return int(info["id"])
+    return 0
+
+
+def _direction(v: Sequence[float]) -> Vector | None:
+    return (v[0], v[1], v[2]) if 1e-9 < math.hypot(*v) < 1e9 else None

@@ -1,0 +1,91 @@
+"""The other end of server/views/aside.py: what a viewer's process knows of devices and channels, and its samples.
+
+Standard output carries our words only: whatever a library prints there goes to standard error, before it can.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO, Any
+
+from server.codec import Samples, WireError, decode_samples
+from server.views.aside import HEAD, SAMPLES, TEXT
+
+
+class Told:
+    """What has been told so far, and what is told next.
+
+    Attributes:
+        devices: as `devices` of server/wire.py has them, in order.
+        channels: all channels, by id.
+        changed: devices or channels are others than when this was last set to False.
+    """
+
+    def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
+        self._in = source or sys.stdin.buffer
+        self._out = out or _own_output()
+        self._lock = threading.Lock()
+        self.devices: list[Mapping[str, Any]] = []
+        self.channels: dict[int, Mapping[str, Any]] = {}
+        self._dtypes: dict[int, Sequence[str]] = {}
+        self.changed = False
+        with contextlib.suppress(OSError):
+            os.nice(5)  # live devices come first
+
+    def say(self, **words: Any) -> None:
+        """To our side of the view. From any thread."""
+        with self._lock, contextlib.suppress(BrokenPipeError):
+            print(json.dumps(words), file=self._out, flush=True)
+
+    def subscribe(self, channels: Sequence[int], past: Sequence[int] = (), history: float = 0.0) -> None:
+        """Have the samples of these channels from now on; replaces the last one."""
+        self.say(op="subscribe", channels=list(channels), past=list(past), history=history)
+
+    def messages(self) -> Iterator[list[Samples] | Mapping[str, Any]]:
+        """Samples as they come, and what our side of the view says; ends with the server."""
+        while True:
+            head = self._in.read(HEAD.size)
+            if len(head) < HEAD.size:
+                return
+            size, sort = HEAD.unpack(head)
+            body = self._in.read(size)
+            if len(body) < size:
+                return
+            if sort == SAMPLES:
+                with contextlib.suppress(WireError):  # of a channel whose device has just gone
+                    yield decode_samples(body, self._dtypes)
+            elif sort == TEXT:
+                self._hear(json.loads(body))
+                if self.changed:
+                    yield []
+            else:
+                yield json.loads(body)
+
+    def _hear(self, message: Mapping[str, Any]) -> None:
+        if message["op"] == "devices":
+            if [_known(one) for one in message["devices"]] != [_known(one) for one in self.devices]:
+                self.changed = True
+            self.devices = message["devices"]
+            there = {one["id"] for one in self.devices}
+            for number in [id for id, info in self.channels.items() if info["device"] not in there]:
+                del self.channels[number]
+        elif message["op"] == "channels":
+            for info in message["channels"]:
+                self.channels[info["id"]] = info
+                self._dtypes[info["id"]] = [column["dtype"] for column in info["columns"]]
+                self.changed = True
+
+
+def _known(device: Mapping[str, Any]) -> tuple[str, str]:
+    return device["id"], device["name"]
+
+
+def _own_output() -> IO[str]:
+    out = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    return out

@@ -1,0 +1,88 @@
+"""`python -m server.views.viser_aside`: the process in which viser runs. Started by server/views/viser.py.
+
+told:  {"op": "open", "key": "", "title": …}      begin a scene: "" of all devices, else of the one with this id
+       {"op": "close", "key": …}
+says:  {"op": "scene", "key": …, "port": …}       it is served on this loopback port
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from server.codec import Samples
+from server.views.poses import TRACK_S, Look, looks_of
+from server.views.scene import Scene
+from server.views.told import Told
+
+
+class Stage:
+    """All scenes, and the devices in them."""
+
+    def __init__(self, told: Told) -> None:
+        self._told = told
+        self._scenes: dict[str, Scene] = {}
+        self._looks: list[Look] = []
+        self._by_channel: dict[int, list[Look]] = {}
+        self._known: list[tuple[str, tuple[int, ...]]] = []
+
+    def hear(self, message: Sequence[Samples] | Mapping[str, Any]) -> None:
+        """What came next."""
+        if isinstance(message, Mapping):
+            self._obey(message)
+            return
+        if self._told.changed:
+            self._told.changed = False
+            self._arrange()
+        for samples in message:
+            for look in self._by_channel.get(samples.channel, ()):
+                look.hear(samples)
+        now = time.monotonic()
+        for scene in self._scenes.values():
+            scene.show(now)
+
+    def _obey(self, words: Mapping[str, Any]) -> None:
+        key = str(words["key"])
+        if words["op"] == "open" and key not in self._scenes:
+            scene = self._scenes[key] = Scene(str(words["title"]))
+            scene.arrange(self._of(key))
+        elif words["op"] == "close" and key in self._scenes:
+            self._scenes.pop(key).close()
+        if key in self._scenes:
+            self._told.say(op="scene", key=key, port=self._scenes[key].port)
+
+    def _of(self, key: str) -> list[Look]:
+        return [look for look in self._looks if key in ("", look.id)]
+
+    def _arrange(self) -> None:
+        """Devices or channels are others: those that stayed the same keep what is known of them."""
+        newest = {(info["device"], info["name"]): info for info in self._told.channels.values()}  # a layout may change
+        found = looks_of(self._told.devices, list(newest.values()))
+        before = {(look.id, look.title, *look.channels): look for look in self._looks}
+        self._looks = [before.get((look.id, look.title, *look.channels), look) for look in found]
+        known = [(look.title, tuple(look.channels)) for look in self._looks]
+        if known == self._known:
+            return
+        self._known = known
+        self._by_channel = {}
+        for look in self._looks:
+            for number in look.channels:
+                self._by_channel.setdefault(number, []).append(look)
+            look.forget_track()
+        past = [look.position.channel for look in self._looks if look.position]
+        self._told.subscribe(list(self._by_channel), past, TRACK_S)
+        for key, scene in self._scenes.items():
+            scene.arrange(self._of(key))
+
+
+def main() -> None:
+    """Until standard input ends."""
+    told = Told()
+    stage = Stage(told)
+    for message in told.messages():
+        stage.hear(message)
+
+
+if __name__ == "__main__":
+    main()
