@@ -7,6 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from recordings import sidecar
+from recordings import sidecar
 from recordings.blocks import Recording
 from recordings.container import EDIT, SUFFIX, RecordingError
 
@@ -20,7 +21,8 @@ def is_pinned(path: Path) -> bool:
         return said
     try:
         with Recording(path) as recording:
-            return recording.meta(EDIT).get("pinned", "").lower() in ("true", "1")
+            told = sidecar.from_metadata(recording.meta(EDIT))
+        return bool(sidecar.read(path).over(told).pinned)
     except RecordingError:
         return True
 

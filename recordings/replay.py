@@ -1,0 +1,220 @@
+"""Which bytes of a recording are due now? Its chunks on a clock that is passed in.
+
+    replay = Replay(source, now_ns)                      stands at the beginning, playing
+    replay.take()                                        what is due by now, oldest first
+    replay.wait_ns()                                     until the next; None: paused, or at the end
+    replay.pause()  .play()  .seek(ns)  .speed = 4
+
+    recorded   a────b──c─────────d        a chunk is due when the clock has gone on as far, times the speed,
+    clock      └ speed 2: a──b─c────d     as the recording has
+
+Several devices of a file play in step, because one clock leads them all; of each device the bytes come in the order of
+the file. A recorded time that runs backwards counts as the one before it. Within a range the replay begins at its start
+and ends at its end, or begins again (`loop`): the first chunks of each turn are `anew`.
+
+Pure: no thread, no sleep. Memory is bounded by one part of the file (recordings/parts.py) of each device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from recordings.parts import Part, Source
+
+SPEEDS = (0.1, 50.0)
+TURN_NS = 100_000_000  # between two turns of a loop: lines of a plot break there
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """A chunk that is due.
+
+    Args:
+        time_ns: when it was recorded.
+        anew: the first of its device in a new turn, or after a jump: nothing before belongs with it.
+    """
+
+    device: str
+    way: Literal["rx", "tx"]
+    data: bytes
+    time_ns: int
+    anew: bool = False
+
+
+class Replay:
+    """One recording being played.
+
+    Args:
+        source: the file.
+        now_ns: a clock that does not step.
+        speed: 2 plays twice as fast.
+        start_ns, stop_ns: the range, recorded time; None for the beginning, the end.
+        devices: of the file, those that are wanted; None for all.
+        ways: "rx" what came from a device, "tx" what was sent to it.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        now_ns: Callable[[], int],
+        *,
+        speed: float = 1.0,
+        loop: bool = False,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        devices: Sequence[str] | None = None,
+        ways: Sequence[str] = ("rx",),
+    ) -> None:
+        self._source = source
+        self._now_ns = now_ns
+        self._speed = speed
+        self.loop = loop
+        self._start_ns, self._stop_ns = start_ns, stop_ns
+        self._devices = devices
+        self._ways = ways
+        self._next: Played | None = None
+        self._fresh: set[str] = set()  # devices that have been heard since the last jump
+        self._jumped = False
+        self._paused = False
+        self._clock_ns = now_ns()  # the clock stood there …
+        self._at_ns: int | None = None  # … when the recording stood here; None before the first chunk
+        self._chunks = self._from(start_ns)
+        self._advance()
+
+    # ── how it is played ─────────────────────────────────────────────────────────────────────────────────────────────
+
+    @property
+    def ended(self) -> bool:
+        """Nothing is left to play."""
+        return self._next is None
+
+    @property
+    def paused(self) -> bool:
+        return self._paused
+
+    @property
+    def position_ns(self) -> int | None:
+        """Where the recording stands, recorded time; None where it holds nothing."""
+        if self._at_ns is None or self._paused:
+            return self._at_ns
+        return self._at_ns + round((self._now_ns() - self._clock_ns) * self._speed)
+
+    @property
+    def speed(self) -> float:
+        return self._speed
+
+    @speed.setter
+    def speed(self, speed: float) -> None:
+        self._anchor()
+        self._speed = speed
+
+    def pause(self) -> None:
+        """Stand still."""
+        self._anchor()
+        self._paused = True
+
+    def play(self) -> None:
+        """Go on from where it stands."""
+        if self._paused:
+            self._clock_ns = self._now_ns()
+            self._paused = False
+
+    def seek(self, time_ns: int) -> None:
+        """Go on from another moment; what is due before it is left out."""
+        self._begin(time_ns)
+        if self._next is not None:
+            self._at_ns = time_ns
+
+    def held(self) -> None:
+        """Whoever takes the bytes was held up: time stood still meanwhile. To be called after the last `take`."""
+        if self._next is not None and self._at_ns is not None:
+            position = self.position_ns
+            assert position is not None
+            self._at_ns = min(position, self._next.time_ns)
+            self._clock_ns = self._now_ns()
+
+    def _anchor(self) -> None:
+        self._at_ns = self.position_ns
+        self._clock_ns = self._now_ns()
+
+    # ── what is played ───────────────────────────────────────────────────────────────────────────────────────────────
+
+    def take(self, most: int = 4096) -> list[Played]:
+        """What is due by now, oldest first, at most so many chunks."""
+        found: list[Played] = []
+        position = self.position_ns
+        if self._paused or position is None:
+            return found
+        while (one := self._next) is not None and one.time_ns <= position and len(found) < most:
+            found.append(one)
+            self._advance()
+        if found and self.ended and self.loop:
+            self._begin(self._start_ns)
+            self._clock_ns += TURN_NS
+        return found
+
+    def wait_ns(self) -> int | None:
+        """Until the next chunk is due, 0 when one is; None while it is paused and at the end."""
+        position = self.position_ns
+        if self._paused or self._next is None or position is None:
+            return None
+        return max(0, round((self._next.time_ns - position) / self._speed))
+
+    def _begin(self, time_ns: int | None) -> None:
+        self._chunks = self._from(time_ns)
+        self._jumped, self._fresh = True, set()
+        self._at_ns = None
+        self._clock_ns = self._now_ns()
+        self._advance()
+
+    def _advance(self) -> None:
+        self._next = next(self._chunks, None)
+        if self._next is not None and self._at_ns is None:
+            # In step with whoever plays another device of the same range: the range's own beginning leads, if given.
+            self._at_ns = self._next.time_ns if self._start_ns is None else min(self._start_ns, self._next.time_ns)
+
+    def _from(self, start_ns: int | None) -> Iterator[Played]:
+        """The chunks of the range from a moment on, in the order in which they came."""
+        low = start_ns if start_ns is not None else -(1 << 62)
+        high = self._stop_ns if self._stop_ns is not None else 1 << 62
+        for parts in _blocks(self._source.parts(start_ns, self._stop_ns)):
+            wanted = [part for part in parts if part.way in self._ways and self._wants(part.device)]
+            for part, first, end, time in _merged(wanted):
+                if low <= time < high:
+                    anew = self._jumped and part.device not in self._fresh
+                    self._fresh.add(part.device)
+                    yield Played(part.device, part.way, part.data[first:end], time, anew)
+
+    def _wants(self, device: str) -> bool:
+        return self._devices is None or device in self._devices
+
+
+def _blocks(parts: Iterator[Part]) -> Iterator[list[Part]]:
+    """Parts that were read together."""
+    block: list[Part] = []
+    for part in parts:
+        if block and part.done != block[0].done:
+            yield block
+            block = []
+        block.append(part)
+    if block:
+        yield block
+
+
+def _merged(parts: list[Part]) -> Iterator[tuple[Part, int, int, int]]:
+    """(part, begin, end, time) of the chunks of several parts, by time; within a part in its order."""
+    if not parts:
+        return
+    times = [np.maximum.accumulate(part.times) for part in parts]
+    which = np.repeat(np.arange(len(parts)), [len(one) for one in times])
+    every = np.concatenate(times)
+    ends = np.concatenate([part.ends for part in parts])
+    starts = np.concatenate([np.concatenate(([0], part.ends[:-1])) for part in parts])
+    order = np.argsort(every, kind="stable")
+    columns = (which[order].tolist(), starts[order].tolist(), ends[order].tolist(), every[order].tolist())
+    for number, start, end, time in zip(*columns, strict=True):
+        yield parts[number], start, end, time
