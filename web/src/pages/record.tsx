@@ -41,6 +41,12 @@ export function beginNote(app: App): void {
 export function watchRecorder(app: App): void {
   let told = "";
   effect(() => {
+    if (app.store.connection.value !== "open" || app.store.recorder.peek() !== undefined) return;
+    void server.recorder().then((outcome) => {
+      if (outcome.ok) app.store.recorder.value ??= outcome.value;
+    });
+  });
+  effect(() => {
     const state = app.store.recorder.value;
     const message = state?.message ?? "";
     if (state && message !== "" && message !== told) problem.value = { kind: "recorder", message, hint: state.hint, status: 0 };

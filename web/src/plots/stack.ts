@@ -228,7 +228,7 @@ class Stack {
     const device = view.peek().device ?? "";
     const losses = this.#store.losses(device);
     const frame = `${w.g1} ${w.dt} ${w.base} ${this.#theme} ${losses.length} ${losses.at(-1)?.t1}`;
-    const still = this.#stillDue(now) ? this.#channels.reduce((sum, { ring }) => sum + ring.revision, 0) : this.#still;
+    const still = this.#stillDue(now) ? this.#channels.reduce((sum, channel) => sum + channel.ring.revision + this.#reads(channel).ring.revision, 0) : this.#still;
     if (this.#changed("lanes", `${frame} ${still} ${this.#names.lanes.length}`) && this.#lanesSheet.height > 0) {
       this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
     }

@@ -40,8 +40,7 @@ export interface Choice {
   readonly query: string;
 }
 
-export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string =>
-  [product.split(" ")[0] || name, serial].filter(Boolean).join(" ");
+export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string => [name || product, serial].filter(Boolean).join(" ");
 
 /** Every word that was typed stands somewhere in what is known of it. */
 export function matches(info: RecordingInfo, query: string): boolean {

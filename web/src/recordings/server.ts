@@ -19,6 +19,8 @@ export interface WindowQuery {
 export const server = {
   list: (query = "") => request<readonly RecordingInfo[]>("GET", `${ROOT}${query ? `?q=${encodeURIComponent(query)}` : ""}`),
   start: (body: Start) => request<RecorderState>("POST", `${ROOT}/start`, body),
+  /** What is being recorded; changes are told over the WebSocket. */
+  recorder: () => request<RecorderState>("GET", "/api/recorder"),
   stop: () => request<RecorderState>("POST", `${ROOT}/stop`, {}),
   mark: (body: Mark) => request<unknown>("POST", `${ROOT}/mark`, body),
   /** Opens it: until it is open the answer is how far that is. */

@@ -274,7 +274,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
   const pick = (): void => {
     selected.value = info.id;
   };
-  const devices = info.devices.map(deviceName).join(" + ");
+  const devices = info.devices.map(({ name, product }) => name || product).join(" + ");
   const about = info.damaged || info.notes || info.file;
   const open = !info.recording && info.deleted === null;
   return (
