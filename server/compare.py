@@ -19,7 +19,7 @@ from protocols.dialogues import Driver, Known, Values
 from protocols.schema import Field, Setting
 from server.forms import Difference, DifferenceRow
 from server.forms_of import flat
-from server.values import output_title, output_words, words
+from server.values import head_of, output_title, output_words, words
 
 NO_DEFAULT = "the document tells no default"
 
@@ -70,7 +70,7 @@ def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: D
     told = {one.name for one in row.fields if one.read_only}
     writable = {name: value for name, value in right.items() if name not in told}
     if row.partial:
-        paths = {one.path.partition(".")[0] for one in rows}
+        paths = {head_of(one.path, writable)[0] for one in rows}
         writable = {name: value for name, value in writable.items() if name in paths}
     if writable and any(one.writable for one in rows):
         found.changes[row.name] = writable

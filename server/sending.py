@@ -32,6 +32,7 @@ from server.links import open_link
 from server.links.base import Link, LinkError, LinkSettings, steady_clock
 from server.reading import Reading
 from server.runner import Runner
+from server.values import value_at
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is recognised
 BOOT_S = 0.6  # a twin, and a device that a port's opening resets, needs a moment before it hears
@@ -258,20 +259,8 @@ def _allow(row: Command | Setting, wish: Wish) -> None:
 def _tell_altered(driver: Driver, setting: Setting, asked: Values, got: Values, notes: TextIO) -> None:
     """What a device made of the values (it rounds rates)."""
     for path in driver.same(setting.name, {name: asked[name] for name in asked if name in got}, got):
-        notes.write(
-            f"imuscope: {setting.name} {path} is not as asked: {_at(got, path)!r} instead of {_at(asked, path)!r}.\n"
-        )
-
-
-def _at(values: Any, path: str) -> Any:
-    for part in path.split("."):
-        if isinstance(values, list) and part.isdigit() and int(part) < len(values):
-            values = values[int(part)]
-        elif hasattr(values, "get") and part in values:
-            values = values[part]
-        else:
-            return None
-    return values
+        have, wish = value_at(got, path), value_at(asked, path)
+        notes.write(f"imuscope: {setting.name} {path} is not as asked: {have!r} instead of {wish!r}.\n")
 
 
 def _print(out: TextIO, line: Values) -> None:

@@ -83,23 +83,34 @@ def _number(field: Field, value: Any) -> Any:
     return value if is_text or not _WHOLE.match(value) else int(value)
 
 
+def head_of(path: str, names: Iterable[str]) -> tuple[str, str]:
+    """The name that a path begins with, and what follows: names may have points of their own ("wheelConfig.radius")."""
+    for name in sorted(names, key=len, reverse=True):
+        if path == name or path.startswith(f"{name}."):
+            return name, path[len(name) + 1 :]
+    first, _, rest = path.partition(".")
+    return first, rest
+
+
 def field_at(fields: Sequence[Field], path: str) -> Field | None:
     """The field of a path ("outputs.3.output_frequency"); of a place in a vector, the vector."""
     found: Field | None = None
-    inside: Iterable[Field] = fields
-    for name in path.split("."):
+    inside = {field.name: field for field in fields}
+    while path:
+        name, path = head_of(path, inside)
         if name.isdigit():
             continue
-        found = next((field for field in inside if field.name == name), None)
+        found = inside.get(name)
         if found is None:
             return None
-        inside = found.fields
+        inside = {field.name: field for field in found.fields}
     return found
 
 
 def value_at(values: Any, path: str) -> Any:
     """What stands at a path; None where nothing does."""
-    for name in path.split("."):
+    while path:
+        name, path = head_of(path, values if isinstance(values, Mapping) else ())
         if isinstance(values, Mapping):
             values = values.get(name)
         elif isinstance(values, list | tuple) and name.isdigit() and int(name) < len(values):
@@ -112,14 +123,15 @@ def value_at(values: Any, path: str) -> Any:
 def title_at(fields: Sequence[Field], path: str) -> str:
     """A path for a person: "Outputs 4, Rate"."""
     titles: list[str] = []
-    inside: Iterable[Field] = fields
-    for name in path.split("."):
+    inside = {field.name: field for field in fields}
+    while path:
+        name, path = head_of(path, inside)
         if name.isdigit() and titles:
             titles[-1] += f" {int(name) + 1}"
             continue
-        found = next((field for field in inside if field.name == name), None)
+        found = inside.get(name)
         titles.append((found.title or found.name) if found is not None else name)
-        inside = found.fields if found is not None else ()
+        inside = {field.name: field for field in found.fields} if found is not None else {}
     return ", ".join(titles)
 
 

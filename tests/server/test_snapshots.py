@@ -10,10 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.dialogues import Known
+from protocols.isb.commands import settings_of
+from protocols.isb.dialogues import IsbDriver
 from protocols.schema import Field, Setting
 from protocols.xbus.dialogues import XbusDriver
 from server.compare import NO_DEFAULT, SideValues, compare
 from server.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.values import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(Known(product="MTi-630"))}
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}
@@ -164,3 +167,21 @@ def test_a_value_has_its_meaning_and_unit() -> None:
     row = Setting("S", (Field("a", "u1", choices={2: "115 200 Bd"}), Field("b", ">f4", unit="°", scale=2.0)))
     text = to_text(Snapshot("xbus", taken=1.0, values={"S": {"a": 2, "b": 1.5}}), {"S": row})
     assert "    a: 2  # 115 200 Bd\n    b: 1.5  # 3 °\n" in text
+
+
+def test_names_with_points_are_written_too() -> None:
+    """wheelConfig.radius was taken for a part of wheelConfig and dropped out of what was to be written."""
+    left = {"wheelConfig.radius": 0.1, "wheelConfig.transform.t_b2w": [0.0, 0.0, 1.0], "startupNavDtMs": 4}
+    right = {"wheelConfig.radius": 0.2, "wheelConfig.transform.t_b2w": [0.0, 0.5, 1.0], "startupNavDtMs": 4}
+    sides = (SideValues(name, {"DID_FLASH_CONFIG": one}) for name, one in (("Left", left), ("Right", right)))
+    found = compare(IsbDriver(), Known(), *sides)
+    assert [row.path for row in found.rows] == ["wheelConfig.transform.t_b2w", "wheelConfig.radius"]
+    changed = {name: right[name] for name in ("wheelConfig.transform.t_b2w", "wheelConfig.radius")}
+    assert found.changes == {"DID_FLASH_CONFIG": changed}
+    fields = settings_of()["DID_FLASH_CONFIG"].fields
+    for path, value in (("wheelConfig.radius", 0.2), ("wheelConfig.transform.t_b2w.1", 0.5)):
+        at = field_at(fields, path)
+        assert at is not None
+        assert path.startswith(at.name)
+        assert value_at(right, path) == value
+    assert title_at(fields, "wheelConfig.transform.t_b2w.1").endswith(" 2")
