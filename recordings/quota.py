@@ -7,7 +7,6 @@ from collections.abc import Collection
 from pathlib import Path
 
 from recordings import sidecar
-from recordings import sidecar
 from recordings.blocks import Recording
 from recordings.container import EDIT, SUFFIX, RecordingError
 
