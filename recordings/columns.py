@@ -331,6 +331,16 @@ class Columns:
         """The last row with time ≤ t; −1 when there is none."""
         return self._row(channel, t, "right", base) - 1
 
+    def between(self, channel: int, t0: float, t1: float, base: Base = "device") -> tuple[int, int]:
+        """The rows with t0 ≤ t ≤ t1: the first, and the one past the last."""
+        lo = self._row(channel, t0, "left", base)
+        return lo, max(lo, self._row(channel, t1, "right", base))
+
+    def clock(self, channel: int, lo: int, hi: int, name: Clock = "key") -> Floats:
+        """One clock of the rows lo ≤ row < hi; `key` is the one in which they are searched, non-decreasing."""
+        parts = [self._column(channel, block, name)[a:b] for block, a, b in self._within(channel, lo, hi)]
+        return np.concatenate(parts) if parts else np.empty(0)
+
     # -- finding rows --------------------------------------------------------------------------------------------------
 
     def _row(self, channel: int, t: float, side: Literal["left", "right"], base: Base) -> int:

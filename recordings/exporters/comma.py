@@ -1,0 +1,50 @@
+"""CSV: one file per message, a line per moment, numbers in full.
+
+    time (s),arrival (s),PacketCounter,Acceleration.x (m/s²),…
+    1760000000.0123,1760000000.0151,17,-0.03421,…
+
+A number has as many digits as it takes to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell
+where the device sent nothing is empty. Times are unix seconds. Units are those of the page (angular rates in °/s).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import pyarrow as pa
+import pyarrow.csv
+
+from recordings.exporters.joined import batches, headings, tables
+from recordings.exporters.naming import table_paths
+from recordings.exporters.wish import Step, Wish
+
+
+def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+    """One file per message beside `out`."""
+    found = tables(wish)
+    paths = table_paths(wish, out, found)
+    for number, (table, path) in enumerate(zip(found, paths, strict=True)):
+        with path.open("wb") as file:
+            heading(file, headings(table))
+            for batch in batches(wish, table, lambda share, n=number: step((n + share) / len(found))):  # type: ignore[misc]
+                lines(file, batch)
+    return paths
+
+
+def heading(file: BinaryIO, names: Sequence[str]) -> None:
+    """The first line."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(names)
+    file.write(text.getvalue().encode())
+
+
+_PLAIN = pa.csv.WriteOptions(include_header=False, quoting_style="none", batch_size=1 << 14)
+
+
+def lines(file: BinaryIO, batch: pa.RecordBatch) -> None:
+    """Rows as lines."""
+    pa.csv.write_csv(batch, file, _PLAIN)

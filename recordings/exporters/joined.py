@@ -1,0 +1,228 @@
+"""One table per message: how do the quantities of a message, which have rows of their own, become rows of one table?
+
+    channel A   t1 a1    t2 a2    t3 a3             time  arrival   A    B
+    channel B   t1 b1             t3 b3     ──>     t1    …         a1   b1
+                                                    t2    …         a2
+                                                    t3    …         a3   b3
+
+They are joined by (time, arrival): an outer join, so nothing is left out; where a quantity has no sample of a moment
+its cell is empty. Where one has several rows at one moment, the first goes with the first of the others, and so on.
+Tables (`rows`: satellites) have many rows a moment by nature, and stand for themselves.
+
+Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from recordings.columns import Columns, Exact
+from recordings.exporters.wish import Step, Wish, with_unit
+
+Array = NDArray[Any]
+Ints = NDArray[np.int64]
+Rows = tuple[int, int]
+
+WINDOW = 1 << 16  # rows
+
+
+@dataclass(slots=True)
+class Table:
+    """One table: the channels of a message.
+
+    Args:
+        name: of the message.
+        device: id of the device.
+        channels: ChannelInfo as in the manifest.
+        names: a heading for each column of each channel, unique in the table, without unit.
+    """
+
+    name: str
+    device: str
+    channels: list[Mapping[str, Any]] = field(default_factory=list)
+    names: list[list[str]] = field(default_factory=list)
+
+    @property
+    def columns(self) -> list[tuple[str, Mapping[str, Any]]]:
+        """Heading and ColumnInfo of every column."""
+        pairs = zip(self.names, self.channels, strict=True)
+        return [(name, column) for names, info in pairs for name, column in zip(names, info["columns"], strict=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """Rows of a table: `at[i]` says which row of `parts[i]` stands in each of them, −1 for none."""
+
+    time: Array
+    arrival: Array
+    parts: list[Exact]
+    at: list[Ints | None]  # None: each in its place
+
+    def columns(self) -> Iterator[tuple[Array, Array | None]]:
+        """Values, and where they are missing (None: nowhere), of every column in order."""
+        for part, at in zip(self.parts, self.at, strict=True):
+            for column in part.columns:
+                if at is None:
+                    yield column, None
+                elif len(column):
+                    yield column[np.maximum(at, 0)], at < 0
+                else:
+                    yield np.zeros(len(at), column.dtype), np.ones(len(at), bool)
+
+
+def tables(wish: Wish) -> list[Table]:
+    """The tables of an export, in the order in which their messages came first."""
+    found: dict[tuple[Any, ...], Table] = {}
+    for info in wish.infos:
+        alone = info["name"] if info["kind"] == "rows" else ""
+        name = info["message"] if not alone or alone == info["message"] else f"{info['message']}.{alone}"
+        name = name if info["verified"] else f"{name}.unverified"
+        table = found.setdefault((info["device"], name), Table(name, info["device"]))
+        table.channels.append(info)
+    for table in found.values():
+        _name(table)
+    return list(found.values())
+
+
+def _name(table: Table) -> None:
+    seen: dict[str, int] = {"time": 1, "arrival": 1}
+    for info in table.channels:
+        names = []
+        for column in info["columns"]:
+            name = heading(info, column)
+            seen[name] = seen.get(name, 0) + 1
+            names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+        table.names.append(names)
+
+
+def heading(info: Mapping[str, Any], column: Mapping[str, Any]) -> str:
+    """What a column is called among others of its message: "Acceleration.x", "PacketCounter"."""
+    quantity = str(info["name"]).rstrip("?").removeprefix(f"{info['message']}.")
+    if column["name"] in ("value", quantity):
+        return quantity
+    return str(column["name"]) if quantity == info["message"] else f"{quantity}.{column['name']}"
+
+
+def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
+    """The rows of a table; columns are time, arrival, then those of the table. A missing cell is null.
+
+    Args:
+        step: told how far it is, 0..1.
+    """
+    numbers = [info["id"] for info in table.channels]
+    ranges = {number: wish.rows(number) for number in numbers}
+    total = sum(hi - lo for lo, hi in ranges.values()) or 1
+    done = 0
+    heads = schema(table)
+    for window in windows(wish.columns, ranges):
+        parts = [wish.columns.exact(number, *window[number]) for number in numbers]
+        joined = join(parts)
+        arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
+        arrays += [pa.array(values, mask=missing) for values, missing in joined.columns()]
+        yield pa.RecordBatch.from_arrays(arrays, schema=heads)
+        done += sum(hi - lo for lo, hi in window.values())
+        step(done / total)
+
+
+def schema(table: Table) -> pa.Schema:
+    """Names and units of a table's columns; what else is known of each is in its field's metadata."""
+    about = {
+        "time": "Device time mapped to the host's clock; empty where the message has no clock.",
+        "arrival": "When its bytes arrived at the host.",
+    }
+    fields = [
+        pa.field(name, pa.float64(), metadata={"unit": "s", "label": words, "epoch": "1970-01-01T00:00:00Z"})
+        for name, words in about.items()
+    ]
+    for name, column in table.columns:
+        told = {"unit": column["unit"], "label": column["label"], "doc": column["doc"]}
+        fields.append(
+            pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
+        )
+    return pa.schema(fields)
+
+
+_TYPES = {
+    **{f"i{size}": getattr(pa, f"int{8 * size}")() for size in (1, 2, 4, 8)},
+    **{f"u{size}": getattr(pa, f"uint{8 * size}")() for size in (1, 2, 4, 8)},
+    "f4": pa.float32(),
+    "f8": pa.float64(),
+}
+
+
+def headings(table: Table) -> list[str]:
+    """The first line of a table as text: names with their units."""
+    return ["time (s)", "arrival (s)", *(with_unit(name, column["unit"]) for name, column in table.columns)]
+
+
+def windows(columns: Columns, ranges: Mapping[int, Rows], rows: int = WINDOW) -> Iterator[dict[int, Rows]]:
+    """Cut channels at common times: every window has about `rows` rows of the busiest and those of the others between
+    the same two times. Rows of one time are never parted."""
+    at = {number: lo for number, (lo, _) in ranges.items()}
+    while any(at[number] < hi for number, (_, hi) in ranges.items()):
+        size = rows
+        while True:
+            window = {number: (at[number], hi) for number, (_, hi) in ranges.items()}
+            bound = np.inf
+            for number, (_, hi) in ranges.items():
+                last = at[number] + size
+                if last < hi:
+                    bound = min(bound, float(columns.clock(number, last, last + 1)[0]))
+            if np.isfinite(bound):
+                for number, (lo, hi) in window.items():
+                    window[number] = (lo, max(lo, min(hi, columns.between(number, bound, bound)[0])))
+            if any(stop > start for start, stop in window.values()):
+                break
+            size *= 2  # more rows of one time than a window has
+        yield window
+        at = {number: stop for number, (_, stop) in window.items()}
+
+
+def join(parts: Sequence[Exact]) -> Joined:
+    """The rows of some channels as rows of one table."""
+    first = parts[0]
+    if all(_alike(first, other) for other in parts[1:]):
+        return Joined(first.time, first.arrival, list(parts), [None] * len(parts))
+    moments = [np.where(np.isnan(part.time), part.arrival, part.time) for part in parts]
+    key = np.concatenate(moments)
+    arrival = np.concatenate([part.arrival for part in parts])
+    nth = np.concatenate([_nth(moment, part.arrival) for moment, part in zip(moments, parts, strict=True)])
+    time = np.concatenate([part.time for part in parts])
+    order = np.lexsort((nth, arrival, key))
+    new = np.ones(len(order), bool)
+    for values in (key, arrival, nth):
+        new[1:] &= values[order][1:] == values[order][:-1]
+    new[1:] = ~new[1:]
+    row = np.empty(len(order), np.int64)
+    row[order] = np.cumsum(new) - 1
+    rows = int(new.sum())
+    at: list[Ints | None] = []
+    start = 0
+    for part in parts:
+        mine = np.full(rows, -1, np.int64)
+        mine[row[start : start + len(part)]] = np.arange(len(part))
+        at.append(mine)
+        start += len(part)
+    return Joined(time[order][new], arrival[order][new], list(parts), at)
+
+
+def _alike(a: Exact, b: Exact) -> bool:
+    return np.array_equal(a.arrival, b.arrival) and np.array_equal(a.time, b.time, equal_nan=True)
+
+
+def _nth(moment: Array, arrival: Array) -> Ints:
+    """Of each row, how many of the same moment come before it."""
+    order = np.lexsort((np.arange(len(moment)), arrival, moment))
+    same = np.zeros(len(order), bool)
+    same[1:] = (moment[order][1:] == moment[order][:-1]) & (arrival[order][1:] == arrival[order][:-1])
+    place = np.arange(len(order))
+    begins = np.maximum.accumulate(np.where(same, 0, place))
+    out = np.empty(len(order), np.int64)
+    out[order] = place - begins
+    return out

@@ -1,0 +1,41 @@
+"""Parquet: one file per message, for pandas, polars, DuckDB and the like.
+
+The columns are those of the CSV (time, arrival, then the message's), with the types of the wire; a cell where the
+device sent nothing is null, which is not NaN. Each field's metadata tells its unit, label and meaning; the file's
+metadata the recording, device and message.
+
+    import pyarrow.parquet as pq
+    table = pq.read_table("run_MTData2.parquet")
+    table.schema.field("Acceleration.x").metadata[b"unit"].decode()    # m/s²
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from recordings.exporters.joined import Table, batches, schema, tables
+from recordings.exporters.naming import table_paths
+from recordings.exporters.wish import Step, Wish
+
+
+def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+    """One file per message beside `out`."""
+    found = tables(wish)
+    paths = table_paths(wish, out, found)
+    for number, (table, path) in enumerate(zip(found, paths, strict=True)):
+
+        def part(share: float, number: int = number) -> None:
+            step((number + share) / len(found))
+
+        _table(wish, table, path, part)
+    return paths
+
+
+def _table(wish: Wish, table: Table, path: Path, step: Step) -> None:
+    heads = schema(table)
+    told = {"recording": wish.title, "device": wish.device_name(table.device), "message": table.name}
+    with pq.ParquetWriter(path, heads.with_metadata(told), compression="zstd") as writer:
+        for batch in batches(wish, table, step):
+            writer.write_batch(batch.replace_schema_metadata(told))

@@ -1,0 +1,81 @@
+"""What is to be exported: which stretch of which channels of an opened recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recordings.columns import Base, Columns
+from recordings.container import RecordingError
+
+Step = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
+
+
+class ExportError(RecordingError):
+    """It cannot be exported: one sentence, and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is to be exported.
+
+    Args:
+        columns: the opened recording.
+        source: its file, for formats that hold the bytes of a device.
+        title: what it is called, for headers.
+        t0, t1: both ends belong to it, unix s.
+        channels: ids; None for all.
+        device: for formats that hold one device; "" where there is one only.
+        base: which time t0 and t1 are, and rows go by.
+    """
+
+    columns: Columns
+    source: Path | None = None
+    title: str = ""
+    t0: float = -math.inf
+    t1: float = math.inf
+    channels: tuple[int, ...] | None = None
+    device: str = ""
+    base: Base = "device"
+
+    @property
+    def infos(self) -> list[Mapping[str, Any]]:
+        """The chosen channels as the manifest describes them (server/wire.py, ChannelInfo), those without rows left
+        out."""
+        told = self.columns.manifest["channels"]
+        return [info for info in told if self._is_chosen(info) and self.columns.rows(info["id"])]
+
+    def _is_chosen(self, info: Mapping[str, Any]) -> bool:
+        return (self.channels is None or info["id"] in self.channels) and self.device in ("", info["device"])
+
+    def rows(self, channel: int) -> tuple[int, int]:
+        """The rows of a channel that belong to the export: the first, and the one past the last."""
+        return self.columns.between(channel, self.t0, self.t1, self.base)
+
+    def device_name(self, device: str) -> str:
+        """What a device is called; "1" and its name where several have the same."""
+        told = self.columns.manifest["devices"]
+        names = {one["id"]: one["name"] or one["id"] for one in told}
+        name = names.get(device, device)
+        return f"{name} {device}" if list(names.values()).count(name) > 1 else name
+
+    @property
+    def has_several_devices(self) -> bool:
+        """Whether the recording has samples of more than one device."""
+        return len({info["device"] for info in self.columns.manifest["channels"]}) > 1
+
+
+def usual_interval(columns: Columns, channel: int) -> float:
+    """The usual time between two samples of a channel, s; 0 where it has fewer than two times."""
+    steps = np.diff(columns.clock(channel, 0, 4096))
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A column's heading."""
+    return f"{name} ({unit})" if unit else name
