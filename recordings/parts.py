@@ -98,6 +98,11 @@ class McapSource:
     def damage(self) -> list[Damage]:
         return self._recording.damage
 
+    @property
+    def indexed(self) -> list[int]:
+        """When each block of the file ends, ns; empty where it has no index."""
+        return [index.message_end_time for index in self._recording.chunks]
+
     def _learn(self) -> None:
         for name, values in self._recording.metadata:
             if name.startswith(DEVICE):

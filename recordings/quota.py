@@ -20,8 +20,7 @@ def is_pinned(path: Path) -> bool:
         return said
     try:
         with Recording(path) as recording:
-            told = sidecar.from_metadata(recording.meta(EDIT))
-        return bool(sidecar.read(path).over(told).pinned)
+            return bool(sidecar.from_metadata(recording.meta(EDIT)).pinned)
     except RecordingError:
         return True
 

@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from recordings.parts import Part, Source
+from recordings.parts import McapSource, Part, Source
 
 SPEEDS = (0.1, 50.0)
 TURN_NS = 100_000_000  # between two turns of a loop: lines of a plot break there
@@ -55,6 +55,7 @@ class Replay:
         start_ns, stop_ns: the range, recorded time; None for the beginning, the end.
         devices: of the file, those that are wanted; None for all.
         ways: "rx" what came from a device, "tx" what was sent to it.
+        began_ns: when the clock stood at the beginning, for one that keeps step with others; None: now.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Replay:
         stop_ns: int | None = None,
         devices: Sequence[str] | None = None,
         ways: Sequence[str] = ("rx",),
+        began_ns: int | None = None,
     ) -> None:
         self._source = source
         self._now_ns = now_ns
@@ -80,7 +82,7 @@ class Replay:
         self._fresh: set[str] = set()  # devices that have been heard since the last jump
         self._jumped = False
         self._paused = False
-        self._clock_ns = now_ns()  # the clock stood there …
+        self._clock_ns = now_ns() if began_ns is None else began_ns  # the clock stood there …
         self._at_ns: int | None = None  # … when the recording stood here; None before the first chunk
         self._chunks = self._from(start_ns)
         self._advance()
@@ -153,8 +155,7 @@ class Replay:
             found.append(one)
             self._advance()
         if found and self.ended and self.loop:
-            self._begin(self._start_ns)
-            self._clock_ns += TURN_NS
+            self._turn(found[-1].time_ns)
         return found
 
     def wait_ns(self) -> int | None:
@@ -163,6 +164,14 @@ class Replay:
         if self._paused or self._next is None or position is None:
             return None
         return max(0, round((self._next.time_ns - position) / self._speed))
+
+    def _turn(self, last_ns: int) -> None:
+        """Begin again when the range is over, not already when this device has nothing more in it."""
+        assert self._at_ns is not None
+        end_ns = max(last_ns, self._stop_ns if self._stop_ns is not None else last_ns)
+        over_ns = self._clock_ns + round((end_ns - self._at_ns) / self._speed)
+        self._begin(self._start_ns)
+        self._clock_ns = over_ns + TURN_NS
 
     def _begin(self, time_ns: int | None) -> None:
         self._chunks = self._from(time_ns)
@@ -191,6 +200,26 @@ class Replay:
 
     def _wants(self, device: str) -> bool:
         return self._devices is None or device in self._devices
+
+
+def extent(source: Source) -> tuple[int, int] | None:
+    """When the first and the last chunk of a file were recorded, ns; None where it holds none."""
+    first = last = None
+    if isinstance(source, McapSource) and source.indexed:
+        for parts in _blocks(source.parts()):
+            first = min(int(part.times[0]) for part in parts)
+            break
+        ends = sorted(source.indexed, reverse=True)
+        for end in ends:  # the last block that holds chunks
+            times = [int(part.times.max()) for part in source.parts(end, None)]
+            if times:
+                last = max(times)
+                break
+    else:
+        for part in source.parts():
+            first = int(part.times[0]) if first is None else min(first, int(part.times[0]))
+            last = int(part.times.max()) if last is None else max(last, int(part.times.max()))
+    return (first, last) if first is not None and last is not None else None
 
 
 def _blocks(parts: Iterator[Part]) -> Iterator[list[Part]]:

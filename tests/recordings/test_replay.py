@@ -9,7 +9,7 @@ import pytest
 from recordings.container import Writer
 from recordings.packing import pack
 from recordings.parts import McapSource
-from recordings.replay import TURN_NS, Played, Replay
+from recordings.replay import TURN_NS, Played, Replay, extent
 
 MS = 1_000_000
 START = 1_760_000_000_000_000_000
@@ -170,3 +170,21 @@ def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:
         assert replay.take() == []
         assert replay.wait_ns() is None
         assert replay.position_ns is None
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_the_extent_of_a_file(tmp_path: Path, packed: bool) -> None:
+    source = McapSource(recording(tmp_path, chunks=3000, packed=packed, size=2000))
+    assert extent(source) == (START, START + 29_993 * MS)
+
+
+def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) -> None:
+    source = McapSource(recording(tmp_path, chunks=10))
+    clock = Clock()
+    span = extent(source)
+    assert span is not None
+    some = {"start_ns": span[0], "stop_ns": span[1] + 1, "loop": True}
+    first = played(Replay(source, clock, devices=["1"], **some), clock, 40)  # type: ignore[arg-type]
+    clock = Clock()
+    second = played(Replay(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
+    assert [b - a for (a, _), (b, _) in zip(first, second, strict=True)] == [3 * MS] * 40
