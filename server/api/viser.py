@@ -1,19 +1,32 @@
-"""The 3D scene under /viser/: viser's own page and WebSocket, through server/views/proxy.py."""
+"""The 3D scene under /viser/: viser's own page and WebSocket, through server/views/proxy.py.
+
+GET /api/views/scene?device=ID      begins a scene (all devices without one): {"address": "/viser/ID/"}
+/viser/…                            that page and its WebSocket
+/ws/scene/RECORDING                 a page that plays a recording says where it reads, and is told of a scene of its
+                                    own that follows:   <── {"address": "/viser/replay-…/"}
+                                                        ──> {"t": unix s, "rate": recorded seconds in a second}
+"""
 
 from __future__ import annotations
 
+import asyncio
+import json
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, WebSocket
+from fastapi import APIRouter, Depends, Query, Request, WebSocket
 from fastapi.responses import RedirectResponse, Response
+from starlette.websockets import WebSocketDisconnect
 
-from server.api.errors import ApiError
+from recordings.container import RecordingError
+from server.api.errors import ApiError, responses
 from server.api.page import HEADERS
 from server.serving import MOST_FROM_VIEWER
+from server.views.aside import PER_S
 from server.views.proxy import TRY_LATER, VIEWER_POLICY, ViewError, fetch, relay
+from server.views.replayed import Replayed
 from server.views.viser import Viser
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter()
 
 MOST_PAGE = 8 * 1024 * 1024  # viser's page has 0.8 MB
 
@@ -29,16 +42,28 @@ def viser_of(request: Request) -> Viser:
 OneViser = Annotated[Viser, Depends(viser_of)]
 
 
-@router.get("/viser")
-@router.get("/viser/{key}")
+@router.get("/api/views/scene", tags=["views"], responses=responses(503))
+async def begin_scene(
+    viser: OneViser, device: Annotated[str, Query(description="id of a device; all when left out")] = ""
+) -> dict[str, str]:
+    """Begin a 3D scene; its address, as soon as it can be opened."""
+    try:
+        await viser.port(device)
+    except ViewError as error:
+        raise ApiError(503, "no-view", error.message, error.hint) from None
+    return {"address": f"/viser/{device}/" if device else "/viser/"}
+
+
+@router.get("/viser", include_in_schema=False)
+@router.get("/viser/{key}", include_in_schema=False)
 async def with_slash(request: Request, key: str = "") -> RedirectResponse:
     """The page's address ends with a slash; its WebSocket's does not."""
     query = f"?{request.url.query}" if request.url.query else ""
     return RedirectResponse(f"/viser/{key}/{query}" if key else f"/viser/{query}", 308)
 
 
-@router.get("/viser/")
-@router.get("/viser/{key}/")
+@router.get("/viser/", include_in_schema=False)
+@router.get("/viser/{key}/", include_in_schema=False)
 async def scene(request: Request, viser: OneViser, key: str = "") -> Response:
     """viser's page for all devices, or for one; starts viser when it does not run."""
     gzip = "gzip" in request.headers.get("accept-encoding", "")
@@ -69,3 +94,53 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
         )
     finally:
         viser.left(key)
+
+
+@router.websocket("/ws/scene/{recording}")
+async def recorded_scene(socket: WebSocket, recording: str) -> None:
+    """A scene that follows a page's player, for as long as the page holds this."""
+    viser: Viser = socket.app.state.viser
+    try:
+        store = await socket.app.state.shelf.opened(recording)
+    except (KeyError, FileNotFoundError, RecordingError):
+        await socket.close(TRY_LATER, "This recording cannot be opened.")
+        return
+    await socket.accept()
+    replayed = Replayed(store)
+    key = viser.begin(replayed)
+    tasks = (
+        asyncio.create_task(_follow(viser, key), name="scene follows a recording"),
+        asyncio.create_task(_heads(socket, replayed), name="page says where it reads"),
+    )
+    try:
+        await socket.send_json({"address": f"/viser/{key}/"})
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    except (WebSocketDisconnect, RuntimeError, OSError):
+        pass
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await viser.end(key)
+
+
+async def _follow(viser: Viser, key: str) -> None:
+    while True:
+        viser.show(key)
+        await asyncio.sleep(1 / PER_S)
+
+
+async def _heads(socket: WebSocket, replayed: Replayed) -> None:
+    """Where the page reads, until it goes or says something else."""
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        try:
+            said = json.loads(message.get("text") or "")
+            t, rate = float(said["t"]), float(said["rate"])
+        except (ValueError, KeyError, TypeError):
+            return
+        if not (abs(t) < 1e12 and abs(rate) < 1e6):  # nor NaN
+            return
+        replayed.move(t, rate)

@@ -154,7 +154,7 @@ class Look:
 
     def hear(self, samples: Samples) -> None:
         """Newer samples of a channel, or of a position older ones."""
-        if samples.n == 0:
+        if samples.n == 0 or samples.channel not in self.channels:
             return
         own = samples.columns[2:]
         if self.position and samples.channel == self.position.channel:

@@ -2,6 +2,7 @@
 
     /viser/          a scene of all devices, side by side        key ""
     /viser/ID/       a scene of one device                       key: the device's id
+    /viser/replay-…/ a scene of a recording that a page plays    key: given by `begin`, gone with `end`
 
 viser runs in a process of its own (server/views/viser_aside.py), fed as server/views/aside.py says, and is reached
 through server/views/proxy.py. Its page opens a WebSocket at its own address without the last slash.
@@ -16,6 +17,7 @@ A viser that falls over again and again is not started more than `MOST_STARTS` t
 from __future__ import annotations
 
 import asyncio
+import secrets
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -25,6 +27,7 @@ from typing import Any
 from server.hub import Hub
 from server.views.aside import Aside
 from server.views.proxy import ViewError
+from server.views.replayed import Replayed
 
 MODULE = "server.views.viser_aside"
 IDLE_S = 15.0
@@ -54,6 +57,7 @@ class Viser:
         self._idle_s = idle_s
         self._aside: Aside | None = None
         self._scenes: dict[str, SceneState] = {}
+        self._replays: dict[str, Replayed] = {}
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
         self._starting = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -69,8 +73,8 @@ class Viser:
         Raises:
             ViewError: there is no such device, viser does not start, or there are too many scenes.
         """
-        if key and key not in self._hub.devices:
-            raise ViewError(f"There is no device {key:.40}.", "Open /viser/ for all that there are.")
+        if key and key not in self._hub.devices and key not in self._replays:
+            raise ViewError(f"There is no scene {key:.40}.", "Open /viser/ for all devices that there are.")
         async with self._starting:
             if self._aside is None:
                 await self._start()
@@ -80,8 +84,7 @@ class Viser:
                     raise ViewError(f"There are {MOST_SCENES} scenes already.", "Close one of their pages.")
                 scene = self._scenes[key] = SceneState()
                 assert self._aside is not None
-                device = self._hub.devices.get(key)
-                self._aside.say(op="open", key=key, title=device.name if device else "imuscope")
+                self._aside.say(op="open", key=key, **self._about(key))
                 self._leave_later(key)
         try:
             async with asyncio.timeout(START_S):
@@ -106,12 +109,45 @@ class Viser:
             if scene.viewers == 0:
                 self._leave_later(key)
 
+    def begin(self, replayed: Replayed) -> str:
+        """A scene of a recording; returns its key. To be ended with `end`."""
+        key = f"replay-{secrets.token_hex(8)}"
+        self._replays[key] = replayed
+        return key
+
+    def show(self, key: str) -> None:
+        """Have a recording's scene show where it is read now; at most 60 times a second."""
+        scene, replayed = self._scenes.get(key), self._replays[key]
+        if self._aside is not None and scene is not None and scene.viewers:
+            news = replayed.news()
+            if news is not None:
+                self._aside.say(op="rows", key=key, **news)
+
+    async def end(self, key: str) -> None:
+        """The recording is no longer played."""
+        self._replays.pop(key, None)
+        scene = self._scenes.get(key)
+        if scene is not None:
+            if scene.idle is not None:
+                scene.idle.cancel()
+            scene.viewers = 0
+            await self._leave(key, scene)
+
     async def close(self) -> None:
         """End viser, if it runs."""
         async with self._starting:
             await self._stop("The server is closing.")
         for task in self._tasks:
             task.cancel()
+
+    def _about(self, key: str) -> dict[str, Any]:
+        """What a scene is begun with."""
+        replayed = self._replays.get(key)
+        if replayed is not None:
+            replayed.begin_again()
+            return {"title": "Recording", "devices": replayed.devices, "channels": replayed.channels}
+        device = self._hub.devices.get(key)
+        return {"title": device.name if device else "imuscope"}
 
     async def _start(self) -> None:
         now = time.monotonic()

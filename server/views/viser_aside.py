@@ -11,6 +11,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from server.codec import Samples
 from server.views.poses import TRACK_S, Look, looks_of
 from server.views.scene import Scene
@@ -26,6 +28,7 @@ class Stage:
         self._looks: list[Look] = []
         self._by_channel: dict[int, list[Look]] = {}
         self._known: list[tuple[str, tuple[int, ...]]] = []
+        self._recorded: dict[str, list[Look]] = {}
 
     def hear(self, message: Sequence[Samples] | Mapping[str, Any]) -> None:
         """What came next."""
@@ -39,20 +42,43 @@ class Stage:
             for look in self._by_channel.get(samples.channel, ()):
                 look.hear(samples)
         now = time.monotonic()
-        for scene in self._scenes.values():
-            scene.show(now)
+        for key, scene in self._scenes.items():
+            if key not in self._recorded:
+                scene.show(now)
 
     def _obey(self, words: Mapping[str, Any]) -> None:
         key = str(words["key"])
+        if words["op"] == "rows":
+            self._replay(key, words)
+            return
         if words["op"] == "open" and key not in self._scenes:
+            if "devices" in words:
+                self._recorded[key] = looks_of(words["devices"], words["channels"])
             scene = self._scenes[key] = Scene(str(words["title"]))
             scene.arrange(self._of(key))
         elif words["op"] == "close" and key in self._scenes:
             self._scenes.pop(key).close()
+            self._recorded.pop(key, None)
         if key in self._scenes:
             self._told.say(op="scene", key=key, port=self._scenes[key].port)
 
+    def _replay(self, key: str, words: Mapping[str, Any]) -> None:
+        looks = self._recorded.get(key, [])
+        if "past" in words:
+            for look in looks:
+                look.forget_track()
+        for name, history in (("past", True), ("rows", False)):
+            for number, columns in words.get(name, {}).items():
+                arrays = [np.array(column, np.float64) for column in columns]
+                samples = Samples(int(number), 0, len(arrays[0]), 0, history, 0.0, arrays)
+                for look in looks:
+                    look.hear(samples)
+        if key in self._scenes:
+            self._scenes[key].show(time.monotonic())
+
     def _of(self, key: str) -> list[Look]:
+        if key in self._recorded:
+            return self._recorded[key]
         return [look for look in self._looks if key in ("", look.id)]
 
     def _arrange(self) -> None:
@@ -73,7 +99,8 @@ class Stage:
         past = [look.position.channel for look in self._looks if look.position]
         self._told.subscribe(list(self._by_channel), past, TRACK_S)
         for key, scene in self._scenes.items():
-            scene.arrange(self._of(key))
+            if key not in self._recorded:
+                scene.arrange(self._of(key))
 
 
 def main() -> None:

@@ -7,6 +7,7 @@ import { Icon, type IconName, Logo } from "../ui/icons";
 import { SPANS, ZOOM_STEP } from "../ui/keys";
 import { markOf, showsPlots } from "../ui/state";
 import { theme, toggleTheme } from "../ui/theme";
+import { SceneButton } from "../views/viser";
 import { type App, folded, overlay, sheet } from "./app";
 import { Record } from "./record";
 import { href, PAGES, route } from "./route";
@@ -40,6 +41,7 @@ export function Bar({ app }: { readonly app: App }) {
       {isLive && showsPlots(app.state.value) && <TimeControls />}
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
+      {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton />}
       <Record app={app} />
       <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
         <Icon name="help" />

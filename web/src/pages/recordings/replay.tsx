@@ -12,6 +12,7 @@ import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
 import { Mounted } from "../../ui/mounted";
+import { ReplayScene } from "../../views/viser";
 import { type App, folded, overlay, sheet } from "../app";
 import { Bar } from "../bar";
 import { Side } from "../live";
@@ -47,6 +48,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
         <h1 class="vh">{info.title}</h1>
         <ProblemBand />
         <Trouble replay={replay} />
+        <ReplayScene replay={replay} />
         <Panels key={view.value.device} replay={replay} />
         <Transport replay={replay} />
         <Mounted class="overview" label="The whole recording" mount={(host) => mountOverview(host, replay)} />

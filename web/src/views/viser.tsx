@@ -1,0 +1,156 @@
+/**
+ * The 3D scene beside our own panels: viser's page in a frame, begun when a person asks for it and gone when it is closed.
+ *
+ * Live it shows one device or all side by side. Of a recording it follows the player: the page says where it reads whenever that
+ * changes otherwise than by playing on, and once a second, so that both stay together.
+ */
+import { signal } from "@preact/signals";
+import { useEffect, useRef, useState } from "preact/hooks";
+import { onFrame } from "../data/loop";
+import type { Replay } from "../recordings/replay";
+import { type Problem, request } from "../ui/api";
+import { Icon } from "../ui/icons";
+import { theme } from "../ui/theme";
+import type { DeviceInfo } from "../wire/types";
+import { headNews, type Told } from "./head";
+import "./viser.css";
+
+/** Is the panel open? The same on every page. */
+export const sceneOpen = signal(false);
+/** All devices side by side instead of the selected one. */
+const together = signal(false);
+
+/** Opens and closes the panel. */
+export function SceneButton() {
+  const open = sceneOpen.value;
+  return (
+    <button
+      type="button"
+      class="btn icon desk"
+      aria-label="3D scene"
+      title={open ? "Close the 3D scene" : "Show it in a 3D scene"}
+      aria-pressed={open}
+      onClick={() => (sceneOpen.value = !open)}
+    >
+      <Icon name="cube" />
+    </button>
+  );
+}
+
+/** The panel on Live. */
+export function LiveScene({ device, several }: { readonly device: DeviceInfo; readonly several: boolean }) {
+  if (!sceneOpen.value) return null;
+  const all = several && together.value;
+  const choice = several && (
+    <button type="button" class="btn small" aria-pressed={all} onClick={() => (together.value = !all)}>
+      All side by side
+    </button>
+  );
+  return (
+    <Panel title={all ? "3D scene of all devices" : `3D scene of ${device.name}`} extra={choice}>
+      <Begun key={all ? "" : device.id} device={all ? "" : device.id} />
+    </Panel>
+  );
+}
+
+/** The panel of a recording that is open. */
+export function ReplayScene({ replay }: { readonly replay: Replay }) {
+  if (!sceneOpen.value) return null;
+  return (
+    <Panel title="3D scene of the recording">
+      <Following replay={replay} />
+    </Panel>
+  );
+}
+
+interface PanelProps {
+  readonly title: string;
+  readonly extra?: preact.ComponentChildren;
+  readonly children: preact.ComponentChildren;
+}
+
+function Panel({ title, extra, children }: PanelProps) {
+  const whole = useRef<HTMLElement>(null);
+  const enlarge = (): void => {
+    if (document.fullscreenElement) void document.exitFullscreen();
+    else void whole.current?.requestFullscreen?.().catch(() => undefined);
+  };
+  return (
+    <section class="scene" ref={whole} aria-label={title}>
+      <div class="head">
+        <h2>{title}</h2>
+        <span class="grow" />
+        {extra}
+        <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
+          <Icon name="fit" />
+        </button>
+        <button type="button" class="btn icon" aria-label="Close the 3D scene" title="Close the 3D scene" onClick={() => (sceneOpen.value = false)}>
+          <Icon name="close" />
+        </button>
+      </div>
+      {children}
+    </section>
+  );
+}
+
+function Frame({ address }: { readonly address: string }) {
+  const dark = theme.value === "dark" ? "?darkMode" : "";
+  return <iframe src={address + dark} title="3D scene, by viser" allow="fullscreen" />;
+}
+
+function Waiting({ problem }: { readonly problem: Problem | undefined }) {
+  if (!problem) return <p class="wait" role="status">Starting the 3D scene…</p>;
+  return (
+    <p class="wait" role="alert">
+      <b>{problem.message}</b> {problem.hint}
+    </p>
+  );
+}
+
+/** A scene of what lives: asked for first, so that a refusal is told in words of ours. */
+function Begun({ device }: { readonly device: string }) {
+  const [address, setAddress] = useState<string>();
+  const [problem, setProblem] = useState<Problem>();
+  useEffect(() => {
+    let wanted = true;
+    void request<{ readonly address: string }>("GET", `/api/views/scene?device=${encodeURIComponent(device)}`).then((outcome) => {
+      if (!wanted) return;
+      if (outcome.ok) setAddress(outcome.value.address);
+      else setProblem(outcome.problem);
+    });
+    return () => {
+      wanted = false;
+    };
+  }, []);
+  return address === undefined ? <Waiting problem={problem} /> : <Frame address={address} />;
+}
+
+/** A scene that follows a player. */
+function Following({ replay }: { readonly replay: Replay }) {
+  const [address, setAddress] = useState<string>();
+  const [problem, setProblem] = useState<Problem>();
+  useEffect(() => {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws/scene/${encodeURIComponent(replay.detail.info.id)}`);
+    let told: Told | undefined;
+    socket.onmessage = ({ data }) => setAddress((JSON.parse(String(data)) as { readonly address: string }).address);
+    socket.onclose = ({ reason }) => {
+      setAddress(undefined);
+      setProblem({ kind: "closed", message: reason || "The 3D scene has ended.", hint: "Close it and open it again.", status: 0 });
+    };
+    const stop = onFrame((now) => {
+      if (socket.readyState !== WebSocket.OPEN) return;
+      const rate = replay.playing.peek() ? replay.speed.peek() : 0;
+      const news = headNews(told, { t: replay.head, rate, at: now / 1000 });
+      if (!news) return;
+      told = news;
+      socket.send(JSON.stringify({ t: news.t, rate: news.rate }));
+    });
+    return () => {
+      stop();
+      socket.onclose = null;
+      socket.close();
+    };
+  }, []);
+  return address === undefined ? <Waiting problem={problem} /> : <Frame address={address} />;
+}
