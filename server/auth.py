@@ -9,9 +9,12 @@ Three dangers, three checks, all before a route is reached:
     a foreign name that resolves   Host must be an address, a name of this machine, or listed, for everything but the
     to this machine (rebinding)    page's own files
 
-A view token sees, a control token also changes things. A token travels as `Authorization: Bearer …`, as `?token=…`, or
-as the cookie that `GET /?token=…` sets before it redirects to the bare address, so that it does not stay in the
-address bar, in the history or in a log. Loopback without a proxy needs none: who can open that port is on the machine.
+A view token sees, a control token also changes things. Three requests are POST only because they carry values (what
+would be sent, would it fit, in what do two sides differ): they change nothing, and a view token may ask them.
+
+A token travels as `Authorization: Bearer …`, as `?token=…`, or as the cookie that `GET /?token=…` sets before it
+redirects to the bare address, so that it does not stay in the address bar, in the history or in a log. Loopback without
+a proxy needs none: who can open that port is on the machine.
 
 The page's own files and `/healthz` are open: they hold nothing of the devices.
 """
@@ -22,6 +25,7 @@ import hmac
 import ipaddress
 import json
 import platform
+import re
 import secrets
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
@@ -38,6 +42,7 @@ PROTECTED = ("/api", "/ws", "/openapi.json", "/viser", "/rerun")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_BODY = 1024 * 1024
+LOOKING = re.compile(r"/api/devices/[^/]+/(preview|fit|compare)\Z")  # as POST they carry values, and do nothing
 UPLOAD = ("PUT", "/api/recordings/upload")  # the one body that is no JSON: a recording, as large as is configured
 UPLOAD_TYPE = "application/octet-stream"
 COOKIE_AGE_S = 90 * 24 * 3600
@@ -102,7 +107,7 @@ class Access:
         role = self._check_token(headers, client, query_token)
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
-            if role != "control":
+            if role != "control" and not (method == "POST" and LOOKING.match(path)):
                 raise RefusedError(
                     403, "view-only", "This token may look, not change.", "Open the page with a control token."
                 )
@@ -215,7 +220,8 @@ class Guard:
             if is_protected(path):
                 client = (scope.get("client") or ("", 0))[0]
                 socket = scope["type"] == "websocket"
-                self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
+                role = self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
+                scope.setdefault("state", {})["role"] = role
             elif token and method == "GET" and self._access.role_of(token):
                 await self._remember(scope, send, token)
                 return

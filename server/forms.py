@@ -21,7 +21,7 @@
     POST   …/fit          Fit            FitAnswer: the same outputs with rates that fit
     GET, PUT, DELETE …/corrections       Corrections: a stream of RTCM, forwarded
 
-`preview`, `fit` and `compare` send nothing to a device; as POST they need the control token all the same. What could
+`preview`, `fit` and `compare` send nothing to a device, and a view token is enough for them. What could
 harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
 that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
 could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "busy" (the queue is

@@ -8,6 +8,7 @@ from typing import Literal
 from fastapi import APIRouter, Request
 from pydantic import BaseModel
 
+from server.auth import Role
 from server.hub import Hub
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
@@ -25,6 +26,7 @@ class Build(BaseModel):
     machine: str
     run: str
     protocols: list[str]
+    role: Role  # what whoever asks may do
 
 
 class Healthy(BaseModel):
@@ -37,7 +39,7 @@ class Healthy(BaseModel):
 
 @router.get("/api/build")
 async def get_build(request: Request) -> Build:
-    """Versions, and the id of this run."""
+    """Versions, the id of this run, and what the token that asks allows."""
     hub: Hub = request.app.state.hub
     return Build(
         version=VERSION,
@@ -46,6 +48,7 @@ async def get_build(request: Request) -> Build:
         machine=platform.machine(),
         run=hub.run,
         protocols=list(request.app.state.protocols()),
+        role=request.state.role,
     )
 
 

@@ -1,7 +1,7 @@
 """Forms: every setting and command of a device, what a form would send, and outputs that fit the line.
 
-`preview`, `fit` and `compare` change nothing and send nothing; they are POST because they carry values, and so need the
-control token like every POST. Who may only look has `forms` and the snapshots.
+`preview`, `fit` and `compare` change nothing and send nothing; they are POST because they carry values, and are there
+for who may only look, too (LOOKING in server/auth.py).
 """
 
 from __future__ import annotations

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import re
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from server.app import create_app
 from server.auth import Access, RefusedError, is_protected
 from server.config import Config
 
@@ -165,3 +168,32 @@ def test_what_is_open() -> None:
         assert not is_protected(path)
     for path in ("/api", "/api/devices", "/ws", "/openapi.json", "/viser/", "/rerun/x"):
         assert is_protected(path)
+
+
+LOOKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit", "compare")}
+
+
+def test_every_route_asks_for_the_right_role() -> None:
+    """A route that is added changes something until it stands here: a view token must not reach it."""
+    rules = access()
+    app: Any = create_app(Config(), rules)
+    routes = [(path, method.upper()) for path, ways in app._app.openapi()["paths"].items() for method in ways]
+    assert len(routes) > 40
+    for (path, method), role in itertools.product(routes, ("view", "control")):
+        headers = {"host": "127.0.0.1", "authorization": f"Bearer {TOKENS[role]}"}
+        if not is_protected(path):
+            continue
+        try:
+            got: str | int = rules.check(re.sub(r"\{.*?\}", "1", path), method, headers, client="127.0.0.1")
+        except RefusedError as refused:
+            got = refused.status
+        is_open = method == "GET" or (method == "POST" and path in LOOKING)
+        assert got == (role if is_open or role == "control" else 403), (method, path, role)
+
+
+@pytest.mark.parametrize("path", ["1/preview/x", "1/apply", "preview", "1/preview\n", "a/b/fit", "1/comparex"])
+def test_nothing_else_passes_for_looking(path: str) -> None:
+    headers = {"host": "127.0.0.1", "authorization": f"Bearer {VIEW}"}
+    for method in ("POST", "PUT", "DELETE"):
+        with pytest.raises(RefusedError):
+            access().check(f"/api/devices/{path}", method, headers, client="127.0.0.1")

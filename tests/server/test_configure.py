@@ -248,12 +248,18 @@ def test_two_people_at_once_and_a_trial_that_nobody_keeps(http: Client, server: 
 
 def test_who_may_only_look_commands_nothing(server: ServerProcess) -> None:
     with Client(base_url=server.url, timeout=10, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
-        for path in ("read", "apply", "run", "raw", "keep", "revert", "restore", "snapshots", "preview", "compare"):
+        for path in ("read", "apply", "run", "raw", "keep", "revert", "restore", "snapshots"):
             answer = post(viewer, path, {})
             assert (answer.status_code, answer.json()["kind"]) == (403, "view-only"), path
         for path in ("control", "forms", "exchange", "snapshots", "values"):
             assert viewer.get(f"/api/devices/1/{path}").status_code == 200, path
         assert viewer.delete("/api/devices/1/jobs/1").status_code == 403
+        before = viewer.get("/api/devices/1/exchange").json()
+        assert post(viewer, "preview", {"command": "Reset", "values": {}}).json()["frames"][0]["hex"] == "faff4000c1"
+        assert post(viewer, "fit", {"setting": "OutputConfiguration", "values": outputs(400)}).status_code == 200
+        assert post(viewer, "compare", {"left": {"side": "factory"}, "right": {"side": "factory"}}).json()["rows"] == []
+        assert viewer.get("/api/devices/1/exchange").json() == before, "looking sends nothing"
+        assert viewer.get("/api/build").json()["role"] == "view"
 
 
 def test_nothing_but_json_is_a_body(http: Client) -> None:

@@ -34,8 +34,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     let stale = false;
     difference.value = undefined;
     why.value = "";
-    if (viewOnly.value) why.value = "Comparing needs a control token.";
-    else if (right === "~file" && !file.value) why.value = "Choose a file: a snapshot as it was downloaded here or elsewhere.";
+    if (right === "~file" && !file.value) why.value = "Choose a file: a snapshot as it was downloaded here or elsewhere.";
     else if ((left.value === "device" || right === "device") && !model.isRead.value) why.value = "The device was not read yet.";
     else {
       void server.compare(model.id, { left: refOf(left.value), right: refOf(right) }).then((answer) => {
@@ -47,7 +46,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     return () => {
       stale = true;
     };
-  }, [model, left.value, right, taken, file.value, viewOnly.value]);
+  }, [model, left.value, right, taken, file.value]);
   const others = store.devices.value.filter(({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol);
   return (
     <section class="setting compare" aria-label="Compare">

@@ -23,7 +23,7 @@ const PREVIEW_AFTER_MS = 150;
 const UNDO_KEPT = 100;
 const OLDER_BY = 200;
 
-/** This token may look, not change: found out by the first request that was refused for it. */
+/** This token may look, not change: the server says so, or refuses a request for it. */
 export const viewOnly = signal(false);
 /** The row that the pointer is on: a path of the setting that is shown. Row, bytes and share light together. */
 export const hot = signal("");
@@ -98,6 +98,8 @@ export class Model {
     const forms = await server.forms(this.id);
     this.problem.value = forms.ok ? undefined : forms.problem;
     if (!forms.ok) return;
+    const build = await server.build();
+    if (build.ok) viewOnly.value = build.value.role === "view";
     this.forms.value = forms.value;
     await Promise.all([this.refresh(), this.loadOlder(undefined)]);
   }
@@ -213,7 +215,6 @@ export class Model {
   }
 
   async #ask(key: string): Promise<void> {
-    if (viewOnly.peek()) return;
     const turn = (this.#asked.get(key) ?? 0) + 1;
     this.#asked.set(key, turn);
     const request = this.#request(key);
@@ -222,7 +223,6 @@ export class Model {
     const { [key]: _, ...others } = this.previews.peek();
     if (answer === undefined) this.previews.value = others;
     else if (answer.ok) this.previews.value = { ...others, [key]: answer.value };
-    else if (isRefusal(answer.problem)) viewOnly.value = true;
     else this.problem.value = answer.problem;
   }
 

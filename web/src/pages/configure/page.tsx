@@ -107,7 +107,7 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
 /** The load of all outputs in one line: on a phone it stays in sight. */
 function Budget({ model }: { readonly model: Model }) {
   const form = model.forms.value?.settings.find(({ editor }) => editor !== "");
-  if (!form || viewOnly.value) return null;
+  if (!form) return null;
   return <BudgetLine load={model.loadOf(form.name) ?? model.loadOf(`=${form.name}`)} baud={model.baud.value} />;
 }
 

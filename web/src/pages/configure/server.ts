@@ -8,6 +8,7 @@ const of = (device: string, path: string): string => `/api/devices/${encodeURICo
 const named = (name: string): string => `snapshots/${encodeURIComponent(name)}`;
 
 export const server = {
+  build: () => request<{ readonly role: "view" | "control" }>("GET", "/api/build"),
   forms: (device: string) => request<Forms>("GET", of(device, "forms")),
   values: (device: string) => request<SnapshotBody>("GET", of(device, "values")),
   previewSetting: (device: string, setting: string, values: Values) => request<PreviewAnswer>("POST", of(device, "preview"), { setting, values }),
