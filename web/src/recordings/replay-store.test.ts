@@ -40,6 +40,16 @@ it("knows bounds from samples, joins bounds that follow each other and no others
   expect(ring.value(3, 1)).toBeCloseTo(4 * Math.sqrt(3), 4);
 });
 
+it("draws no line over one lost sample, nor a break where a slow channel lost none", () => {
+  const gap = { ...step, kind: "gap", t0: 1.0, t1: 1.2, samples: 1 } as EventInfo;
+  const replay = store([gap]);
+  const times = [0.8, 0.9, 1.0, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8];
+  replay.show([1, 2], [frame(1, times, times), frame(2, [0.95, 1.05, 1.15, 1.25, 1.35], [1, 2, 3, 4, 5])], { t0: 0, t1: 2, width: 100 }, true);
+  const { ring } = replay.channel("1", "N1")!;
+  expect(ring.breaks.map((row) => ring.time(row - ring.first))).toEqual([1.2]);
+  expect(replay.channel("1", "N2")!.ring.breaks).toEqual([]);
+});
+
 it("draws no line over a step of the device's clock, in whatever stretch", () => {
   const replay = store([step]);
   const { ring } = replay.channel("1", "N1")!;

@@ -8,7 +8,7 @@
  * A stretch with more samples than are asked for comes summarised: two rows at one time, the least and the greatest (of flags
  * those of any row, and of all). Rings draw that as they draw dense samples; `windows.py` is the other end.
  */
-import { Store } from "../data/store";
+import { type Channel, Store } from "../data/store";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
 import type { Stretch } from "./stretch";
@@ -16,6 +16,8 @@ import type { RecordingDetail } from "./types";
 
 /** A gap of more usual spacings than this is one, among samples as they came (design, "Plots"). */
 const BREAK_FACTOR = 2.5;
+/** Where a sample is known to be missing, this many usual spacings are the hole it left. */
+const MISSING_FACTOR = 1.5;
 
 /** Do these rows bound stretches? Samples that came never share their times two by two; tables and attitudes are not summarised. */
 export function isBounds(frame: SampleFrame, kind: ChannelInfo["kind"]): boolean {
@@ -72,8 +74,21 @@ export class ReplayStore extends Store {
       const kind = this.#infos.get(frame.channel)?.kind;
       this.keep({ ...frame, sequence: 0, history: false, dropped: 0 }, !exact && kind !== undefined && isBounds(frame, kind));
     }
-    for (const { info, ring } of mine) {
-      for (const { device, time } of this.#steps) if (device === info.device) ring.cut(time);
+    for (const channel of mine) {
+      for (const { device, time } of this.#steps) if (device === channel.info.device) channel.ring.cut(time);
+      if (exact) this.#cutLosses(channel, stretch);
+    }
+  }
+
+  /** One lost sample leaves a spacing that could be jitter: where the device's counter says that one is missing, no line goes on. */
+  #cutLosses({ info, ring }: Channel, { t0, t1 }: Stretch): void {
+    const usual = this.#usual[String(sourceOf(info))] ?? 0;
+    if (usual <= 0) return;
+    for (const loss of this.losses(info.device)) {
+      if (loss.t1 < t0 || loss.t0 > t1) continue;
+      const middle = (loss.t0 + loss.t1) / 2;
+      const i = ring.row(middle, "device") - ring.first;
+      if (i > 0 && i < ring.length && ring.time(i) - ring.time(i - 1) > MISSING_FACTOR * usual) ring.cut(middle);
     }
   }
 

@@ -39,9 +39,6 @@ async function load(): Promise<void> {
 
 /** Follow the library while its page is open. */
 export function follow(app: App): () => void {
-  void server.exports().then((outcome) => {
-    if (outcome.ok && app.store.exports.peek().length === 0) app.store.exports.value = outcome.value;
-  });
   return effect(() => {
     void app.store.library.value;
     void app.store.recorder.value?.running;

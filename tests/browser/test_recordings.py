@@ -1,0 +1,363 @@
+"""Recordings as a person has them, in a real browser on a real server with real twins.
+
+Record, stop, find it in the list, open it, zoom, scrub, mark, export, download; a link opens where it was copied; what
+was lost is seen at every zoom; values are samples as they came, however much of the recording is on screen.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import urllib.request
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.browser.test_page import AXE, DESKTOP, PHONE, TARGETS
+from tests.chromium import until
+from tests.conftest import READY
+from tests.process import ServerProcess
+
+TITLE = "Yard loop"
+OPEN = "window.imuscopeReplay !== undefined"
+DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)
+    && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""
+FIRST = "document.querySelector('.recs tbody tr b a')"
+
+
+def ask(server: ServerProcess, method: str, path: str, body: Any = None) -> Any:
+    """One request to the server's API, its answer read from JSON."""
+    content = None if body is None else json.dumps(body).encode()
+    request = urllib.request.Request(server.url + path, content, {"content-type": "application/json"}, method=method)
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        return json.loads(answer.read() or b"null")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """A server whose library holds a recording of two devices, one of which loses frames, with a marker in it."""
+    data: Path = tmp_path_factory.mktemp("recordings")
+    with ServerProcess("twin:xbus?rate=400&drop=0.003", "twin:isb", data=data) as server:
+        wait_for(server, lambda: len(ask(server, "GET", "/api/devices")) == 2)
+        wait_for(server, lambda: all(one["status"] == "live" for one in ask(server, "GET", "/api/devices")))
+        ask(server, "POST", "/api/recordings/start", {"devices": None, "title": TITLE})
+        wait_for(server, lambda: ask(server, "GET", "/api/recorder")["bytes"] > 300_000)
+        ask(server, "POST", "/api/recordings/mark", {"text": "kerb", "kind": "marker", "time": None, "device": ""})
+        wait_for(server, lambda: ask(server, "GET", "/api/recorder")["bytes"] > 600_000)
+        ask(server, "POST", "/api/recordings/stop", {})
+        yield server
+
+
+def wait_for(server: ServerProcess, true: Callable[[], bool], timeout_s: float = 60) -> None:
+    """Ask the server until something holds."""
+    import time
+
+    deadline = time.monotonic() + timeout_s
+    while not true():
+        assert time.monotonic() < deadline, server.log
+        time.sleep(0.05)
+
+
+def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[int, int] = DESKTOP, **more: Any) -> Page:
+    """The recording, open, with samples on screen."""
+    page = open_page(f"{server.url}/#/recordings", width=size[0], height=size[1], touch=size == PHONE, **more)
+    until(page, f"{FIRST} !== null")
+    page.evaluate(f"{FIRST}.click()")
+    until(page, OPEN, timeout_s=60)
+    until(page, DRAWN)
+    return page
+
+
+def view_of(page: Page) -> dict[str, Any]:
+    """What is on screen, and where it is read."""
+    return page.evaluate("({...window.imuscope.view.value, head: window.imuscopeReplay.head})")  # type: ignore[no-any-return]
+
+
+def test_from_the_record_button_to_the_list(serve: Callable[..., ServerProcess], open_page: Callable[..., Page]) -> None:
+    server = serve("twin:xbus")
+    page = open_page(server.url)
+    until(page, READY)
+    page.get_by_role("button", name="Record", exact=True).click()
+    until(page, "window.imuscope.store.recorder.value?.running === true")
+    until(page, "window.imuscope.store.recorder.value.bytes > 20000")
+    page.keyboard.press("m")
+    until(page, "document.body.innerText.includes('Marker at')")
+    page.get_by_role("link", name="Recordings").first.click()
+    until(page, "document.querySelector('.recs')?.innerText.includes('recording now')")
+    assert page.evaluate("window.imuscope.store.recorder.value.running")  # another page stops nothing
+    page.keyboard.press("r")
+    until(page, "window.imuscope.store.recorder.value.running === false")
+    until(page, f"{FIRST} !== null")
+    [info] = ask(server, "GET", "/api/recordings")
+    assert info["markers"] == 1
+    page.evaluate(f"{FIRST}.click()")
+    until(page, OPEN, timeout_s=60)
+    until(page, DRAWN)
+    assert page.locator(".markers li").count() == 1
+
+
+def test_zoom_scrub_and_step_as_live(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    whole = view_of(page)
+    box = page.locator(".overview canvas").bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    head = view_of(page)["head"]
+    assert whole["end"] - whole["span"] < head < whole["end"]
+    for _ in range(9):
+        page.keyboard.press("+")
+    near = view_of(page)
+    assert near["span"] < whole["span"] / 20
+    assert near["end"] - near["span"] <= head <= near["end"]
+    # Exact samples come: as many as 400 Hz gives, and no bounds of stretches.
+    count = """() => {
+      const {drawn, bounds} = window.imuscopeReplay, {end, span, device} = window.imuscope.view.value;
+      const {ring} = drawn.channels.value.find(c => c.info.device === device && c.info.name === "Acceleration");
+      const n = ring.row(end, "device") - ring.row(end - span, "device");
+      return Math.abs(n - 400 * span) < 0.1 * 400 * span + 4;
+    }"""
+    until(page, f"({count})()")
+    page.keyboard.press(".")
+    page.keyboard.press(".")
+    stepped = view_of(page)["head"]
+    assert 0.001 < stepped - head < 0.02
+    page.keyboard.press(",")
+    assert view_of(page)["head"] < stepped
+    page.keyboard.press("f")
+    assert view_of(page)["span"] == pytest.approx(whole["span"], rel=0.05)
+
+
+def test_what_is_read_is_a_sample_at_every_zoom(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    [info] = ask(recorded, "GET", "/api/recordings")
+    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
+    t = detail["t0"] + 0.6 * (detail["t1"] - detail["t0"])
+    channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
+    path = f"/api/recordings/{info['id']}/query?channel={channel['id']}&t0={t - 0.05}&t1={t}&format=json"
+    table = ask(recorded, "GET", path)["columns"]
+    want = table["x"][-1]
+    page.evaluate("t => window.imuscopeReplay.seek(t)", t)
+    read = """() => {
+      const {near, head} = window.imuscopeReplay, {ring} = near.channel("1", "Acceleration");
+      return ring.value(0, ring.indexAt(head, "device"));
+    }"""
+    for _ in range(3):
+        until(page, f"t => Math.abs(({read})() - t) < 1e-6", want)
+        shown = "document.querySelector('.plot .leg .v').textContent"
+        until(page, f"t => Math.abs(Number({shown}.replace('−', '-')) - t) < 0.002", want)
+        for _ in range(4):
+            page.keyboard.press("+")
+
+
+def test_a_lost_sample_is_seen_at_every_zoom(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    losses = page.evaluate("window.imuscopeReplay.drawn.losses('1')")
+    assert losses, "the twin drops frames"
+    middle = losses[len(losses) // 2]
+    t = (middle["t0"] + middle["t1"]) / 2
+    # Where the loss lies on the overview, and in the lane of losses, there is its colour.
+    red = """([selector, x]) => {
+      const canvas = document.querySelector(selector), ratio = canvas.width / canvas.clientWidth;
+      const {data} = canvas.getContext("2d").getImageData(Math.round((x - 4) * ratio), 0, 8 * ratio, canvas.height);
+      let n = 0;
+      for (let i = 0; i < data.length; i += 4) if (data[i] > 200 && data[i + 1] < 120 && data[i + 3] > 60) n += 1;
+      return n > 3;
+    }"""
+    place = """t => {
+      const {first, last} = window.imuscopeReplay.bounds, w = document.querySelector(".overview canvas").clientWidth;
+      return 164 + (t - first) / (last - first) * (w - 204);
+    }"""
+    until(page, f"a => ({red})(a)", [".overview canvas", page.evaluate(place, t)])
+    page.evaluate("t => window.imuscopeReplay.seek(t)", t)
+    for _ in range(14):
+        where = """t => {
+          const {end, span} = window.imuscope.view.value, w = document.querySelector(".lanebox canvas").clientWidth;
+          return 164 + (t - end + span) / span * (w - 204);
+        }"""
+        until(page, f"([s, t]) => ({red})([s, ({where})(t)])", [".lanebox canvas", t])
+        page.keyboard.press("+")
+    # Zoomed in, no line is drawn over it.
+    breaks = """t => {
+      const {ring} = window.imuscopeReplay.drawn.channel("1", "Acceleration");
+      return ring.breaks.some(row => Math.abs(ring.time(row - ring.first) - t) < 0.02);
+    }"""
+    until(page, breaks, middle["t1"])
+
+
+def test_it_plays_at_its_speed_and_loops(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1); r.speed.value = 5; }")
+    before = view_of(page)["head"]
+    page.keyboard.press("Space")
+    until(page, "t => window.imuscopeReplay.head > t + 2", before)
+    page.keyboard.press("Space")
+    assert not page.evaluate("window.imuscopeReplay.playing.value")
+    for _ in range(8):
+        page.keyboard.press("+")
+    page.keyboard.press("l")
+    a, b = page.evaluate("window.imuscopeReplay.loop.value")
+    page.evaluate("() => { window.imuscopeReplay.seek(window.imuscopeReplay.loop.value[1] - 0.02); }")
+    page.keyboard.press("Space")
+    until(page, "([a, b]) => window.imuscopeReplay.head < (a + b) / 2", [a, b])
+    assert a <= view_of(page)["head"] <= b
+
+
+def test_several_devices_are_read_at_one_time(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 2); }")
+    head = view_of(page)["head"]
+    page.locator(".rail .cats button").nth(1).click()
+    until(page, "window.imuscope.view.value.device === window.imuscopeReplay.detail.devices[1].id")
+    until(page, DRAWN)
+    assert view_of(page)["head"] == head
+    until(page, "document.querySelector('.plot .leg .v').textContent.match(/[0-9]/) !== null")
+
+
+def test_a_marker_put_in_later_stays(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1.5); }")
+    head = view_of(page)["head"]
+    page.keyboard.press("m")
+    page.keyboard.type("second look")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('.markers').innerText.includes('second look')")
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first); }")
+    page.locator(".markers li", has_text="second look").get_by_role("button").click()
+    assert view_of(page)["head"] == pytest.approx(head, abs=1e-3)
+    page.reload()
+    until(page, OPEN)
+    until(page, "document.querySelector('.markers').innerText.includes('second look')")
+
+
+def test_a_shared_link_opens_at_its_range(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1.234); }")
+    for _ in range(5):
+        page.keyboard.press("+")
+    page.keyboard.press("2")  # hides the second series
+    page.get_by_role("button", name="Copy link").click()
+    until(page, "document.querySelector('.transport').innerText.includes('Link copied')")
+    link, was = page.url, view_of(page)
+    other = open_page(link)
+    until(other, OPEN, timeout_s=60)
+    until(other, DRAWN)
+    now = view_of(other)
+    for name in ("end", "span", "head"):
+        assert now[name] == pytest.approx(was[name], abs=1e-3), name
+    assert now["device"] == was["device"]
+    assert other.evaluate("document.querySelectorAll('.plot .leg button')[1].getAttribute('aria-pressed')") == "false"
+
+
+def test_export_of_what_is_in_view_and_its_download(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = opened(recorded, open_page)
+    page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 2); }")
+    for _ in range(5):
+        page.keyboard.press("+")
+    seen = view_of(page)
+    page.get_by_role("button", name="Export").click()
+    page.get_by_role("button", name="In view").click()
+    assert "39 channels" in page.locator("dialog").inner_text() or "channels" in page.locator("dialog").inner_text()
+    page.locator("dialog .go").click()
+    with page.expect_download() as coming:
+        page.locator("dialog .jobs a", has_text="Download").click()
+    data = Path(coming.value.path()).read_bytes()
+    tables = csv_tables(data)
+    name, rows = next((name, rows) for name, rows in tables.items() if any("Acceleration" in cell for cell in rows[0]))
+    assert abs(len(rows) - 1 - 400 * seen["span"]) < 0.1 * 400 * seen["span"] + 5, name
+
+
+def csv_tables(data: bytes) -> dict[str, list[list[str]]]:
+    """The tables of an export: one file, or a zip of them."""
+    if data[:2] != b"PK":
+        return {"": list(csv.reader(io.StringIO(data.decode())))}
+    with zipfile.ZipFile(io.BytesIO(data)) as files:
+        return {name: list(csv.reader(io.StringIO(files.read(name).decode()))) for name in files.namelist()}
+
+
+def test_the_whole_recording_downloads_as_one_file(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = open_page(f"{recorded.url}/#/recordings")
+    page.locator(".recs tbody tr").first.click(position={"x": 30, "y": 20})
+    with page.expect_download() as coming:
+        page.locator(".detail a", has_text="Download").click()
+    data = Path(coming.value.path()).read_bytes()
+    assert data.startswith(b"\x89MCAP0\r\n")
+    assert coming.value.suggested_filename.endswith(".mcap")
+
+
+def test_words_search_delete_and_undo(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = open_page(f"{recorded.url}/#/recordings")
+    page.locator(".recs tbody tr").first.click(position={"x": 30, "y": 20})
+    page.locator(".words form input").fill("mast")
+    page.keyboard.press("Enter")
+    until(page, "document.querySelector('.tagcloud')?.innerText.includes('mast')")
+    page.keyboard.press("Escape")
+    page.locator(".tools input[type=search]").fill("mast yard")
+    until(page, "document.querySelectorAll('.recs tbody tr').length === 1")
+    page.locator(".tools input[type=search]").fill("nowhere")
+    until(page, "document.querySelector('.libmid').innerText.includes('Nothing is found')")
+    page.locator(".tools input[type=search]").fill("")
+    page.locator(".recs tbody tr").first.click(position={"x": 30, "y": 20})
+    page.locator(".detail button", has_text="Delete").click()
+    until(page, "document.querySelector('.libmid').innerText.includes('is deleted')")
+    page.get_by_role("button", name="Undo").click()
+    until(page, f"{FIRST} !== null")
+
+
+def test_a_file_is_added_with_its_progress(
+    recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    page = open_page(f"{recorded.url}/#/recordings")
+    until(page, f"{FIRST} !== null")
+    before = page.locator(".recs tbody tr").count()
+    junk = tmp_path / "holiday.bin"
+    junk.write_bytes(b"nothing that anybody would read " * 50)
+    capture = tmp_path / "other.mcap"
+    [info, *_] = ask(recorded, "GET", "/api/recordings")
+    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{info['id']}/download", timeout=30) as answer:
+        capture.write_bytes(answer.read())
+    page.locator("input[type=file]").set_input_files(capture)
+    until(page, f"document.querySelectorAll('.recs tbody tr').length === {before + 1}")
+
+
+@pytest.mark.parametrize("dark", [True, False], ids=["dark", "light"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("place", ["library", "replay"])
+def test_axe_finds_nothing_serious(
+    recorded: ServerProcess, open_page: Callable[..., Page], place: str, size: tuple[int, int], dark: bool
+) -> None:
+    if place == "replay":
+        page = opened(recorded, open_page, size, dark=dark)
+    else:
+        page = open_page(f"{recorded.url}/#/recordings", width=size[0], height=size[1], touch=size == PHONE, dark=dark)
+        until(page, f"{FIRST} !== null")
+        if size == DESKTOP:
+            page.locator(".recs tbody tr").first.click(position={"x": 30, "y": 20})
+    page.wait_for_timeout(400)
+    page.evaluate(AXE.read_text())
+    found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+    serious = [
+        f"{rule['id']}: {node['html'][:140]}"
+        for rule in found["violations"]
+        if rule["impact"] in ("serious", "critical")
+        for node in rule["nodes"]
+    ]
+    assert not serious, "\n".join(serious)
+
+
+@pytest.mark.parametrize("place", ["library", "replay"])
+def test_a_phone_has_it_all_within_reach(recorded: ServerProcess, open_page: Callable[..., Page], place: str) -> None:
+    if place == "replay":
+        page = opened(recorded, open_page, PHONE)
+    else:
+        page = open_page(f"{recorded.url}/#/recordings", width=390, height=844, touch=True)
+        until(page, f"{FIRST} !== null")
+    page.wait_for_timeout(400)
+    small = page.evaluate(TARGETS)
+    assert not small, "\n".join(small)
+    page.set_viewport_size({"width": 360, "height": 740})
+    assert page.evaluate("document.scrollingElement.scrollWidth") <= 360
