@@ -24,6 +24,7 @@ from server.api import (
     ports,
     recorder,
     recordings,
+    replay,
     snapshots,
     viser,
 )
@@ -79,7 +80,7 @@ def create_app(
         if config.record:  # before there is a byte
             await tape.begin(config.sources or DEFAULT_SOURCES)
         for source in config.sources or DEFAULT_SOURCES:
-            sessions.add(source, reading if config.sources else Reading())
+            sessions.add_all(source, reading if config.sources else Reading())
         await desks.resume()
         await tape.resume()
         catalogue.start()
@@ -121,6 +122,7 @@ def create_app(
         snapshots,
         corrections,
         recorder,
+        replay,
         library,
         recordings,
         ports,

@@ -10,6 +10,7 @@ from dataclasses import replace
 from server import wire
 from server.hub import Hub
 from server.links.base import Link, LinkError, LinkSettings
+from server.links.replay import expanded
 from server.listeners import Listeners
 from server.reading import OPTIONS, Reading, ReadingError, taken_from
 from server.recognition import Speech
@@ -94,6 +95,10 @@ class Sessions:
         self._added.tell(session)
         session.start()
         return session
+
+    def add_all(self, source: str, reading: Reading = Reading()) -> list[Session]:  # noqa: B008 - frozen
+        """Open a source; of a recording with several devices, each. As `add`; at least one."""
+        return [self.add(one, reading) for one in expanded(source)]
 
     def on_added(self, callback: Callable[[Session], None]) -> None:
         """Call `callback` with every session, before it starts."""

@@ -93,7 +93,7 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
     except ReadingError as error:
         raise bad_setting(error) from None
     check_protocol(named, request)
-    return sessions.add(body.source, reading).info
+    return sessions.add_all(body.source, reading)[0].info
 
 
 @router.delete("/{device}", status_code=204, responses=responses(404, 409, 422))

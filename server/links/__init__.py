@@ -12,13 +12,25 @@ from __future__ import annotations
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try, steady_clock
 from server.links.file import SPEEDS, FileLink
+from server.links.replay import OPTIONS, ReplayLink, expanded, is_recording
 from server.links.serial import Line, SerialLink
 from server.links.sources import Source
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.twin import TwinLink, TwinOptions
 from server.links.udp import UdpLink
 
-__all__ = ["Chunk", "Link", "LinkError", "LinkSettings", "Progress", "Source", "Try", "open_link", "steady_clock"]
+__all__ = [
+    "Chunk",
+    "Link",
+    "LinkError",
+    "LinkSettings",
+    "Progress",
+    "Source",
+    "Try",
+    "expanded",
+    "open_link",
+    "steady_clock",
+]
 
 
 def open_link(source: str, settings: LinkSettings | None = None) -> Link:
@@ -42,6 +54,9 @@ def open_link(source: str, settings: LinkSettings | None = None) -> Link:
             parsed.allow(())
             return UdpLink(source, settings, *parsed.address(listening=True))
         case "file":
+            if is_recording(parsed.place) or {"device", "from", "to"} & parsed.options.keys():
+                parsed.allow(OPTIONS)
+                return ReplayLink(source, settings, parsed)
             parsed.allow(("speed", "loop"))
             return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEEDS), parsed.switch("loop"))
         case "twin":

@@ -7,6 +7,7 @@
     tcp-listen://[host]:port                    wait for a device to connect
     udp://[host]:port                           receive datagrams; answers go to whoever sent last
     capture.bin · file:///data/capture.bin?speed=4&loop=1      a capture, played at its own pace
+    drive.mcap?device=2&from=12.5&to=20         a recording, see server/links/replay.py
     twin:xbus?rate=400&drop=0.01                a simulated device behind a real pseudo-terminal
 
 An IPv6 address stands in brackets: `tcp://[fe80::1]:4001`. Whatever is written wrongly is answered with a LinkError

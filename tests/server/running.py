@@ -15,6 +15,7 @@ from server import serving
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
+from server.recognition import Speech
 from server.sessions import OpenLink
 from tests.server.fakes import SPEECH
 
@@ -22,8 +23,8 @@ from tests.server.fakes import SPEECH
 class Running:
     """`with Running(config, open_link) as running:` serves on a free port until the block ends."""
 
-    def __init__(self, config: Config, open_link: OpenLink) -> None:
-        self._app = create_app(config, Access(config), open_link=open_link, speech=SPEECH)
+    def __init__(self, config: Config, open_link: OpenLink, speech: Speech = SPEECH) -> None:
+        self._app = create_app(config, Access(config), open_link=open_link, speech=speech)
         self.state: Any = self._app._app.state  # type: ignore[attr-defined]
         self._listener = serving.listen("127.0.0.1", 0)
         port = self._listener.getsockname()[1]

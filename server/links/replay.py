@@ -1,0 +1,159 @@
+"""A recording played as if its devices were there: the same bytes, at the pace at which they came.
+
+    drive.mcap                                    the one device of a recording
+    drive.mcap?device=2&speed=4&loop=1            one of several, four times as fast, for ever
+    drive.mcap?from=12.5&to=20                    a stretch, seconds from its beginning
+
+Each device of a file is a link of its own (`expanded`); those that are opened together keep step, because they begin at
+the same moment of the same clock. Any file that can be imported is played so when a stretch or device is asked for; a
+capture without times otherwise goes by its device's own clock (server/links/file.py).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from pathlib import Path
+from urllib.parse import quote
+
+from recordings.blocks import MAGIC
+from recordings.container import RecordingError
+from recordings.importers import open_file
+from recordings.parts import Source as File
+from recordings.replay import Replay, extent
+from server.links.base import Chunk, LinkError, LinkSettings, Progress
+from server.links.file import FULL_BYTES, SPEEDS, FileLink
+from server.links.pump import Inbox
+from server.links.sources import Source, bad
+from server.links.words import progress_line
+
+TOGETHER_NS = 1_000_000_000  # links of one file that are opened within begin together
+LONGEST_S = 1e7
+OPTIONS = ("speed", "loop", "device", "from", "to")
+
+_began: dict[tuple[str, float, bool, float, float], int] = {}  # what is played → when that began
+
+
+def is_recording(place: str) -> bool:
+    """Is this an MCAP file?"""
+    try:
+        with open(place, "rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
+
+
+def expanded(text: str) -> list[str]:
+    """A source for each device of a recording; any other source as it is."""
+    try:
+        source = Source.parse(text)
+    except LinkError:
+        return [text]
+    if source.kind != "file" or "device" in source.options or not is_recording(source.place):
+        return [text]
+    try:
+        devices = open_file(Path(source.place)).devices
+    except RecordingError:
+        return [text]
+    if len(devices) < 2:
+        return [text]
+    options = [f"{name}={value}" for name, value in source.options.items()]
+    found = []
+    for device in devices.values():
+        mine = [*options, f"device={quote(device.id)}"]
+        if device.protocol and "protocol" not in source.options:
+            mine.append(f"protocol={device.protocol}")
+        found.append(f"{source.place}?{'&'.join(mine)}")
+    return found
+
+
+class ReplayLink(FileLink):
+    """One device of a recording.
+
+    Args:
+        device: of the file; "" for the only one.
+        begin_s, end_s: the stretch, seconds from the beginning of the file.
+    """
+
+    def __init__(self, source: str, settings: LinkSettings, parsed: Source) -> None:
+        speed = parsed.number("speed", 1, *SPEEDS)
+        super().__init__(source, settings, parsed.place, speed, parsed.switch("loop"))
+        self.device = parsed.options.get("device", "")
+        self.begin_s = parsed.number("from", 0, 0, LONGEST_S, "s")
+        self.end_s = parsed.number("to", LONGEST_S, 0, LONGEST_S, "s")
+        if self.end_s <= self.begin_s:
+            raise bad(source, f"it would end ({self.end_s:g} s) before it begins ({self.begin_s:g} s)")
+
+    async def open(self, progress: Progress | None = None) -> None:
+        await self.close()
+        self._head()  # says in words why it cannot be read
+        try:
+            file, span = await asyncio.to_thread(self._look)
+        except RecordingError as error:
+            raise LinkError("refused", error.message, error.hint or "Give another recording.") from None
+        if span is None:
+            raise LinkError("ended", f"{self.path.name} holds no bytes of a device.", "Give another recording.")
+        device = self._chosen(file)
+        progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
+        self.notices = [damage.words for damage in file.damage[:1]]
+        self._stop.clear()
+        self._inbox = Inbox(self.settings.now_ns)
+        replay = Replay(
+            file,
+            self.settings.now_ns,
+            speed=self.speed,
+            loop=self.loop,
+            start_ns=span[0] + round(self.begin_s * 1e9),
+            stop_ns=min(span[1] + 1, span[0] + round(self.end_s * 1e9)),
+            devices=[device],
+            began_ns=self._together(),
+        )
+        arguments = (self._inbox, replay)
+        self._thread = threading.Thread(target=self._play, args=arguments, name=f"link {self.source}", daemon=True)
+        self._thread.start()
+
+    def _look(self) -> tuple[File, tuple[int, int] | None]:
+        file = open_file(self.path, self.settings.protocol)
+        return file, extent(file)
+
+    def _chosen(self, file: File) -> str:
+        """Of which device the bytes are wanted."""
+        known = list(file.devices)
+        if not self.device and len(known) > 1:
+            hint = f"Say which with ?device=; there are: {', '.join(known)}."
+            raise LinkError("bad-source", f"{self.path.name} holds {len(known)} devices.", hint)
+        if self.device and known and self.device not in known:
+            raise LinkError("bad-source", f"{self.path.name} holds no device {self.device!r}.", f"It has: {known}.")
+        return self.device or (known[0] if known else "1")
+
+    def _together(self) -> int:
+        """When it begins: with others of the same file that have just begun."""
+        what = (str(self.path), self.speed, self.loop, self.begin_s, self.end_s)
+        now = self.settings.now_ns()
+        began = _began.get(what, 0)
+        if not 0 <= now - began < TOGETHER_NS:
+            began = now
+        _began.clear()  # only what begins now matters
+        _began[what] = began
+        return began
+
+    def _play(self, inbox: Inbox, replay: Replay) -> None:
+        """The thread."""
+        wait_for = self._wait_for(inbox)
+        try:
+            while not self._stop.is_set():
+                for one in replay.take():
+                    inbox.put(Chunk(one.data, self.settings.now_ns(), one.anew))
+                inbox.flush()
+                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.005):
+                    inbox.flush()
+                wait_ns = replay.wait_ns()
+                if wait_ns is None:
+                    ended = f"{self.path.name} has been played to its end."
+                    inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))
+                    return
+                if wait_for(wait_ns / 1e9):
+                    return
+        except OSError as error:
+            words = f"{self.path} cannot be read any more: {error.strerror}."
+            inbox.fail(LinkError("gone", words, "Is the disk there?"))

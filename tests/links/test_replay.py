@@ -1,0 +1,222 @@
+"""A recording as a source: each device's bytes, as they came, and what is said where it cannot be played."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recordings.container import Writer
+from recordings.packing import pack
+from server.config import Config
+from server.links import Link, LinkError, expanded, open_link
+from server.links.base import Chunk
+from server.links.replay import ReplayLink
+from server.speech import speech
+from tests.links.bench import fails, frame, joined, left_behind, opened, settings, xbus
+from tests.server.running import Running
+
+START = 1_760_000_000_000_000_000
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def device_bytes(device: int, n: int) -> bytes:
+    return frame(n, n * 100, bytes([0x80 if device == 1 else 0x40, 0x20, 12]) + bytes(12))
+
+
+def recording(folder: Path, devices: int = 2, frames: int = 100) -> Path:
+    """A frame of each device every 10 ms."""
+    path = folder / "drive.mcap"
+    writer = Writer(path, {})
+    for device in range(1, devices + 1):
+        writer.device(str(device), {"protocol": "xbus", "source": f"/dev/ttyUSB{device}"})
+    for n in range(frames):
+        for device in range(1, devices + 1):
+            writer.chunk(str(device), "rx", device_bytes(device, n), START + n * 10_000_000 + device)
+    writer.close()
+    pack(path)
+    return path
+
+
+def of(device: int, first: int = 0, last: int = 100) -> bytes:
+    return b"".join(device_bytes(device, n) for n in range(first, last))
+
+
+async def drained(link: Link) -> tuple[list[Chunk], LinkError]:
+    """All that a link still gives, and how it ended."""
+    chunks: list[Chunk] = []
+    async with asyncio.timeout(20):
+        while True:
+            try:
+                chunks += await link.read()
+            except LinkError as error:
+                return chunks, error
+
+
+async def to_the_end(source: str) -> tuple[list[Chunk], LinkError]:
+    """All that a source gives, and how it ended."""
+    async with opened(open_link(source, settings())) as link:
+        return await drained(link)
+
+
+def test_a_recording_is_played_byte_for_byte(tmp_path: Path) -> None:
+    path = recording(tmp_path, devices=1)
+    before = left_behind()
+    chunks, error = run(to_the_end(f"{path}?speed=10"))
+    assert joined(chunks) == of(1)
+    assert len(chunks) == 100  # as they came, not joined
+    assert error.kind == "ended"
+    assert left_behind() == before
+
+
+def test_the_pace_is_that_of_the_recording(tmp_path: Path) -> None:
+    """Not quicker; how much later depends on the machine."""
+    chunks, _ = run(to_the_end(f"{recording(tmp_path, devices=1)}?speed=2"))
+    took = (chunks[-1].arrival_ns - chunks[0].arrival_ns) / 1e9
+    assert took >= 0.99 / 2 - 0.02
+
+
+def test_each_device_of_a_recording_is_a_source(tmp_path: Path) -> None:
+    path = recording(tmp_path)
+    assert expanded(f"{path}?speed=10") == [
+        f"{path}?speed=10&device=1&protocol=xbus",
+        f"{path}?speed=10&device=2&protocol=xbus",
+    ]
+    assert expanded(f"{path}?device=2") == [f"{path}?device=2"]
+    assert expanded("/dev/ttyUSB0") == ["/dev/ttyUSB0"]
+    assert expanded("twin:xbus") == ["twin:xbus"]
+    chunks, _ = run(to_the_end(f"{path}?speed=20&device=2"))
+    assert joined(chunks) == of(2)
+
+
+def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
+    path = recording(tmp_path, devices=1)
+    chunks, _ = run(to_the_end(f"{path}?speed=10&from=0.2&to=0.3"))
+    assert joined(chunks) == of(1, 20, 30)
+
+    async def looped() -> list[Chunk]:
+        chunks: list[Chunk] = []
+        async with opened(open_link(f"{path}?speed=10&from=0.2&to=0.3&loop=1", settings())) as link:
+            async with asyncio.timeout(20):
+                while len(chunks) < 25:
+                    chunks += await link.read()
+        return chunks
+
+    chunks = run(looped())
+    assert joined(chunks[:20]) == of(1, 20, 30) * 2
+    assert [chunk.anew for chunk in chunks[:21]] == [False] * 10 + [True] + [False] * 9 + [True]
+
+
+def test_devices_that_are_opened_together_keep_step(tmp_path: Path) -> None:
+    path = recording(tmp_path, frames=30)
+
+    async def both() -> list[list[Chunk]]:
+        first, second = (open_link(f"{path}?device={n}", settings()) for n in (1, 2))
+        async with opened(first):
+            await asyncio.sleep(0.2)  # the second is late …
+            async with opened(second):
+                return [(await drained(link))[0] for link in (first, second)]
+
+    one, two = run(both())
+    assert (joined(one), joined(two)) == (of(1, 0, 30), of(2, 0, 30))
+    late = [b.arrival_ns - a.arrival_ns for a, b in zip(one, two, strict=True)]
+    assert late[0] > 100_000_000
+    assert min(late) < 50_000_000  # … and catches up
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("?device=9", "holds no device '9'"),
+        ("?speed=0", "speed is '0'"),
+        ("?from=3&to=2", "before it begins"),
+        ("?rate=3", "has no option 'rate'"),
+        ("", "holds 2 devices"),
+    ],
+)
+def test_what_cannot_be_played_is_said(tmp_path: Path, options: str, words: str) -> None:
+    path = recording(tmp_path)
+
+    async def check() -> None:
+        await open_link(f"{path}{options}", settings()).open()
+
+    error = run(fails(check()))
+    assert words in error.message
+    assert error.kind == "bad-source"
+
+
+def test_a_recording_without_bytes_has_ended(tmp_path: Path) -> None:
+    path = tmp_path / "nothing.mcap"
+    Writer(path, {}).close()
+    error = run(fails(open_link(str(path), settings()).open()))
+    assert error.kind == "ended"
+    gone = open_link(f"{path}?from=1", settings())
+    path.unlink()
+    assert run(fails(gone.open())).kind == "not-found"
+
+
+def test_a_capture_can_be_played_from_somewhere_too(tmp_path: Path) -> None:
+    path = tmp_path / "capture.bin"
+    path.write_bytes(of(1))
+    link = open_link(f"{path}?speed=10&from=0.5", settings())
+    assert isinstance(link, ReplayLink)
+    chunks, _ = run(to_the_end(f"{path}?speed=10&from=0.5"))
+    assert of(1).endswith(joined(chunks))
+    assert 45 <= len(chunks) <= 51
+
+
+# ── over HTTP ────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[Running]:
+    (tmp_path / "recordings").mkdir()
+    recording(tmp_path / "recordings")
+    config = Config(sources=("/dev/none",), data=tmp_path)
+    with Running(config, open_link, speech()) as running:
+        yield running
+
+
+def test_playing_a_recording_makes_its_devices_appear(running: Running) -> None:
+    client = running.client
+    appeared = client.post("/api/recordings/drive/play", json={"loop": True})
+    assert appeared.status_code == 201, appeared.text
+    assert [device["protocol"] for device in appeared.json()] == ["xbus", "xbus"]
+    ids = {device["id"] for device in appeared.json()}
+    end = time.monotonic() + 20
+    while True:
+        live = {device["id"] for device in client.get("/api/devices").json() if device["status"] == "live"}
+        if ids <= live:
+            break
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    assert client.post("/api/recordings/drive/play", json={"loop": True}).json()["kind"] == "busy"
+    stretch = client.post("/api/recordings/drive/play", json={"t0": START / 1e9 + 0.2, "t1": START / 1e9 + 0.4})
+    assert "from=0.2" in stretch.json()[0]["source"]
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "status"),
+    [
+        ("none", {}, 404),
+        (".drive", {}, 404),
+        ("drive", {"speed": 0}, 422),
+        ("drive", {"t0": START / 1e9 + 2, "t1": START / 1e9 + 1}, 422),
+        ("drive", {"speed": "fast"}, 422),
+    ],
+)
+def test_what_cannot_be_played_over_http(running: Running, name: str, body: dict[str, Any], status: int) -> None:
+    answer = running.client.post(f"/api/recordings/{name}/play", json=body)
+    assert answer.status_code == status
+    assert set(answer.json()) == {"kind", "message", "hint"}
+
+
+def test_the_frames_of_this_test_are_frames() -> None:
+    assert xbus(0x36, device_bytes(1, 0)[4:-1]) == device_bytes(1, 0)
