@@ -4,6 +4,7 @@
     csv-aligned  aligned.py    one file, a line for each sample of the fastest channel
     parquet      parquet.py    a file per message, units in the fields' metadata
     mcap         plottable.py  decoded values as JSON with schemas, for other viewers
+    rrd          rerun.py      for the Rerun viewer: see recordings/rrd
     mtb raw bytes  bytes_of.py the bytes of one device as they came
 
 A writer gets a Wish, a path and a `step` that is told the progress; it returns the files that it wrote. It holds some
@@ -22,7 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recordings.container import RecordingError, problem
-from recordings.exporters import aligned, bytes_of, comma, parquet, plottable
+from recordings.exporters import aligned, bytes_of, comma, parquet, plottable, rerun
 from recordings.exporters.wish import ExportError, Step, Wish
 
 __all__ = ["FORMATS", "ExportError", "Format", "Wish", "by_suffix", "export"]
@@ -52,6 +53,7 @@ FORMATS: Mapping[str, Format] = {
     "csv-aligned": Format("CSV, aligned", ".csv", aligned.write),
     "parquet": Format("Parquet", ".parquet", parquet.write),
     "mcap": Format("MCAP, decoded", ".mcap", plottable.write),
+    "rrd": Format("Rerun", ".rrd", rerun.write),
     "mtb": Format("MT Manager", ".mtb", bytes_of.write_mtb, needs_source=True),
     "raw": Format("Inertial Sense log", ".raw", bytes_of.write_raw, needs_source=True),
     "bytes": Format("Original bytes", ".bin", bytes_of.write_bytes, needs_source=True),

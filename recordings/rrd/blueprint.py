@@ -57,13 +57,11 @@ def blueprint(
 def _body(device: Device) -> rrb.Spatial3DView:
     assert device.attitude is not None
     eye = rrb.EyeControls3D(position=(-1.9, -2.6, 1.7), look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, 1.0))
-    return rrb.Spatial3DView(
-        origin="/" + name_of((WORLD, device.name)), name=device.title, eye_controls=eye, line_grid=True
-    )
+    return rrb.Spatial3DView(origin=name_of((WORLD, device.name)), name=device.title, eye_controls=eye, line_grid=True)
 
 
 def _track(devices: Sequence[Device]) -> rrb.Spatial3DView:
-    contents = [f"+ /{WORLD}/track/**", *(f"+ /{name_of((WORLD, device.name, 'here'))}" for device in devices)]
+    contents = [f"+ /{WORLD}/track/**", *(f"+ {name_of((WORLD, device.name, 'here'))}" for device in devices)]
     return rrb.Spatial3DView(origin=f"/{WORLD}", contents=contents, name="Track: m east, north, up", line_grid=True)
 
 
@@ -81,8 +79,8 @@ def _plots(device: Device, infos: Mapping[int, Info], live_s: float) -> Any:
         paths = [curve.path for curve in device.curves[info["id"]]]
         views.append(
             rrb.TimeSeriesView(
-                origin="/" + name_of(paths[0][:1]),
-                contents=[f"+ /{name_of(path)}" for path in paths],
+                origin=name_of(paths[0][:1]),
+                contents=[f"+ {name_of(path)}" for path in paths],
                 name=paths[0][-1] if len(paths) == 1 else str(info["title"]),
                 plot_legend=rrb.PlotLegend(visible=True, corner="lefttop"),
                 time_ranges=_lately(live_s),

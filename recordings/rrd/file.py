@@ -3,10 +3,16 @@
 The order is that in which a viewer wants it while it still loads: the body is there with the first chunk, its attitudes
 next, the curves after them, block by block, so that memory stays bounded however long the recording is. The file is
 written under another name beside its place and renamed when it is whole.
+
+A file has every sample. A viewer in a browser does not hold an hour of them (its memory ends at about 2 GB, and without
+a GPU it draws a million points in seconds), so what is streamed into one can be thinned: of a rotation or a place every
+so many samples, of values the least and the greatest of every stretch, of flags every change. What was thinned is told
+in the recording itself.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -15,20 +21,17 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
-from recordings.columns import BLOCK_ROWS, Columns, Exact
+from recordings.columns import BLOCK_ROWS, Base, Buckets, Columns, Exact
 from recordings.rrd import chunks, still
 from recordings.rrd.blueprint import blueprint
-from recordings.rrd.chunks import LEVELS, Times, nanoseconds, times_of
+from recordings.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
 from recordings.rrd.ground import Origin, is_place
-from recordings.rrd.layout import WORLD, Device, Info, Position, devices_of
+from recordings.rrd.layout import Device, Info, Position, devices_of
 
 MOST_TEXTS = 20_000  # of one status word: one that flickers with every sample is better seen as a curve
 EVENTS, MARKERS = ("events",), ("markers",)
-
-
-class StoppedError(Exception):
-    """It was cancelled; nothing is left behind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,32 +39,65 @@ class Work:
     """What of a store is written, and who is told how far it is.
 
     Args:
-        t0, t1: unix s, both included; None: from the beginning, to the end.
+        t0, t1: unix s, both included.
         wanted: numbers of channels; None: all.
-        progress: called with 0..1.
-        cancelled: asked between chunks.
+        most: rows of a channel; 0: all there are.
+        base: which time t0 and t1 are.
+        progress: called with 0..1 between chunks; an exception that it raises ends the work.
     """
 
     columns: Columns
-    t0: float | None = None
-    t1: float | None = None
+    t0: float = -math.inf
+    t1: float = math.inf
     wanted: Collection[int] | None = None
+    most: int = 0
+    base: Base = "device"
     progress: Callable[[float], None] = lambda share: None
-    cancelled: Callable[[], bool] = lambda: False
 
     def rows(self, channel: int) -> tuple[int, int]:
         """First row, and one past the last."""
-        whole = self.columns.rows(channel)
-        lo = 0 if self.t0 is None else self.columns.row_at(channel, np.nextafter(self.t0, -np.inf)) + 1
-        hi = whole if self.t1 is None else self.columns.row_at(channel, self.t1) + 1
-        return lo, max(lo, hi)
+        return self.columns.between(channel, self.t0, self.t1, self.base)
+
+    def is_thinned(self, channel: int) -> bool:
+        """Has it more rows than are wanted?"""
+        lo, hi = self.rows(channel)
+        return 0 < self.most < hi - lo
+
+    def moving(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
+        """Rotations or places: a block at a time, or every so many."""
+        if not self.is_thinned(channel):
+            yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
+            return
+        lo, hi = self.rows(channel)
+        rows = self.columns.thinned(channel, *self._span(channel), self.most)
+        times = times_of(rows, 0)
+        yield Times(times.device, times.arrival, np.linspace(lo, hi - 1, len(rows)).astype(np.int64)), rows.columns
+
+    def curves(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
+        """Values: a block at a time, or the least and the greatest of every stretch."""
+        found = self.columns.query(channel, *self._span(channel), self.most // 2) if self.is_thinned(channel) else None
+        if not isinstance(found, Buckets):
+            yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
+            return
+        lo, _ = self.rows(channel)
+        near = self.columns.thinned(channel, *self._span(channel), self.most)
+        key = np.where(np.isnan(near.time), near.arrival, near.time)
+        t = np.repeat(found.t, 2)
+        t[1:-1:2] += np.diff(found.t) / 2  # the greatest lies half a stretch after the least, so that both are seen
+        sample = lo + np.repeat(np.cumsum(found.n) - found.n, 2)
+        sample[1::2] += found.n // 2
+        arrival = np.interp(t, np.maximum.accumulate(key), near.arrival)
+        pairs = zip(found.low, found.high, strict=True)
+        yield Times(nanoseconds(t), nanoseconds(arrival), sample), [np.column_stack(pair).ravel() for pair in pairs]
+
+    def _span(self, channel: int) -> tuple[float, float]:
+        whole = self.columns.span(channel) or (0.0, 0.0)
+        return max(whole[0], self.t0), min(whole[1], self.t1)
 
     def blocks(self, channel: int) -> Iterator[tuple[int, Exact]]:
         """The rows, a block at a time, each with the number of its first."""
         lo, hi = self.rows(channel)
         while lo < hi:
-            if self.cancelled():
-                raise StoppedError
             past = min(lo + BLOCK_ROWS, hi)
             yield lo, self.columns.exact(channel, lo, past)
             lo = past
@@ -80,30 +116,30 @@ def write_rrd(
     columns: Columns,
     out: Path,
     *,
-    t0: float | None = None,
-    t1: float | None = None,
+    t0: float = -math.inf,
+    t1: float = math.inf,
     channels: Collection[int] | None = None,
+    base: Base = "device",
     progress: Callable[[float], None] = lambda share: None,
-    cancelled: Callable[[], bool] = lambda: False,
     title: str = "",
 ) -> None:
     """Write an opened recording, or a range of it.
 
     Args:
         out: the file; replaced when it is there.
+        t0, t1: unix s, both included; `base` says of which time.
         channels: numbers of those that are wanted; None: all.
+        progress: called with 0..1; an exception that it raises ends the work, and nothing is left behind.
         title: of the recording, as the viewer shows it; "": what the recording calls itself.
     Raises:
-        StoppedError: `cancelled` said so; nothing is left behind.
         OSError: the disk failed; nothing is left behind.
     """
-    work = Work(columns, t0, t1, channels, progress, cancelled)
+    work = Work(columns, t0, t1, channels, 0, base, progress)
     name = title or str(columns.manifest.get("about", {}).get("title") or out.stem)
     aside = out.with_name(f".{out.name}.{os.getpid()}.making")
-    # The application's name keeps a viewer from opening one recording with the layout of another.
-    stream = rr.RecordingStream(f"imuscope {name}")
+    stream = stream_of(name)
     try:
-        _write(stream, work, aside, name)
+        fill(stream, work, name, lambda layout: stream.save(aside, default_blueprint=layout))
         stream.flush()
         stream.disconnect()
         os.replace(aside, out)
@@ -113,44 +149,60 @@ def write_rrd(
         raise
 
 
-def _write(stream: rr.RecordingStream, work: Work, out: Path, name: str) -> None:
+def stream_of(name: str) -> rr.RecordingStream:
+    """A stream of a recording of that name. The application is named after it: a viewer keeps its layout by that, and
+    must not open one recording with the layout of another."""
+    return rr.RecordingStream(f"imuscope {name}")
+
+
+def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb.Blueprint], None]) -> None:
+    """Everything of a recording into a stream.
+
+    Args:
+        begin: is given the layout and says where the stream goes; called before anything is sent.
+    """
     infos = work.channels()
     devices = devices_of(work.columns.manifest["devices"], infos)
     by_number = {int(info["id"]): info for info in infos}
-    logs = [f"/{chunks.name_of(EVENTS)}/**", f"/{chunks.name_of(MARKERS)}/**"]
+    logs = [f"{chunks.name_of(EVENTS)}/**", f"{chunks.name_of(MARKERS)}/**"]
     for device in devices:
         for number, curves in device.curves.items():
             if by_number[number]["kind"] == "status":
-                logs.extend(f"/{chunks.name_of((*curve.path, 'changes'))}" for curve in curves)
-    stream.save(out, default_blueprint=blueprint(devices, infos, logs))
-    stream.send_recording_name(name)
+                logs.extend(f"{chunks.name_of((*curve.path, 'changes'))}" for curve in curves)
+    begin(blueprint(devices, infos, logs))
+    thinned = [info for info in infos if work.is_thinned(info["id"])]
+    stream.send_recording_name(f"{name} (thinned)" if thinned else name)
+    if thinned:
+        words = f"Of {len(thinned)} quantities with more than {work.most} samples, least and greatest values are shown."
+        stream.log("thinned", rr.TextDocument(f"{words} An exported file, or a shorter stretch, has all."), static=True)
     span = work.columns.span()
     if span is not None:
-        stream.send_recording_start_time_nanos(int(max(span[0], work.t0 or span[0]) * 1e9))
+        stream.send_recording_start_time_nanos(int(max(span[0], work.t0) * 1e9))
     still.send_scene(stream, devices)
     for device in devices:
         for number, curves in device.curves.items():
             for curve in curves:
                 still.send_style(stream, curve, by_number[number]["columns"])
-    _texts(stream, work, devices)
     _moving(stream, work, devices)
     _curves(stream, work, devices, by_number)
 
 
 def _moving(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> None:
-    """Tracks, positions, attitudes."""
+    """Tracks, which end what is static; then what happened, positions, attitudes."""
     origin = next((found for device in devices if (found := _origin(work, device.position)) is not None), None)
-    for device in devices:
-        if device.position is not None:
-            times, enu = _places(work, device.position, origin)
-            still.send_track(stream, device, enu)
-            chunks.send_positions(stream, device.position.path, times, enu)
-            here = rr.Points3D([(0, 0, 0)], radii=rr.Radius.ui_points(6), labels=[device.title])
-            stream.log(chunks.name_of((WORLD, device.name, "here")), here, static=True)
+    places = [
+        (device, device.position, *_places(work, device.position, origin)) for device in devices if device.position
+    ]
+    for device, _, _, enu in places:
+        still.send_track(stream, device, enu)
+    stream.flush()  # single things wait in the stream, and columns would overtake them
+    _texts(stream, work, devices)
+    for _, position, times, enu in places:
+        chunks.send_positions(stream, position.path, times, enu)
     for device in devices:
         if device.attitude is not None:
-            for first, rows in work.blocks(device.attitude.channel):
-                chunks.send_attitude(stream, device.attitude, times_of(rows, first), rows.columns)
+            for times, columns in work.moving(device.attitude.channel):
+                chunks.send_attitude(stream, device.attitude, times, columns)
                 stream.flush()
 
 
@@ -176,10 +228,10 @@ def _places(work: Work, position: Position, origin: Origin | None) -> tuple[Time
     found: list[Any] = [np.empty((0, 3))]
     if position.kind == "place" and origin is None:
         return Times(*(np.empty(0, dtype) for dtype in ("datetime64[ns]", "datetime64[ns]", np.int64))), found[0]
-    for first, rows in work.blocks(position.channel):
-        height = _heights(work, position, rows.arrival) if position.height else None
-        found.append(chunks.metres(position, rows.columns, height, origin))
-        times.append(times_of(rows, first))
+    for when, columns in work.moving(position.channel):
+        height = _heights(work, position, when.arrival.view(np.int64) / 1e9) if position.height else None
+        found.append(chunks.metres(position, columns, height, origin))
+        times.append(when)
     joined = Times(*(np.concatenate([getattr(t, name) for t in times]) for name in ("device", "arrival", "sample")))
     return joined, np.concatenate(found)
 
@@ -201,16 +253,17 @@ def _curves(stream: rr.RecordingStream, work: Work, devices: list[Device], infos
         for number, curves in device.curves.items():
             info = infos[number]
             put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
-            told = _Flags(stream, info, device) if info["kind"] == "status" else None
-            for first, rows in work.blocks(number):
-                times = times_of(rows, first)
+            thin = info["kind"] != "rows"  # a table is no curve; there are few of them
+            for times, columns in work.curves(number) if thin else work.moving(number):
                 for curve in curves:
-                    put(stream, curve, times, rows.columns)
-                if told is not None:
-                    told.take(times, rows)
+                    put(stream, curve, times, columns)
                 stream.flush()  # what waits in the stream's queue is memory
-                done += len(rows)
+                done += len(times)
                 work.progress(min(done / total, 1.0))
+            if info["kind"] == "status":
+                told = _Flags(stream, info, device)
+                for first, rows in work.blocks(number):
+                    told.take(times_of(rows, first), rows)
 
 
 class _Flags:
@@ -246,18 +299,14 @@ class _Flags:
 def _texts(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> None:
     """What happened, and what a person marked."""
     names = {device.id: device.name for device in devices}
-    events = [event for event in work.columns.manifest["events"] if _within(work, event["time"])]
+    events = [event for event in work.columns.manifest["events"] if work.t0 <= event["time"] <= work.t1]
     for id in dict.fromkeys(event["device"] for event in events):
         own = [event for event in events if event["device"] == id]
         path = (*EVENTS, names.get(id, str(id))) if id else (*EVENTS, "recording")
         _log(stream, path, own, [str(event["text"]) for event in own], [LEVELS[event["level"]] for event in own])
-    markers = [marker for marker in work.columns.manifest["markers"] if _within(work, marker["time"])]
+    markers = [marker for marker in work.columns.manifest["markers"] if work.t0 <= marker["time"] <= work.t1]
     texts = [str(marker["text"]) or f"{marker['kind']} {marker['id']}" for marker in markers]
     _log(stream, MARKERS, markers, texts, [LEVELS["info"]] * len(markers))
-
-
-def _within(work: Work, time: float) -> bool:
-    return (work.t0 is None or time >= work.t0) and (work.t1 is None or time <= work.t1)
 
 
 def _log(

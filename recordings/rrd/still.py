@@ -98,7 +98,7 @@ def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mappi
 
 
 def send_track(stream: rr.RecordingStream, device: Device, enu: Floats) -> None:
-    """The way it went, thinned to `TRACK_POINTS`; where places are missing the line has a gap.
+    """The way it went, thinned to `TRACK_POINTS` and with gaps where places are missing; and a point where it is now.
 
     Args:
         enu: (n, 3) m, NaN where it was no place.
@@ -111,9 +111,10 @@ def send_track(stream: rr.RecordingStream, device: Device, enu: Floats) -> None:
     step = max(1, int(good.sum()) // TRACK_POINTS)
     strips = [np.concatenate((piece[::step], piece[-1:])).astype(np.float32) for piece in pieces]
     color = OTHERS[hash_of(device.id) % len(OTHERS)]
-    path = name_of((WORLD, "track", device.name))
     lines = rr.LineStrips3D(strips, colors=[color], radii=rr.Radius.ui_points(1.5))
-    stream.log(path, lines, static=True)
+    stream.log(name_of((WORLD, "track", device.name)), lines, static=True)
+    here = rr.Points3D([(0, 0, 0)], colors=[color], radii=rr.Radius.ui_points(6), labels=[device.title])
+    stream.log(name_of((WORLD, device.name, "here")), here, static=True)
 
 
 def hash_of(text: str) -> int:

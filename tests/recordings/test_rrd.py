@@ -1,0 +1,288 @@
+"""An `.rrd` file, read back with Rerun's own reader, has what the columns have, under names and times that say so."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.xbus.device import XbusDevice
+from recordings.columns import Columns, ColumnsWriter, Shape
+from recordings.container import Writer
+from recordings.exporters import Wish, by_suffix, export
+from recordings.parts import McapSource
+from recordings.rrd.chunks import name_of
+from recordings.rrd.file import Work, fill, stream_of, write_rrd
+from recordings.rrd.layout import devices_of
+from server import speech
+from server.opening import decode
+
+START = 1_760_000_000_000_000_000
+ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Columns:
+    """Six seconds of a device of each family on one clock, and a marker."""
+    folder = tmp_path_factory.mktemp("rrd")
+    devices = {"1": XbusDevice(product="MTi-680G", start_ns=0), "2": IsbDevice(start_ns=0), "3": IdtpDevice(start_ns=0)}
+    writer = Writer(folder / "a.mcap", {"title": "Three on a drive"})
+    for id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
+        writer.device(id, {"source": f"twin:{protocol}", "link": "twin", "protocol": protocol})
+    for n in range(1, 600):
+        for id, device in devices.items():
+            if data := device.advance(n * 10_000_000):
+                writer.chunk(id, "rx", data, START + n * 10_000_000)
+    writer.note("marker", "bump", START + 2_000_000_000)
+    writer.close()
+    return decode(McapSource(folder / "a.mcap"), folder / "store", speech.speech())
+
+
+@pytest.fixture(scope="module")
+def read(store: Columns, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[pa.RecordBatch]]:
+    out = tmp_path_factory.mktemp("file") / "a.rrd"
+    shares: list[float] = []
+    write_rrd(store, out, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert [file.name for file in out.parent.iterdir()] == ["a.rrd"]
+    return entities(out)
+
+
+def entities(path: Path) -> dict[str, list[pa.RecordBatch]]:
+    """Entity → its chunks, as the reader of the SDK gives them."""
+    found: dict[str, list[pa.RecordBatch]] = {}
+    for chunk in RrdReader(path).stream():
+        found.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+    return found
+
+
+def column(batches: list[pa.RecordBatch], name: str) -> list[Any]:
+    """One column of an entity, of the chunks that have it."""
+    return [batch.column(name) for batch in batches if name in batch.schema.names]
+
+
+def numbers(batches: list[pa.RecordBatch], name: str) -> np.ndarray[Any, Any]:
+    """A component that has as many numbers in every row: (n, k) float64."""
+    parts = []
+    for lists in column(batches, name):
+        flat = lists.values
+        while not pa.types.is_primitive(flat.type):
+            flat = flat.values
+        parts.append(np.asarray(flat, np.float64).reshape(len(lists), -1))
+    return np.concatenate(parts)
+
+
+def times(batches: list[pa.RecordBatch], name: str, having: str) -> np.ndarray[Any, Any]:
+    parts = [batch.column(name).cast(pa.int64()) for batch in batches if having in batch.schema.names]
+    return np.concatenate([np.asarray(part) for part in parts])
+
+
+def test_every_value_and_every_time_of_every_channel_is_in_the_file(
+    store: Columns, read: dict[str, list[pa.RecordBatch]]
+) -> None:
+    infos = {info["id"]: info for info in store.manifest["channels"]}
+    compared = 0
+    for device in devices_of(store.manifest["devices"], list(infos.values())):
+        for number, curves in device.curves.items():
+            rows = store.exact(number, 0, store.rows(number))
+            for curve in curves:
+                batches = read[name_of(curve.path)]
+                wanted = np.column_stack([rows.columns[i].astype(np.float64) for i in curve.columns])
+                compared += wanted.size
+                if infos[number]["kind"] == "rows":
+                    np.testing.assert_array_equal(flat(batches), wanted)
+                    continue
+                sample = times(batches, "sample", "Scalars:scalars")
+                order = np.argsort(sample)  # rows stand in the order of their time
+                np.testing.assert_array_equal(sample[order], np.arange(len(rows)))
+                np.testing.assert_array_equal(numbers(batches, "Scalars:scalars")[order], wanted)
+                device_time = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+                for name, clock in (("device_time", device_time), ("arrival_time", rows.arrival)):
+                    got = times(batches, name, "Scalars:scalars")[order]
+                    np.testing.assert_array_equal(got, np.rint(clock * 1e9).astype(np.int64))
+    assert compared == sum(store.rows(n) * len(infos[n]["columns"]) for n in infos) > 40_000
+
+
+def flat(batches: list[pa.RecordBatch]) -> np.ndarray[Any, Any]:
+    """A table's column: as many values a row as there were rows at that time."""
+    return np.concatenate([np.asarray(lists.values, np.float64) for lists in column(batches, "Scalars:scalars")])[
+        :, None
+    ]
+
+
+def test_an_entity_says_device_quantity_and_unit(read: dict[str, list[pa.RecordBatch]]) -> None:
+    for path in (
+        ("MTi-680G", "Acceleration [m/s²]"),
+        ("IMX-5", "IMU Rate of turn [°/s]"),
+        ("IMX-5", "INS 1 Position", "lat [°]"),
+    ):
+        assert name_of(path) in read, sorted(read)
+    style = numbers_or_words(read[name_of(("MTi-680G", "Acceleration [m/s²]"))], "SeriesLines:names")
+    assert style == ["x", "y", "z"]
+
+
+def numbers_or_words(batches: list[pa.RecordBatch], name: str) -> list[Any]:
+    return [word for lists in column(batches, name) for row in lists.to_pylist() for word in row]
+
+
+def test_the_attitude_is_a_transform_of_the_body_in_its_own_frame(
+    store: Columns, read: dict[str, list[pa.RecordBatch]]
+) -> None:
+    quaternion = next(info["id"] for info in store.manifest["channels"] if info["name"] == "DID_INS_2.qn2b")
+    rows = store.exact(quaternion, 0, store.rows(quaternion))
+    body = read[name_of(("world", "IMX-5", "NED", "body"))]
+    wanted = np.column_stack([rows.columns[i] for i in (1, 2, 3, 0)])  # x, y, z, w
+    np.testing.assert_array_equal(numbers(body, "Transform3D:quaternion"), wanted)
+    for part in ("shape", "axes"):
+        assert name_of(("world", "IMX-5", "NED", "body", part)) in read
+    # The frame is turned into the world's: north of NED is the world's y, down is its −z.
+    turn = numbers(read[name_of(("world", "IMX-5", "NED"))], "Transform3D:quaternion")[0]
+    np.testing.assert_allclose(turned(turn, (1, 0, 0)), (0, 1, 0), atol=1e-6)
+    np.testing.assert_allclose(turned(turn, (0, 0, 1)), (0, 0, -1), atol=1e-6)
+
+
+def turned(xyzw: Any, vector: Any) -> Any:
+    """A vector, turned by a quaternion: v + 2 w (u × v) + 2 u × (u × v)."""
+    u, w = np.asarray(xyzw[:3]), xyzw[3]
+    return np.asarray(vector) + 2 * w * np.cross(u, vector) + 2 * np.cross(u, np.cross(u, vector))
+
+
+def test_all_devices_stand_on_one_plane_in_metres(read: dict[str, list[pa.RecordBatch]]) -> None:
+    places = [numbers(read[name_of(("world", name))], "Transform3D:translation") for name in ("MTi-680G", "IMX-5")]
+    for enu in places:
+        assert len(enu) > 50
+        assert np.abs(enu).max() < 2000  # both drive the same believable way, and begin where the plane touches
+    for name in ("MTi-680G", "IMX-5"):
+        assert column(read[name_of(("world", "track", name))], "LineStrips3D:strips")
+
+
+def test_what_changed_and_what_was_marked_can_be_read(read: dict[str, list[pa.RecordBatch]]) -> None:
+    said = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
+    assert any("set" in word for word in said)
+    assert texts(read["/markers"]) == ["bump"]
+    assert times(read["/markers"], "arrival_time", "TextLog:text").tolist() == [START + 2_000_000_000]
+    assert any(name.startswith("/events/") for name in read)
+
+
+def texts(batches: list[pa.RecordBatch]) -> list[str]:
+    return numbers_or_words(batches, "TextLog:text")
+
+
+def test_static_things_come_first_and_a_layout_is_in_it(store: Columns, tmp_path: Path) -> None:
+    write_rrd(store, tmp_path / "a.rrd")
+    reader = RrdReader(tmp_path / "a.rrd")
+    assert len(reader.blueprints()) == 1
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "print", str(tmp_path / "a.rrd")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT)
+    names = re.findall(r"\) - (/.*) - data columns", said.stdout)  # in the order of the file
+    static = {chunk.entity_path for chunk in reader.stream() if chunk.is_static}
+    begins = next(i for i, name in enumerate(names) if name.startswith(("/events", "/markers")))
+    drawn = [name for name in static if name.startswith("/world/")]
+    assert len(drawn) > 10
+    assert static - set(names[:begins]) == set()
+
+
+def drive(folder: Path, n: int) -> Columns:
+    """A store of one status word that flickers once, and a rotation of n samples at 1 kHz."""
+    writer = ColumnsWriter(folder)
+    writer.channel(1, Shape(("f4",) * 4, (False,) * 4))
+    writer.channel(2, Shape(("u2",), (True,)))
+    arrival = START / 1e9 + np.arange(n) / 1000
+    angle = np.arange(n) / n * 3
+    zero = np.zeros(n, np.float32)
+    writer.append(
+        1, [arrival, arrival, np.cos(angle / 2).astype(np.float32), zero, zero, np.sin(angle / 2).astype("f4")]
+    )
+    word = np.zeros(n, np.uint16)
+    word[n // 2] = 4
+    writer.append(2, [arrival, np.full(n, np.nan), word])
+    bits = {"name": "Clipping", "low": 2, "width": 1, "choices": {}, "severity": "fault", "normal_set": False}
+    plain = {"unit": "", "label": "", "axis": "", "bits": []}
+    info = {"device": "1", "message": "M", "group": "", "frame": "ENU from body", "unit": ""}
+    turn = [{**plain, "name": name} for name in "wxyz"]
+    word_column = {**plain, "name": "value", "bits": [bits]}
+    channels = [
+        {**info, "id": 1, "name": "Q", "title": "Quaternion", "kind": "quaternion", "columns": turn},
+        {**info, "id": 2, "name": "S", "title": "Status", "kind": "status", "columns": [word_column]},
+    ]
+    devices = [{"id": "1", "name": "Sensor"}]
+    return writer.finish({"devices": devices, "channels": channels, "events": [], "markers": []})
+
+
+def test_a_range_is_the_samples_within_it_with_their_numbers(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store", 5000)
+    t0 = START / 1e9 + 1
+    write_rrd(store, tmp_path / "a.rrd", t0=t0, t1=t0 + 0.5, channels=[1])
+    read = entities(tmp_path / "a.rrd")
+    curve = read[name_of(("Sensor", "Quaternion"))]
+    assert times(curve, "sample", "Scalars:scalars").tolist() == list(range(1000, 1501))
+    assert not any("Status" in name for name in read)
+
+
+def test_chunks_are_large(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store", 150_000)
+    write_rrd(store, tmp_path / "a.rrd")
+    chunks = [chunk for chunk in RrdReader(tmp_path / "a.rrd").stream() if not chunk.is_static]
+    rows = [chunk.num_rows for chunk in chunks if "changes" not in chunk.entity_path]
+    assert sum(rows) == 3 * 150_000
+    assert sorted(rows)[len(rows) // 3] >= 10_000
+
+
+def test_thinned_a_fault_of_one_sample_is_still_seen_and_told(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store", 50_000)
+    stream = stream_of("thin")
+    fill(stream, Work(store, most=1000), "thin", lambda layout: stream.save(tmp_path / "a.rrd", layout))
+    stream.flush()
+    stream.disconnect()
+    read = entities(tmp_path / "a.rrd")
+    status = numbers(read["/Sensor/Status"], "Scalars:scalars")
+    assert len(status) <= 1000
+    assert status.max() == 4
+    assert texts(read["/Sensor/Status/changes"]) == ["Clipping set", "Clipping cleared"]
+    assert times(read["/Sensor/Status/changes"], "sample", "TextLog:text").tolist() == [25_000, 25_001]
+    body = numbers(read["/world/Sensor/ENU/body"], "Transform3D:quaternion")
+    assert len(body) <= 1000
+    np.testing.assert_allclose((body**2).sum(axis=1), 1, atol=1e-6)  # samples, not least and greatest components
+    assert "/thinned" in read
+
+
+def test_stopped_it_leaves_nothing_behind(tmp_path: Path) -> None:
+    store = drive(tmp_path / "store", 5000)
+    out = tmp_path / "out"
+    out.mkdir()
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_rrd(store, out / "a.rrd", progress=stop)
+    assert list(out.iterdir()) == []
+
+
+def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: Columns, tmp_path: Path) -> None:
+    infos = store.manifest["channels"]
+    acceleration = next(info["id"] for info in infos if info["name"] == "Acceleration" and info["device"] == "1")
+    files = export(by_suffix(".rrd") or "", Wish(store, channels=(acceleration,)), tmp_path / "a.rrd")
+    assert [file.name for file in files] == ["a.rrd"]
+    curves = {name for name, batches in entities(files[0]).items() if column(batches, "Scalars:scalars")}
+    assert curves == {name_of(("MTi-680G", "Acceleration [m/s²]"))}
+    code = "import sys; import recordings.exporters; print('rerun' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert said.stdout.strip() == "False"
+
+
+def test_a_layout_is_known_without_rerun() -> None:
+    code = "import sys; import recordings.rrd.layout, recordings.rrd.ground; print('rerun' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert said.stdout.strip() == "False"
