@@ -102,7 +102,7 @@ export class Legend {
 function makeRoom(row: Row, characters: number): void {
   if (characters <= row.width) return;
   row.width = characters;
-  row.text.style.minWidth = `${characters}ch`;
+  row.text.style.width = `${characters}ch`; // not at least so wide: a minus may come from a font that is wider by a hair
 }
 
 /** An angle may need "−179." before its decimals, most else that changes quickly no more than "−9.". */
