@@ -16,6 +16,7 @@ from server.api import (
     corrections,
     devices,
     errors,
+    exports,
     forms,
     library,
     live,
@@ -32,6 +33,7 @@ from server.auth import Access, Guard
 from server.config import Config
 from server.correction_desk import CorrectionDesk
 from server.desks import Desks
+from server.exports import Exports
 from server.hub import Hub
 from server.library import Catalogue
 from server.links import open_link
@@ -85,6 +87,7 @@ def create_app(
         await tape.resume()
         catalogue.start()
         yield
+        await app.state.exports.close()
         await catalogue.close()
         await shelf.close()
         await app.state.viser.close()
@@ -109,6 +112,7 @@ def create_app(
     app.state.viser = Viser(hub)
     app.state.library = catalogue
     app.state.shelf = shelf
+    app.state.exports = Exports(hub, catalogue, shelf, config.data)
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.scan_lock = asyncio.Lock()
@@ -123,6 +127,7 @@ def create_app(
         corrections,
         recorder,
         replay,
+        exports,
         library,
         recordings,
         ports,

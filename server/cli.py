@@ -1,4 +1,5 @@
-"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `record`.
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `record`,
+`replay`, `decode`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
 needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
@@ -21,8 +22,11 @@ from server.config import Config, ConfigError, default_data, load
 from server.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "inspect", "compose", "send", "record")
+COMMANDS = ("serve", "ports", "inspect", "compose", "send", "record", "replay", "decode")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
+OUTPUTS = (
+    "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
+)
 
 
 class UsageError(Exception):
@@ -52,6 +56,14 @@ def parser() -> argparse.ArgumentParser:
     serve.add_argument("--port", type=int, help="port to listen on (8080; 0: any free one)")
     _add_reading(serve, "protocol of the sources (recognised when left out)")
     serve.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
+    serve.add_argument(
+        "--foxglove",
+        type=int,
+        nargs="?",
+        const=8765,
+        metavar="PORT",
+        help="speak the Foxglove protocol, on this port of this machine (8765) and at /foxglove of the page's",
+    )
     serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
     _add_data(serve)
 
@@ -88,6 +100,26 @@ def parser() -> argparse.ArgumentParser:
     record.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of data")
     _add_reading(record, "protocol of the source (recognised when left out)")
     _add_data(record)
+
+    replay = commands.add_parser("replay", help="send the bytes of a recording to another program, as they came")
+    replay.add_argument("file", metavar="FILE", help="a recording, or a log or capture of any kind")
+    place = replay.add_mutually_exclusive_group()
+    place.add_argument("--tcp", metavar="[HOST]:PORT", help="listen there (127.0.0.1 without a host)")
+    place.add_argument("--udp", metavar="HOST:PORT", help="send datagrams there")
+    place.add_argument("--pty", action="store_true", help="be a serial port (the default)")
+    replay.add_argument("--speed", type=float, default=1.0, metavar="N", help="2: twice as fast; 0.01 to 1000")
+    replay.add_argument("--loop", action="store_true", help="begin again at the end, until it is stopped")
+    replay.add_argument("--from", dest="begin", type=float, default=0.0, metavar="S", help="seconds from the beginning")
+    replay.add_argument("--to", dest="end", type=float, metavar="S", help="seconds from the beginning")
+    replay.add_argument("--device", default="", metavar="D", help="which one, where the recording has several")
+    replay.add_argument("--protocol", default="", metavar="NAME", help="of a capture (recognised when left out)")
+    _add_data(replay)
+
+    decode = commands.add_parser("decode", help="turn a recording, log or capture into files of other programs")
+    decode.add_argument("file", type=Path, metavar="FILE", help="a recording, a vendor's log, a raw capture")
+    decode.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help=OUTPUTS)
+    _add_reading(decode, "protocol of a capture (recognised when left out)")
+    _add_data(decode)
     return root
 
 
@@ -129,6 +161,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _send(options)
             case "record":
                 _record(options)
+            case "replay":
+                _replay(options)
+            case "decode":
+                _decode(options)
     except (UsageError, ConfigError, ReadingError) as error:
         end = "" if str(error).endswith((".", "?")) else "."
         print(f"imuscope: {error}{end}", file=sys.stderr)
@@ -155,6 +191,7 @@ def _serve(options: argparse.Namespace) -> None:
         unverified=options.unverified,
         sources=options.sources or None,
         record=options.record,
+        foxglove=options.foxglove,
     )
     _compile(config.data)
     from server import serving, speech
@@ -324,6 +361,44 @@ def _record(options: argparse.Namespace) -> None:
     try:
         print(record(Wish(source, said, options.output, options.duration, data), sys.stderr))
     except (RecordError, LinkError) as error:
+        raise UsageError(str(error)) from None
+
+
+def _decode(options: argparse.Namespace) -> None:
+    if not options.file.is_file():
+        raise UsageError(_no_file(str(options.file)))
+    said = _said(options)
+    _compile(load(data=options.data).data)
+    from server.decode import DecodeError, decode_file
+
+    _known(said.protocol, ("auto", *_protocols()))
+    said = replace(said, protocol="" if said.protocol == "auto" else said.protocol)
+    try:
+        for path in decode_file(options.file, options.output, said, sys.stderr):
+            print(path)
+    except DecodeError as error:
+        raise UsageError(str(error)) from None
+
+
+def _replay(options: argparse.Namespace) -> None:
+    import asyncio
+
+    if not Path(options.file).is_file():
+        raise UsageError(_no_file(options.file))
+    if not 0.01 <= options.speed <= 1000:
+        raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
+    _compile(load(data=options.data).data)
+    from server import replaying
+
+    def sink() -> replaying.Sink:
+        if options.tcp is not None:
+            return replaying.TcpSink(*replaying.address(options.tcp))
+        return replaying.UdpSink(*replaying.address(options.udp)) if options.udp is not None else replaying.PtySink()
+
+    how = (options.protocol, options.speed, options.loop, options.begin, options.end, options.device)
+    try:
+        asyncio.run(replaying.replay(replaying.Wish(Path(options.file), sink, *how), sys.stdout))
+    except replaying.ReplayError as error:
         raise UsageError(str(error)) from None
 
 

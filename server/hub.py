@@ -69,6 +69,7 @@ class Hub:
         self.log: deque[wire.EventInfo] = deque(maxlen=EVENTS_KEPT)
         self.outboxes: set[Outbox] = set()
         self.recorder: wire.RecorderState | None = None
+        self.exports: wire.Exports | None = None
         self.heard_event: Listeners[[wire.EventInfo]] = Listeners()  # who keeps what happens: a recording
         self.heard_device: Listeners[[wire.DeviceInfo]] = Listeners()
         self.heard_control: Listeners[[wire.ControlState]] = Listeners()
@@ -148,6 +149,11 @@ class Hub:
         """What is being recorded changed."""
         self.recorder = state
         self._tell_latest("recorder", state)
+
+    def set_exports(self, state: wire.Exports) -> None:
+        """An export began, went on or ended."""
+        self.exports = state
+        self._tell_latest("exports", state)
 
     def library_changed(self) -> None:
         """A recording came, went or is another than it was: whoever shows the list asks for it again."""
@@ -307,6 +313,8 @@ class Hub:
             outbox.say(codec.encode_text(wire.Control(list(self.controls.values()))))
         if self.recorder is not None:
             outbox.say(codec.encode_text(self.recorder))
+        if self.exports is not None:
+            outbox.say(codec.encode_text(self.exports))
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""

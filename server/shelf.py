@@ -34,6 +34,7 @@ log = logging.getLogger("imuscope.shelf")
 
 KEPT_OPEN = 16
 CACHE_BYTES = 20 << 30
+TRIES = 3  # a file may be packed while it is opened: then it is another file
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
 DECODED_BY = ("opening", "channels", "intake", "incidents", "senders", "raws")
 RECORDINGS, CACHE = "recordings", "cache"
@@ -108,17 +109,18 @@ class Shelf:
             KeyError: there is no such recording.
             RecordingError: it cannot be opened.
         """
-        found = self.open(recording)
-        if isinstance(found, Columns):
-            return found
-        if found.task is not None:
-            await asyncio.shield(found.task)
-        if found.error is not None:
-            raise found.error
-        made = self.peek(recording)
-        if made is None:
-            raise RecordingError("The recording changed while it was opened.", "Open it again.")
-        return made
+        for _ in range(TRIES):
+            found = self.open(recording)
+            if isinstance(found, Columns):
+                return found
+            if found.task is not None:
+                await asyncio.shield(found.task)
+            if found.error is not None:
+                raise found.error
+            made = self.peek(recording)
+            if made is not None:
+                return made
+        raise RecordingError("The recording changed while it was opened.", "Open it again.")
 
     async def close(self) -> None:
         """Stop what is being decoded."""
