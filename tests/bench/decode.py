@@ -34,7 +34,7 @@ from protocols.registry import PROTOCOLS  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 CHUNK = 1 << 20
-PASSES = 9
+PASSES = 25
 
 
 def best(*runs: Callable[[], Any]) -> list[float]:
