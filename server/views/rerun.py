@@ -1,0 +1,250 @@
+"""The Rerun viewer: recordings streamed into it, and what devices send now.
+
+    recording ──Columns──> python -m server.views.rerun_stream ──.rrd on its standard output──> the browser
+    Hub ──aside.py──> python -m server.views.rerun_feed ──batches, base64 in JSON lines──> Feed ──> WebSocket of each
+
+A batch is an `.rrd` in itself, so a viewer can begin with any of them once it has been told what is static. A Feed
+keeps that and the newest `KEPT_BYTES`; who comes late gets what is static, then the kept batches, newest first, then
+what is live. A viewer that does not take what is sent loses the oldest batches and is told how many; none slows a
+device, and the feed ends when nobody has looked for `IDLE_S`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import json
+import logging
+import sys
+from collections import deque
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from server.hub import Hub
+from server.views.aside import Aside
+from server.views.proxy import ViewError
+
+log = logging.getLogger("imuscope.views")
+
+ROOT = Path(__file__).resolve().parents[2]
+STREAM, FEED = "server.views.rerun_stream", "server.views.rerun_feed"
+PIECE = 1 << 16
+MOST_STREAMS = 4  # at once: each is a process with a hundred MB
+MOST_FEEDS = 4
+KEPT_BYTES = 32 << 20  # of a feed: about half a minute of three devices
+WAITING_BYTES = 8 << 20  # of a viewer that does not take it: a second or two
+IDLE_S = 10.0
+
+
+async def recording_stream(wish: Mapping[str, Any], slots: asyncio.Semaphore) -> AsyncIterator[bytes]:
+    """A recording as `.rrd`, piece by piece; ends its process when it is not read to its end.
+
+    Args:
+        wish: as rerun_stream.py says.
+        slots: how many may run at once.
+    """
+    async with slots:
+        pipe = asyncio.subprocess.PIPE
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", STREAM), cwd=ROOT, stdin=pipe, stdout=pipe, stderr=pipe, limit=PIECE
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        words = asyncio.create_task(process.stderr.read(), name="rerun stream is overheard")
+        try:
+            process.stdin.write(json.dumps(wish).encode())
+            process.stdin.close()
+            while piece := await process.stdout.read(PIECE):
+                yield piece
+            if await process.wait() != 0:
+                log.warning("a stream for the Rerun viewer ended: %s", (await words).decode(errors="replace")[-500:])
+        finally:
+            if process.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+                await process.wait()
+            words.cancel()
+
+
+@dataclass(slots=True, eq=False)
+class Viewer:
+    """What waits for one browser."""
+
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    still: deque[bytes] = field(default_factory=deque)  # never dropped
+    waiting: deque[tuple[float, bytes]] = field(default_factory=deque)  # arrival of the newest sample in it, batch
+    size: int = 0
+    dropped: int = 0
+    lost: str = ""  # why the stream ended
+
+    def offer(self, newest: float, batch: bytes) -> None:
+        """A batch; the oldest are dropped where too much waits."""
+        self.waiting.append((newest, batch))
+        self.size += len(batch)
+        while self.size > WAITING_BYTES and len(self.waiting) > 1:
+            self.size -= len(self.waiting.popleft()[1])
+            self.dropped += 1
+        self.wake.set()
+
+    async def take(self) -> tuple[float, bytes]:
+        """The next: what is static first (with a time of 0), then batches.
+
+        Raises:
+            ViewError: the stream has ended.
+        """
+        while True:
+            if self.still:
+                return 0.0, self.still.popleft()
+            if self.waiting:
+                newest, batch = self.waiting.popleft()
+                self.size -= len(batch)
+                return newest, batch
+            if self.lost:
+                raise ViewError(self.lost)
+            self.wake.clear()
+            await self.wake.wait()
+
+
+class Feed:
+    """One live stream and who looks at it.
+
+    Args:
+        device: id; "" for all.
+        connect: address of a Rerun viewer elsewhere that is streamed to; "" for browsers.
+    """
+
+    def __init__(self, hub: Hub, device: str = "", connect: str = "") -> None:
+        self._hub = hub
+        self._wish = {"device": device, "connect": connect}
+        self._aside: Aside | None = None
+        self._still: list[bytes] = []
+        self._kept: deque[tuple[float, bytes]] = deque()
+        self._size = 0
+        self.viewers: set[Viewer] = set()
+
+    async def start(self) -> None:
+        """Begin to stream."""
+        self._aside = Aside(self._hub, FEED, self._told, self._crashed)
+        try:
+            await self._aside.start()
+        except OSError as error:
+            raise ViewError("The stream for Rerun does not start.", str(error.strerror)) from None
+        self._aside.say(op="open", **self._wish)
+
+    async def stop(self) -> None:
+        """End it, and wait until it is gone."""
+        for viewer in self.viewers:
+            viewer.lost = viewer.lost or "The stream has ended."
+            viewer.wake.set()
+        if self._aside is not None:
+            await self._aside.stop()
+
+    def join(self) -> Viewer:
+        """One more looks: what is static, then what is kept, newest first."""
+        viewer = Viewer(still=deque(self._still))
+        kept = 0
+        for newest, batch in reversed(self._kept):
+            kept += len(batch)
+            if kept > WAITING_BYTES:
+                break
+            viewer.offer(newest, batch)
+        self.viewers.add(viewer)
+        return viewer
+
+    def lag_ms(self, newest: float) -> float:
+        """How old the newest sample of a batch is now."""
+        return max(0.0, 1000 * (self._hub.now() - newest))
+
+    def _told(self, told: Mapping[str, Any]) -> None:
+        if told["op"] != "batch":
+            return
+        batch, newest = base64.b64decode(told["data"]), float(told["newest"])
+        if told["still"]:
+            if told["anew"]:
+                self._still.clear()
+            self._still.append(batch)
+            for viewer in self.viewers:
+                viewer.still.append(batch)
+                viewer.wake.set()
+            return
+        self._kept.append((newest, batch))
+        self._size += len(batch)
+        while self._size > KEPT_BYTES:
+            self._size -= len(self._kept.popleft()[1])
+        for viewer in self.viewers:
+            viewer.offer(newest, batch)
+
+    def _crashed(self, words: str) -> None:
+        self._hub.event("", "link", "fault", f"The stream for Rerun ended by itself: {words:.200}")
+        self._aside = None
+        for viewer in self.viewers:
+            viewer.lost = "The stream ended by itself."
+            viewer.wake.set()
+
+    @property
+    def is_running(self) -> bool:
+        """False after a crash."""
+        return self._aside is not None
+
+    @property
+    def pid(self) -> int | None:
+        return None if self._aside is None else self._aside.pid
+
+
+class Rerun:
+    """All of it, for one server."""
+
+    def __init__(self, hub: Hub, connect: str = "", idle_s: float = IDLE_S) -> None:
+        self._hub = hub
+        self._connect = connect
+        self._idle_s = idle_s
+        self._starting = asyncio.Lock()
+        self._elsewhere: Feed | None = None
+        self.feeds: dict[str, Feed] = {}
+        self.slots = asyncio.Semaphore(MOST_STREAMS)
+
+    async def start(self) -> None:
+        """Stream to a viewer elsewhere, where that was asked for."""
+        if self._connect:
+            self._elsewhere = Feed(self._hub, connect=self._connect)
+            await self._elsewhere.start()
+
+    @contextlib.asynccontextmanager
+    async def look(self, device: str) -> AsyncIterator[tuple[Feed, Viewer]]:
+        """A viewer of a device's stream, or of all devices', for as long as the block lasts.
+
+        Raises:
+            ViewError: there is no such device, or too many streams run.
+        """
+        if device and device not in self._hub.devices:
+            raise ViewError(f"There is no device {device:.40}.", "Leave the device out for all that there are.")
+        async with self._starting:
+            feed = self.feeds.get(device)
+            if feed is None or not feed.is_running:
+                if feed is None and len(self.feeds) >= MOST_FEEDS:
+                    raise ViewError(f"{MOST_FEEDS} streams run already.", "Close one of their pages.")
+                feed = Feed(self._hub, device)
+                await feed.start()
+                self.feeds[device] = feed
+        viewer = feed.join()
+        try:
+            yield feed, viewer
+        finally:
+            feed.viewers.discard(viewer)
+            if not feed.viewers:
+                asyncio.get_running_loop().call_later(self._idle_s, self._leave, device, feed)
+
+    def _leave(self, device: str, feed: Feed) -> None:
+        if not feed.viewers and self.feeds.get(device) is feed:
+            del self.feeds[device]
+            self._stopping = asyncio.get_running_loop().create_task(feed.stop(), name="rerun feed stops")
+
+    async def close(self) -> None:
+        """End all streams."""
+        feeds = [*self.feeds.values(), *([self._elsewhere] if self._elsewhere is not None else [])]
+        self.feeds.clear()
+        await asyncio.gather(*(feed.stop() for feed in feeds))

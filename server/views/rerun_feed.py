@@ -1,0 +1,184 @@
+"""`python -m server.views.rerun_feed`: what devices send now, as batches for Rerun viewers, in a process of its own.
+
+It is told what a browser is told (server/views/told.py). Samples of 50 ms become one chunk of each quantity: a chunk
+has some 3 kB of its own, and a viewer handles few large ones far better than many small ones, so there are 20 batches a
+second, whatever the rates of the devices. What is said on standard output:
+
+    {"op": "batch", "still": bool, "anew": bool, "newest": unix s, "data": base64 of an .rrd}
+
+`still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went. With
+an address of a viewer elsewhere, everything goes there instead, and nothing is said.
+"""
+
+from __future__ import annotations
+
+import base64
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from recordings.rrd import chunks, still
+from recordings.rrd.blueprint import blueprint
+from recordings.rrd.chunks import Array, Times, nanoseconds
+from recordings.rrd.ground import Origin, is_place
+from recordings.rrd.layout import Device, devices_of
+from server.codec import Samples
+from server.views.told import Told
+
+PERIOD_S = 0.05
+HISTORY_S = 30.0
+SHOWN_S = 30.0  # of plots
+SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
+
+
+class Feed:
+    """The stream and what it is about."""
+
+    def __init__(self, told: Told, wish: Mapping[str, Any]) -> None:
+        self._told = told
+        self._device = str(wish["device"])
+        self._remote = str(wish["connect"])
+        self._stream = rr.RecordingStream("imuscope live")
+        self._bytes = None if self._remote else rr.binary_stream(self._stream)
+        self._devices: dict[str, Device] = {}
+        self._infos: dict[int, Mapping[str, Any]] = {}
+        self._styled: set[int] = set()
+        self._words: dict[tuple[int, int], int] = {}
+        self._origin: Origin | None = None
+        self._heights: dict[int, float] = {}
+        self._live: dict[int, list[Samples]] = {}
+        self._past: list[Samples] = []
+        self._next = 0.0
+        self.lay_out()
+
+    def lay_out(self) -> None:
+        """Devices or channels are others than before: what is static, and the layout, anew."""
+        self._told.changed = False
+        newest = {}
+        for info in self._told.channels.values():
+            if not self._device or info["device"] == self._device:
+                newest[info["device"], info["message"], info["name"]] = info  # a later one replaces its namesake
+        self._infos = {int(info["id"]): info for info in newest.values()}
+        named = [one for one in self._told.devices if not self._device or one["id"] == self._device]
+        self._devices = {device.id: device for device in devices_of(named, list(self._infos.values()))}
+        devices = list(self._devices.values())
+        logs = [
+            f"{chunks.name_of((*curve.path, 'changes'))}"
+            for device in devices
+            for number, curves in device.curves.items()
+            if self._infos[number]["kind"] == "status"
+            for curve in curves
+        ]
+        layout = blueprint(devices, list(self._infos.values()), logs, live_s=SHOWN_S)
+        if self._remote and not self._styled:
+            self._stream.connect_grpc(self._remote, default_blueprint=layout)
+        self._stream.send_blueprint(layout)
+        still.send_scene(self._stream, devices)
+        for device in devices:
+            for number, curves in device.curves.items():
+                for curve in curves:
+                    still.send_style(self._stream, curve, self._infos[number]["columns"])
+        first = self._styled == set()
+        self._styled = set(self._infos)
+        self._say(is_still=True, anew=not first)
+        self._told.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
+
+    def take(self, samples: Sequence[Samples]) -> None:
+        """Samples: live ones wait until a batch is due, history goes out as it comes, newest first."""
+        for one in samples:
+            if one.channel in self._infos and one.n:
+                if one.history:
+                    self._past.append(one)
+                else:
+                    self._live.setdefault(one.channel, []).append(one)
+        now = time.monotonic()
+        if self._past:
+            past, self._past = self._past, []
+            for one in past:
+                self._send(one.channel, [one], changes=False)
+            self._say()
+        if now >= self._next and self._live:
+            self._next = now + PERIOD_S
+            live, self._live = self._live, {}
+            newest = max(float(one.columns[0][-1]) for parts in live.values() for one in parts)
+            for number, parts in live.items():
+                self._send(number, parts)
+            self._say(newest=newest)
+
+    def _send(self, number: int, parts: Sequence[Samples], *, changes: bool = True) -> None:
+        info = self._infos[number]
+        device = self._devices[info["device"]]
+        columns = [np.concatenate(column) for column in zip(*(one.columns for one in parts), strict=True)]
+        arrival, time_, own = columns[0], columns[1], columns[2:]
+        sample = np.concatenate([np.arange(one.sequence, one.sequence + one.n) for one in parts])
+        times = Times(nanoseconds(np.where(np.isnan(time_), arrival, time_)), nanoseconds(arrival), sample)
+        put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
+        for curve in device.curves[number]:
+            put(self._stream, curve, times, own)
+            if changes and info["kind"] == "status":
+                self._tell_changes(number, curve.path, curve.columns, times, own)
+        if device.attitude is not None and device.attitude.channel == number:
+            chunks.send_attitude(self._stream, device.attitude, times, own)
+        if device.position is not None:
+            if device.position.height == number:
+                self._heights[number] = float(own[0][-1])
+            if device.position.channel == number:
+                self._place(device, times, own)
+
+    def _tell_changes(
+        self, number: int, path: tuple[str, ...], which: Sequence[int], times: Times, own: Sequence[Array]
+    ) -> None:
+        for i in which:
+            column = self._infos[number]["columns"][i]
+            if column["bits"]:
+                at, texts, levels = chunks.changes(column, self._words.get((number, i)), own[i])
+                self._words[number, i] = int(own[i][-1])
+                chunks.send_texts(self._stream, (*path, "changes"), times.only(at), texts, levels)
+
+    def _place(self, device: Device, times: Times, own: Sequence[Array]) -> None:
+        position = device.position
+        assert position is not None
+        lat, lon, high = position.columns
+        height = self._heights.get(position.height, 0.0)
+        if position.kind == "place" and self._origin is None:
+            good = np.flatnonzero(is_place(own[lat], own[lon]))
+            if not len(good):
+                return
+            i = int(good[0])
+            up = float(own[high][i]) if high >= 0 else height
+            self._origin = Origin(float(own[lat][i]), float(own[lon][i]), up if np.isfinite(up) else 0.0)
+        enu = chunks.metres(position, own, np.full(len(times), height), self._origin)
+        chunks.send_positions(self._stream, position.path, times, enu)
+
+    def _say(self, *, is_still: bool = False, anew: bool = False, newest: float = 0.0) -> None:
+        if self._bytes is None:
+            return
+        data = self._bytes.read()
+        if data:
+            if len(data) > SAID_BYTES:
+                self._told.say(op="left-out", bytes=len(data))
+                return
+            text = base64.b64encode(data).decode()
+            self._told.say(op="batch", still=is_still, anew=anew, newest=newest, data=text)
+
+
+def main() -> int:
+    """Feed until the server ends."""
+    told = Told()
+    feed: Feed | None = None
+    for message in told.messages():
+        if isinstance(message, Mapping):
+            if message["op"] == "open":
+                feed = Feed(told, message)
+        elif feed is not None:
+            if told.changed:
+                feed.lay_out()
+            feed.take(message)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
