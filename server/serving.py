@@ -10,6 +10,7 @@ the transport is passed    in the WebSocket's scope, so that the sender can see 
 from __future__ import annotations
 
 import asyncio
+import gc
 import signal
 import socket
 from collections.abc import Callable
@@ -107,6 +108,7 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> 
         RuntimeError: it did not start.
     """
     serving = server(app, on_ready)
+    gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
     # uvicorn raises the signal that ended it again after it has shut down cleanly; that is then no failure.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     try:
