@@ -85,18 +85,13 @@ export function Record({ app }: { readonly app: App }) {
           <span class="u">{size.unit}</span>
         </span>
       </button>
-      <button type="button" class="btn icon desk" aria-label="Drop a marker" title="Drop a marker (M); with words: Shift M" onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}>
+      <button type="button" class={`btn icon flag ${said.value ? "just" : ""}`} aria-label="Drop a marker" title="Drop a marker (M); with words: Shift M" onClick={(event) => void (event.shiftKey ? beginNote(app) : mark(app))}>
         <Icon name="flag" />
       </button>
       {noteAt.value !== undefined && <Note app={app} time={noteAt.value} />}
       <span class="vh" role="status">
         {said.value}
       </span>
-      {said.value !== "" && (
-        <span class="tag yours desk" aria-hidden="true">
-          {said.value}
-        </span>
-      )}
     </>
   );
 }

@@ -14,10 +14,10 @@ it("offers a vendor's format where its devices are", () => {
 
 it("says about how large, by range and channels", () => {
   const columns = [1, 2, 3].map(() => ({ dtype: "f4" })) as unknown as readonly ColumnInfo[];
-  const detail = { t0: 0, t1: 100, longest_s: { 1: 0.01, 2: 0.01 }, channels: [{ id: 1, kind: "vector" as const, columns }, { id: 2, kind: "vector" as const, columns }] };
-  const whole = sizeOf("csv", { size: 1 }, detail, 1, undefined);
+  const detail = { longest_s: { 1: 0.01, 2: 0.01 }, channels: [{ id: 1, kind: "vector" as const, columns }, { id: 2, kind: "vector" as const, columns }] };
+  const whole = sizeOf("csv", { size: 1, duration: 100 }, detail, 100, undefined);
   expect(whole).toBeGreaterThan(1e6);
-  expect(sizeOf("csv", { size: 1 }, detail, 0.5, [1])).toBeCloseTo(whole / 4, -3);
-  expect(sizeOf("parquet", { size: 1 }, detail, 1, undefined)).toBeLessThan(whole);
-  expect(sizeOf("bytes", { size: 1000 }, detail, 0.5, [1])).toBe(500);
+  expect(sizeOf("csv", { size: 1, duration: 100 }, detail, 50, [1])).toBeCloseTo(whole / 4, -3);
+  expect(sizeOf("parquet", { size: 1, duration: 100 }, detail, 100, undefined)).toBeLessThan(whole);
+  expect(sizeOf("bytes", { size: 1000, duration: 100 }, detail, 50, [1])).toBe(500);
 });

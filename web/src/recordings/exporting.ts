@@ -41,13 +41,13 @@ const PACKED = 0.6;
 /**
  * About how many bytes an export has.
  *
- * @param share part of the recording's length, 0..1
+ * @param seconds how much of the recording, s
  * @param channels ids; undefined: all
  */
-export function sizeOf(format: ExportFormat, info: Pick<RecordingInfo, "size">, detail: Sampled | undefined, share: number, channels: readonly number[] | undefined): number {
+export function sizeOf(format: ExportFormat, info: Pick<RecordingInfo, "size" | "duration">, detail: Sampled | undefined, seconds: number, channels: readonly number[] | undefined): number {
+  const share = info.duration !== null && info.duration > 0 ? Math.min(1, seconds / info.duration) : 1;
   if (format === "bytes" || format === "raw" || format === "mtb") return info.size * share;
   if (detail === undefined) return info.size * share * (format.startsWith("csv") ? 2.7 : 1);
-  const seconds = (detail.t1 - detail.t0) * share;
   let [text, plain] = [0, 0];
   for (const { id, columns, kind } of detail.channels) {
     const usual = detail.longest_s[String(id)] ?? 0;
@@ -59,4 +59,4 @@ export function sizeOf(format: ExportFormat, info: Pick<RecordingInfo, "size">, 
   return format.startsWith("csv") ? text : plain * PACKED;
 }
 
-type Sampled = Pick<RecordingDetail, "t0" | "t1" | "longest_s"> & { readonly channels: readonly Pick<RecordingDetail["channels"][number], "id" | "kind" | "columns">[] };
+type Sampled = Pick<RecordingDetail, "longest_s"> & { readonly channels: readonly Pick<RecordingDetail["channels"][number], "id" | "kind" | "columns">[] };

@@ -42,6 +42,11 @@ export interface Choice {
 
 export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string => [name || product, serial].filter(Boolean).join(" ");
 
+/** What a recording is called: one that nobody named, by when it was made. */
+export function titleOf({ title, id, started }: Pick<RecordingInfo, "title" | "id" | "started">): string {
+  return title !== "" && title !== id ? title : started === null ? id : `Recording of ${dateWords(started)}`;
+}
+
 /** Every word that was typed stands somewhere in what is known of it. */
 export function matches(info: RecordingInfo, query: string): boolean {
   const words = query.toLowerCase().split(/\s+/).filter(Boolean);

@@ -1,6 +1,6 @@
 /** One recording of the library: what is in it, what a person says of it, and what can be done with it. */
 import { useSignal } from "@preact/signals";
-import { bytes, dateWords, daysLeft, deviceName, length, lostOf, messagesOf, rejectsOf } from "../../recordings/listing";
+import { bytes, dateWords, daysLeft, deviceName, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/listing";
 import { server } from "../../recordings/server";
 import type { RecordingInfo } from "../../recordings/types";
 import { count, number } from "../../ui/format";
@@ -14,7 +14,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
   return (
     <>
       <div class="head">
-        <h2 class="ell">{info.title}</h2>
+        <h2 class="ell">{titleOf(info)}</h2>
         <span class="grow" />
         {info.deleted === null && (
           <button type="button" class={`btn icon ${info.pinned ? "pinned" : ""}`} aria-pressed={info.pinned} aria-label="Pin: never culled by a quota" title="Pin: it is never culled by a quota" onClick={() => void edit(info.id, { pinned: !info.pinned })}>
@@ -61,7 +61,7 @@ function Actions({ info }: { readonly info: RecordingInfo }) {
         <Icon name="download" />
         Download
       </a>
-      <button type="button" class="btn edge" onClick={() => (exporting.value = { info, detail: undefined, ranges: [], base: "device" })}>
+      <button type="button" class="btn edge" onClick={() => (exporting.value = { info, detail: undefined, ranges: [], first: info.started ?? 0, base: "device" })}>
         <Icon name="share" />
         Export…
       </button>

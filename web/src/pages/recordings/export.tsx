@@ -1,6 +1,6 @@
 /** Export: which part, in which form, of which channels; how long and how large it will be is said before anything is written. */
 import { signal, useSignal } from "@preact/signals";
-import { bytes, length } from "../../recordings/listing";
+import { bytes, length, titleOf } from "../../recordings/listing";
 import { devicesFor, type FormatInfo, formatsOf, sizeOf } from "../../recordings/exporting";
 import { server } from "../../recordings/server";
 import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
@@ -21,12 +21,14 @@ export interface Exporting {
   readonly info: RecordingInfo;
   readonly detail: RecordingDetail | undefined;
   readonly ranges: readonly Range[];
+  /** Where the recording begins, unix s. */
+  readonly first: number;
   readonly base: "device" | "arrival";
 }
 export const exporting = signal<Exporting | undefined>(undefined);
 
 export function ExportDialog({ app, of }: { readonly app: App; readonly of: Exporting }) {
-  const { info, detail, ranges, base } = of;
+  const { info, detail, ranges, first, base } = of;
   const formats = formatsOf(info);
   const format = useSignal<FormatInfo | undefined>(formats[0]);
   const range = useSignal<Range | undefined>(undefined);
@@ -38,19 +40,19 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const devices = devicesFor(info, chosen);
   const only = chosen.single ? devices.find(({ id }) => id === device.value) ?? devices[0] : undefined;
   const channels = chosen.single || left.value.size === 0 ? undefined : (detail?.channels.map(({ id }) => id).filter((id) => !left.value.has(id)) ?? undefined);
-  const whole = info.duration ?? (detail ? detail.t1 - detail.t0 : 0);
-  const seconds = range.value ? range.value.t1 - range.value.t0 : whole;
-  const share = whole > 0 ? Math.min(1, seconds / whole) : 1;
-  const size = (one: FormatInfo) => bytes(sizeOf(one.name, info, detail, share, one.single ? undefined : channels));
+  const seconds = range.value ? range.value.t1 - range.value.t0 : (info.duration ?? 0);
+  const size = (one: FormatInfo) => bytes(sizeOf(one.name, info, detail, seconds, one.single ? undefined : channels));
   const go = async (): Promise<void> => {
     busy.value = true;
-    await run(server.export(info.id, { format: chosen.name, t0: range.value?.t0 ?? null, t1: range.value?.t1 ?? null, channels: channels ?? null, device: only?.id ?? "", base }));
+    const job = await run(server.export(info.id, { format: chosen.name, t0: range.value?.t0 ?? null, t1: range.value?.t1 ?? null, channels: channels ?? null, device: only?.id ?? "", base }));
+    const { exports } = app.store;
+    if (job && !exports.peek().some(({ id }) => id === job.id)) exports.value = [...exports.peek(), job];
     busy.value = false;
   };
   const about = size(chosen);
   const n = channels?.length ?? detail?.channels.length;
   return (
-    <Dialog title={`Export ${info.title}`} onClose={() => (exporting.value = undefined)}>
+    <Dialog title={`Export ${titleOf(info)}`} onClose={() => (exporting.value = undefined)}>
       <div class="export">
         {ranges.length > 0 && (
           <div class="seg wideseg" role="group" aria-label="Which part">
@@ -65,7 +67,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
           </div>
         )}
         <p class="dim">
-          {range.value && detail ? `${length(range.value.t0 - detail.t0, 1)} to ${length(range.value.t1 - detail.t0, 1)}, ` : "From the beginning to the end, "}
+          {range.value ? `${length(range.value.t0 - first, 1)} to ${length(range.value.t1 - first, 1)}, ` : "From the beginning to the end, "}
           {lengthWords(seconds)}
           {n !== undefined && !chosen.single ? `, ${count(n, "channel")}` : ""}, by {base === "device" ? "device" : "arrival"} time
         </p>

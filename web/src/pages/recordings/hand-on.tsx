@@ -63,7 +63,7 @@ export function HandOn({ replay }: { readonly replay: Replay }) {
         <Icon name="share" />
         Copy link
       </button>
-      <button type="button" class="btn edge" onClick={() => (exporting.value = { info, detail, ranges: rangesOf(replay), base: view.peek().timeBase })}>
+      <button type="button" class="btn edge" onClick={() => (exporting.value = { info, detail, ranges: rangesOf(replay), first: replay.bounds.first, base: view.peek().timeBase })}>
         <Icon name="upload" />
         Export…
       </button>

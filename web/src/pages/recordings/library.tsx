@@ -1,7 +1,7 @@
 /** The library: every recording in the folder, newest first, with what is known of it without opening it. */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally } from "../../recordings/listing";
+import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally, titleOf } from "../../recordings/listing";
 import type { RecordingInfo } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
@@ -202,7 +202,7 @@ function Gone() {
   if (!deleted) return null;
   return (
     <div class="band calm" role="status">
-      <b class="ell">{deleted.title} is deleted</b>
+      <b class="ell">{titleOf(deleted)} is deleted</b>
       <span class="mid">It is kept for 7 days.</span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => void undelete(deleted.id)}>
@@ -284,7 +284,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
       </td>
       <td>
         <b class="ell">
-          {open ? <a href={href("recordings", info.id)}>{info.title}</a> : info.title}
+          {open ? <a href={href("recordings", info.id)}>{titleOf(info)}</a> : titleOf(info)}
           {info.pinned && <Icon name="pin" />}
         </b>
         <small class="ell">
@@ -318,7 +318,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
         <button
           type="button"
           class="btn icon phone more"
-          aria-label={`Details of ${info.title}`}
+          aria-label={`Details of ${titleOf(info)}`}
           onClick={() => {
             pick();
             sheet.value = "side";

@@ -6,7 +6,7 @@ import { onFrame } from "../../data/loop";
 import { view } from "../../data/view";
 import { mountStack } from "../../plots/stack";
 import { placeHref, readPlace } from "../../recordings/address";
-import { bytes, dateWords, length } from "../../recordings/listing";
+import { bytes, dateWords, length, titleOf } from "../../recordings/listing";
 import type { Replay } from "../../recordings/replay";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
@@ -31,7 +31,7 @@ const ADDRESS_MS = 1000;
 export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly app: App }) {
   const { info } = replay.detail;
   useEffect(() => {
-    document.title = `${info.title} · imuscope`;
+    document.title = `${titleOf(info)} · imuscope`;
     const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay), keepAddress(replay)];
     return () => stops.forEach((stop) => stop());
   }, []);
@@ -45,7 +45,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
       {offline && <OfflineBand app={app} />}
       <About replay={replay} />
       <main class="centre">
-        <h1 class="vh">{info.title}</h1>
+        <h1 class="vh">{titleOf(info)}</h1>
         <ProblemBand />
         <Trouble replay={replay} />
         <ReplayScene replay={replay} />
@@ -153,7 +153,7 @@ function About({ replay }: { readonly replay: Replay }) {
         <a class="btn icon" href={href("recordings")} aria-label="Back to the library" title="Back to the library">
           <Icon name="left" />
         </a>
-        <h2 class="ell">{info.title}</h2>
+        <h2 class="ell">{titleOf(info)}</h2>
         <span class="grow" />
         {sheet.value === "rail" && (
           <button type="button" class="btn icon" aria-label="Close" onClick={() => (sheet.value = undefined)}>
