@@ -78,6 +78,7 @@ class Field:
         most: greatest number of elements of an open shape; 0 where the payload decides.
         simple: False for what most people never change: a form shows it one click away.
         read_only: told by the device, never written.
+        base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
         doc, source: one sentence; section of the document.
     """
 
@@ -104,6 +105,7 @@ class Field:
     most: int = 0
     simple: bool = True
     read_only: bool = False
+    base: int = 10
     doc: str = ""
     source: str = ""
 

@@ -21,6 +21,7 @@ from typing import Any
 
 from protocols.events import Batch, Event, Reply
 from server.hub import Hub
+from server.values import identifier
 from server.wire import ExchangeEntry, Level
 
 KEPT = 2000
@@ -202,4 +203,6 @@ def _said(name: str, value: Any) -> str:
         return f"{name}: {len(value)} fields"
     if isinstance(value, float):
         return f"{name} {value:.6g}"
+    if name.endswith("device_id") and isinstance(value, int):
+        return f"{name} {identifier(value)}"
     return f"{name} {value}"

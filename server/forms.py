@@ -68,6 +68,7 @@ class FieldForm:
     fields: list[FieldForm] = field(default_factory=list)  # of a record, or of each element of a list
     simple: bool = True
     read_only: bool = False
+    base: int = 10  # 16: an identifier, shown in hex as on the label
     doc: str = ""
     source: str = ""
 

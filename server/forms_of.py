@@ -118,6 +118,7 @@ def field_form(field: Field) -> FieldForm:
         fields=field_forms(field.fields),
         simple=field.simple,
         read_only=field.read_only,
+        base=field.base,
         doc=field.doc,
         source=field.source,
     )

@@ -39,10 +39,17 @@ def _one(field: Field, value: Any) -> str:
         return field.choices.get(int(value), str(value))
     if field.bits:
         return flags(field, int(value))
+    if field.base == 16 and isinstance(value, int):
+        return identifier(value)
     if field.scale == 1 and not field.bias and isinstance(value, int):
         return str(value)
     shown = value * field.scale + field.bias
     return f"{shown:.{field.decimals}f}" if field.decimals >= 0 else f"{shown:.{DIGITS}g}"
+
+
+def identifier(value: int) -> str:
+    """As it is printed on a label: 0080003A."""
+    return f"{value:08X}"
 
 
 def flags(field: Field, word: int) -> str:
@@ -59,7 +66,7 @@ def flags(field: Field, word: int) -> str:
 
 def comment(field: Field, value: Any) -> str:
     """What a snapshot says behind a value: its meaning where the number alone does not tell, and its unit."""
-    if isinstance(value, int | float) and (field.choices or (field.bits and value)):
+    if isinstance(value, int | float) and (field.choices or field.base == 16 or (field.bits and value)):
         return words(field, value)
     if isinstance(value, int | float | list) and (field.scale != 1 or field.bias):
         return words(field, value)

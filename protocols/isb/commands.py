@@ -95,10 +95,12 @@ class _Kept:
     """A data set that a device keeps or tells of itself.
 
     Args:
+        title: what it is called; the document has constants only.
         write: whether it can be written.
         after: when what is written takes effect.
     """
 
+    title: str
     group: str
     doc: str
     write: bool = False
@@ -108,32 +110,33 @@ class _Kept:
 
 _KEPT: Mapping[int, _Kept] = {
     12: _Kept(
+        "Configuration, kept over a restart",
         G_CONFIG,
         "What the device keeps over a restart; single fields are written by their offset.",
         True,
         "reset",
         True,
     ),
-    8: _Kept(G_NMEA, "Which sentences are sent, and how often.", write=True, simple=True),
-    19: _Kept(G_CAL, "Calibration of the magnetometers.", write=True, simple=True),
-    94: _Kept(G_CAL, "Calibration in the field.", write=True),
-    87: _Kept(G_CAL, "Calibration of wheel encoders.", write=True),
-    64: _Kept(G_CAL, "Built-in test.", write=True),
-    73: _Kept(G_CONFIG, "Survey of a base's place.", write=True),
-    90: _Kept(G_CONFIG, "Messages on the CAN bus.", True, "reset"),
-    61: _Kept(G_CONFIG, "Options of the RTK engine.", write=True),
-    121: _Kept(G_CONFIG, "Configuration of a GPX, kept over a restart.", True, "reset"),
-    126: _Kept(G_STREAMS, "Streams of a GPX.", write=True),
-    125: _Kept(G_CAL, "Built-in test of a GPX.", write=True),
-    81: _Kept(G_CONFIG, "Configuration of an EVB, kept over a restart.", True, "reset"),
-    1: _Kept(G_ABOUT, "Product, serial number, versions.", simple=True),
-    10: _Kept(G_ABOUT, "Temperatures, periods and status now."),
-    17: _Kept(G_ABOUT, "Version of the first receiver."),
-    18: _Kept(G_ABOUT, "Version of the second receiver."),
-    2: _Kept(G_ABOUT, "The last fault."),
-    75: _Kept(G_ABOUT, "Traffic and losses of every port."),
-    120: _Kept(G_ABOUT, "Product, serial number, versions of a GPX."),
-    93: _Kept(G_ABOUT, "Product, serial number, versions of an EVB."),
+    8: _Kept("NMEA sentences", G_NMEA, "Which sentences are sent, and how often.", write=True, simple=True),
+    19: _Kept("Calibration of the magnetometers", G_CAL, "Calibration of the magnetometers.", write=True, simple=True),
+    94: _Kept("Calibration in the field", G_CAL, "Calibration in the field.", write=True),
+    87: _Kept("Wheels", G_CAL, "Calibration of wheel encoders.", write=True),
+    64: _Kept("Built-in test", G_CAL, "Built-in test.", write=True),
+    73: _Kept("Survey of a base", G_CONFIG, "Survey of a base's place.", write=True),
+    90: _Kept("CAN bus", G_CONFIG, "Messages on the CAN bus.", True, "reset"),
+    61: _Kept("RTK engine", G_CONFIG, "Options of the RTK engine.", write=True),
+    121: _Kept("Configuration of a GPX", G_CONFIG, "Configuration of a GPX, kept over a restart.", True, "reset"),
+    126: _Kept("Streams of a GPX", G_STREAMS, "Streams of a GPX.", write=True),
+    125: _Kept("Built-in test of a GPX", G_CAL, "Built-in test of a GPX.", write=True),
+    81: _Kept("Configuration of an EVB", G_CONFIG, "Configuration of an EVB, kept over a restart.", True, "reset"),
+    1: _Kept("Device", G_ABOUT, "Product, serial number, versions.", simple=True),
+    10: _Kept("State of the system", G_ABOUT, "Temperatures, periods and status now."),
+    17: _Kept("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
+    18: _Kept("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
+    2: _Kept("Last fault", G_ABOUT, "The last fault."),
+    75: _Kept("Traffic of the ports", G_ABOUT, "Traffic and losses of every port."),
+    120: _Kept("Device, GPX", G_ABOUT, "Product, serial number, versions of a GPX."),
+    93: _Kept("Device, EVB", G_ABOUT, "Product, serial number, versions of an EVB."),
 }
 
 
@@ -168,6 +171,7 @@ STREAM_FIELDS = (
             Field("size", "<u2", unit="B", read_only=True, doc="Bytes of its data, as seen; 0 where none was seen."),
             Field("source_ms", "<f8", unit="ms", read_only=True, doc="Period of its source; 0: when it happens."),
         ),
+        title="Streams",
         doc="What this port is sent.",
         source=ISB_SOURCE,
     ),
@@ -325,13 +329,15 @@ def _calibrations() -> list[Command]:
     ]
 
 
+def _title(did: int) -> str:
+    return _KEPT[did].title if did in _KEPT else ROWS[did].title
+
+
 def _asks() -> list[Command]:
     get = COMMANDS[GET_DATA].fields
     arguments = tuple(replace(field, default=0, simple=False) for field in get[1:])
     return [
-        Command(
-            f"{GET_PREFIX}{name}", arguments, "ask", G_READ, name, simple=False, title=ROWS[did].title, source=SOURCE
-        )
+        Command(f"{GET_PREFIX}{name}", arguments, "ask", G_READ, name, simple=False, title=_title(did), source=SOURCE)
         for did, name in DATA_SETS.items()
     ]
 
@@ -347,7 +353,7 @@ def _sets() -> list[Command]:
             G_WRITE,
             "ACK",
             simple=False,
-            title=ROWS[did].title,
+            title=_title(did),
             doc=kept.doc if kept and kept.write else "A device refuses what it does not let be written.",
             source=SOURCE,
         )
@@ -391,7 +397,7 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
                 after=kept.after,  # type: ignore[arg-type]
                 group=kept.group,
                 simple=kept.simple,
-                title=ROWS[did].title,
+                title=kept.title,
                 doc=kept.doc,
                 source=SOURCE,
             )

@@ -141,6 +141,8 @@ LISTS = ((8, "nmeaBroadcastMsgs"),)
 
 def noted(did: int, field: Field) -> Field:
     """A field of a data set with what is known of it."""
+    if not field.title and field.name.isalpha() and field.name.islower():
+        field = replace(field, title=field.name.capitalize())  # "state" is a word already
     note = _OF_SET.get((did, field.name)) or _GENERAL.get(field.name)
     if note is None:
         return replace(field, simple=False)

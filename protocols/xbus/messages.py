@@ -184,20 +184,20 @@ _CONFIGURATION_MIDDLE = (
     Field("num_devices", ">u2", doc="Number of devices, 1."),
 )
 _CONFIGURATION = (
-    Field("master_device_id", ">u4", doc="Identifier of the device."),
+    Field("master_device_id", ">u4", base=16, doc="Identifier of the device."),
     Field("sampling_period", ">u2", unit="1/115200 s", doc="Sampling period."),
     Field("output_skip_factor", ">u2", doc="Output skip factor."),
     *_CONFIGURATION_MIDDLE,
-    Field("device_id", ">u4", doc="Identifier of the device, again."),
+    Field("device_id", ">u4", base=16, doc="Identifier of the device, again."),
     Field("data_length", ">u2", doc="Length of an MTData2 message."),
     Field("output_mode", ">u2", doc="Output mode of earlier generations."),
     Field("output_settings", ">u4", doc="Output settings of earlier generations."),
     Field("reserved", "bytes", (8,), doc="On devices: filter profile, firmware version, filter type and version."),
 )
 _CONFIGURATION_600 = (
-    Field("master_device_id", ">u8", doc="Identifier of the device, 64 bits."),
+    Field("master_device_id", ">u8", base=16, doc="Identifier of the device, 64 bits."),
     *_CONFIGURATION_MIDDLE,
-    Field("device_id", ">u8", doc="Identifier of the device, again."),
+    Field("device_id", ">u8", base=16, doc="Identifier of the device, again."),
     Field("reserved", "bytes", (12,), doc="Reserved."),
 )
 
@@ -237,9 +237,9 @@ MESSAGES: tuple[Message, ...] = (
     # 5.3.2 information
     _to_device(0x00, "ReqDID", "5.3.2", "Asks for the device identifier."),
     _to_host(0x01, "DeviceID", "5.3.2", "Device identifier (serial number), 4 bytes on 1-, 10- and 100-series.",
-             (Field("device_id", ">u4", doc="Identifier of the device."),)),
+             (Field("device_id", ">u4", base=16, doc="Identifier of the device."),)),
     _to_host(0x01, "DeviceID", "5.3.2", "Device identifier (serial number), 8 bytes on the 600-series.",
-             (Field("device_id", ">u8", doc="Identifier of the device."),)),
+             (Field("device_id", ">u8", base=16, doc="Identifier of the device."),)),
     _to_device(0x02, "InitBus", "8.2", "Reserved; sent by the vendor's software when it starts."),
     _to_host(0x03, "InitBusResults", "8.2", _RESERVED, _DATA),
     _to_device(0x1C, "ReqProductCode", "5.3.2", "Asks for the product code."),

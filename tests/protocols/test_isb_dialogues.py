@@ -412,3 +412,12 @@ def test_a_stopped_dialogue_leaves_nothing_behind() -> None:
 def test_every_data_set_that_streams_has_a_group() -> None:
     assert {row.group for row in STREAMS.values()} >= {"Navigation", "Inertial", "GNSS", "System"}
     assert all(row.rmc_bit == -1 or SETS[row.did].rmc for row in STREAMS.values())
+
+
+def test_what_is_kept_has_a_name_for_a_person() -> None:
+    """The document has constants and abbreviations only; what is seen first is called by a word."""
+    for setting in settings_of().values():
+        assert setting.title != setting.title.upper(), setting.name
+        assert all(field.title for field in setting.fields if field.simple), setting.name
+    flash = settings_of()["DID_FLASH_CONFIG"]
+    assert all(field.title or field.read_only for field in flash.fields)

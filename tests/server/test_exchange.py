@@ -120,3 +120,5 @@ def test_values_are_short() -> None:
     assert said({"outputs": [1, 2, 3, 4, 5], "reserved": 1, "a": 1.23456789}) == "outputs: 5 entries, a 1.23457"
     assert said({str(n): n for n in range(9)}) == "0 0, 1 1, 2 2, 3 3 …"
     assert len(said({"x": "y" * 1000})) == 160
+    ids = {"master_device_id": 0x0080003A, "device_id": 0x008010EC5D1D000F}
+    assert said(ids) == "master_device_id 0080003A, device_id 8010EC5D1D000F"

@@ -37,6 +37,8 @@ export interface FieldForm {
   readonly fields: readonly FieldForm[];
   readonly simple: boolean;
   readonly read_only: boolean;
+  /** 16: an identifier, shown in hex as on the label */
+  readonly base: number;
   readonly doc: string;
   readonly source: string;
 }

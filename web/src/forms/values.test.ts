@@ -71,6 +71,11 @@ describe("words", () => {
     expect(words(rate, undefined)).toBe("—");
     expect(rangeWords(field({ low: 0, high: null }))).toBe("at least 0");
   });
+  it("show an identifier as its label does", () => {
+    const id = field({ base: 16, step: 1, read_only: true });
+    expect([typed(id, 0x0080003a), words(id, 0x0080003a), words(id, "36047404379471887")]).toEqual(["0080003A", "0080003A", "8010EC5D1D000F"]);
+    expect(read(id, "0080003A")).toEqual({ value: 0x0080003a });
+  });
   it("begin with what the table says, else with something allowed", () => {
     expect(initial(rate)).toBe(1);
     expect(initial(field({ editor: "vector", length: 3 }))).toEqual([0, 0, 0]);

@@ -61,14 +61,20 @@ function digits(value: number, decimals: number): string {
   return String(Number(value.toPrecision(FLOAT32_DIGITS)));
 }
 
-/** Text for an input: plain digits that the same input takes back. */
+/** Text for an input: plain digits that the same input takes back; an identifier as on its label. */
 export function typed(field: FieldForm, wire: unknown): string {
+  if (field.base === 16 && wire !== undefined && wire !== null) return identifier(big(wire));
   if (typeof wire === "string") return wire;
   if (typeof wire !== "number" || !Number.isFinite(wire)) return "";
   if (field.step === 1 && field.scale === 1 && field.bias === 0) return String(wire);
   const shown = wire * field.scale + field.bias;
   if (Math.fround(wire) !== wire && field.decimals < 0) return String(field.scale === 1 ? shown : Number(shown.toPrecision(15)));
   return digits(shown, Math.abs(shown) < 1e-4 ? -1 : field.decimals);
+}
+
+/** As it is printed on a label: 0080003A. */
+function identifier(value: bigint): string {
+  return value.toString(16).toUpperCase().padStart(8, "0");
 }
 
 export type Reading = { readonly value: unknown } | { readonly problem: string };
@@ -78,6 +84,7 @@ export function read(field: FieldForm, text: string): Reading {
   const plain = text.trim().replace(/[\u2009\u00a0 ]/g, "").replace("\u2212", "-").replace(",", ".");
   if (plain === "") return { problem: "A number is needed here." };
   const whole = field.step === 1 && field.scale === 1 && field.bias === 0;
+  if (field.base === 16 && /^[0-9a-f]+$/i.test(plain)) return ranged(field, small(BigInt(`0x${plain}`)));
   if (/^-?0x[0-9a-f]+$/i.test(plain) && whole) return ranged(field, small(plain.startsWith("-") ? -BigInt(plain.slice(1)) : BigInt(plain)));
   if (!/^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i.test(plain)) return { problem: "This is not a number." };
   if (whole && /^[-+]?\d+$/.test(plain)) return ranged(field, small(BigInt(plain)));
@@ -165,7 +172,7 @@ function oneWord(field: FieldForm, value: unknown): string {
   if (field.editor === "bool") return value ? "on" : "off";
   if (Object.keys(field.choices).length > 0) return field.choices[String(value)] ?? String(value);
   if (field.bits.length > 0) return bitWords(field, value);
-  if (typeof value === "number") return typed(field, value).replace("-", "\u2212");
+  if (typeof value === "number" || field.base === 16) return typed(field, value).replace("-", "\u2212");
   return value === "" ? "empty" : String(value);
 }
 
