@@ -18,6 +18,7 @@ from server.api import (
     errors,
     exports,
     forms,
+    foxglove,
     library,
     live,
     map_tiles,
@@ -26,6 +27,7 @@ from server.api import (
     recorder,
     recordings,
     replay,
+    rerun,
     snapshots,
     viser,
 )
@@ -45,6 +47,8 @@ from server.recorder import Recorder, plan_of
 from server.sessions import OpenLink, Sessions
 from server.shelf import Shelf
 from server.version import VERSION
+from server.views.foxglove import Foxglove
+from server.views.rerun import Rerun
 from server.views.viser import Viser
 
 DEFAULT_SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
@@ -86,11 +90,15 @@ def create_app(
         await desks.resume()
         await tape.resume()
         catalogue.start()
+        app.state.foxglove.start()
+        await app.state.rerun.start()
         yield
         await app.state.exports.close()
         await catalogue.close()
         await shelf.close()
         await app.state.viser.close()
+        await app.state.rerun.close()
+        await app.state.foxglove.close()
         await tape.close()
         await app.state.corrections.close()
         await sessions.close()
@@ -110,11 +118,14 @@ def create_app(
     app.state.corrections = CorrectionDesk(sessions)
     app.state.recorder = tape
     app.state.viser = Viser(hub)
+    app.state.rerun = Rerun(hub, config.rerun_connect)
+    app.state.foxglove = Foxglove(hub, config.foxglove)
     app.state.library = catalogue
     app.state.shelf = shelf
     app.state.exports = Exports(hub, catalogue, shelf, config.data)
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
+    app.state.data = config.data
     app.state.scan_lock = asyncio.Lock()
     app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()
@@ -134,7 +145,9 @@ def create_app(
         build,
         map_tiles,
         live,
+        foxglove,
         viser,
+        rerun,
         page,
     ):  # the page last: it takes every path that is left
         app.include_router(module.router)

@@ -64,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="PORT",
         help="speak the Foxglove protocol, on this port of this machine (8765) and at /foxglove of the page's",
     )
+    serve.add_argument("--rerun-connect", metavar="URL", help="stream to a Rerun viewer: rerun+http://host:9876/proxy")
     serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
     _add_data(serve)
 
@@ -192,6 +193,7 @@ def _serve(options: argparse.Namespace) -> None:
         sources=options.sources or None,
         record=options.record,
         foxglove=options.foxglove,
+        rerun_connect=options.rerun_connect,
     )
     _compile(config.data)
     from server import serving, speech

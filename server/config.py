@@ -12,6 +12,8 @@
     recordings_quota_gb = 20    # beyond that the oldest recordings go that nobody pinned; 0: no quota
     split_mb = 2000             # a recording goes on in a new file when it is so large
     split_min = 60              # … or so old
+    foxglove = 8765             # speak the Foxglove protocol, on this loopback port and at /foxglove
+    rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
     allowed_hosts = ["robot.example"]
     allowed_origins = ["https://fleet.example"]
 
@@ -26,6 +28,7 @@ server that does not start.
 from __future__ import annotations
 
 import ipaddress
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -85,6 +88,8 @@ class Config:
         split_mb, split_min: a recording goes on in a new file when it has 10⁶ bytes or minutes like that; 0 for never.
         record_head: ask an Xsens device for its Configuration when a recording begins (it pauses for a moment).
         upload_gb: how large an uploaded recording may be, 10⁹ bytes.
+        foxglove: loopback port of the Foxglove protocol (server/views/foxglove.py); 0 for any free one, −1 for none.
+        rerun_connect: address of a Rerun viewer on another machine that is streamed to; "" for none.
         map: the tile server for a map under the track (server/api/map_tiles.py).
     """
 
@@ -110,6 +115,8 @@ class Config:
     split_min: float = 0.0
     record_head: bool = True
     upload_gb: float = 16.0
+    foxglove: int = -1
+    rerun_connect: str = ""
     map: MapTiles = MapTiles()
 
     def reading(self) -> Reading:
@@ -170,6 +177,10 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     config = replace(default, **changes)
     if not 0 <= config.port <= 65535:
         raise ConfigError(f"port {config.port} is outside 0 … 65535.")
+    if not -1 <= config.foxglove <= 65535:
+        raise ConfigError(f"foxglove {config.foxglove} is neither a port, 0 … 65535, nor −1 for none.")
+    if config.rerun_connect and not re.fullmatch(r"rerun(\+https?)?://[^/\s]+/proxy", config.rerun_connect):
+        raise ConfigError(f"rerun_connect {config.rerun_connect!r} is no address such as rerun+http://host:9876/proxy.")
     if not 1 <= config.trial_s <= 600:
         raise ConfigError(f"trial_s {config.trial_s:g} is outside 1 … 600 s.")
     if not 0 < config.history_s <= 86_400:

@@ -67,7 +67,7 @@ def read(name: str, data: bytes) -> Mesh:
     if data[:512].lstrip()[:5].lower() == b"solid":
         found = _VERTEX.findall(data)
         try:
-            return _stl(name, np.array(found, dtype="S24").astype(np.float32).reshape(-1, 3))
+            return _stl(name, np.array([[float(part) for part in row] for row in found], np.float32).reshape(-1, 3))
         except ValueError:
             raise MeshError("This STL holds a vertex that is no number.") from None
     raise MeshError("This is neither a GLB nor an STL file.")

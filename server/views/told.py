@@ -10,7 +10,7 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 from server.codec import Samples, WireError, decode_samples
@@ -24,6 +24,7 @@ class Told:
         devices: as `devices` of server/wire.py has them, in order.
         channels: all channels, by id.
         changed: devices or channels are others than when this was last set to False.
+        heard_events: called with what happened, as `events` of server/wire.py has it.
     """
 
     def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
@@ -34,6 +35,7 @@ class Told:
         self.channels: dict[int, Mapping[str, Any]] = {}
         self._dtypes: dict[int, Sequence[str]] = {}
         self.changed = False
+        self.heard_events: Callable[[list[Mapping[str, Any]]], None] = lambda events: None
         with contextlib.suppress(OSError):
             os.nice(5)  # live devices come first
 
@@ -79,6 +81,8 @@ class Told:
                 self.channels[info["id"]] = info
                 self._dtypes[info["id"]] = [column["dtype"] for column in info["columns"]]
                 self.changed = True
+        elif message["op"] == "events":
+            self.heard_events(message["events"])
 
 
 def _known(device: Mapping[str, Any]) -> tuple[str, str]:

@@ -31,7 +31,7 @@ from server.views.replayed import Replayed
 
 MODULE = "server.views.viser_aside"
 IDLE_S = 15.0
-START_S = 30.0
+START_S = 60.0
 MOST_STARTS, STARTS_WITHIN_S = 5, 60.0
 MOST_SCENES = 16
 

@@ -1,0 +1,26 @@
+"""/foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS; see server/views/foxglove.py."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, WebSocket
+
+from server.views.foxglove import SUBPROTOCOLS, Foxglove
+from server.views.proxy import TRY_LATER, ViewError, relay
+
+router = APIRouter()
+
+MOST_UP = 64 * 1024  # a subscribe to all of a few thousand channels
+MOST_DOWN = 16 * 1024 * 1024  # what is advertised comes in one message
+
+
+@router.websocket("/foxglove")
+@router.websocket("/foxglove/")
+async def foxglove(socket: WebSocket) -> None:
+    """A viewer that speaks the protocol, for as long as both sides want."""
+    bridge: Foxglove = socket.app.state.foxglove
+    try:
+        port = await bridge.port()
+    except ViewError as error:
+        await socket.close(TRY_LATER, error.message[:120])
+        return
+    await relay(socket, port, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)
