@@ -368,16 +368,14 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
         desk = await made.add("twin:xbus?rate=400")
         heard: list[bytes] = []
         desk.session.chunks(lambda data, time_ns, way: heard.append(data) if way == "rx" else None)
-        heard.clear()
         await one.start()
         before = len(heard)
         await until(lambda: len(list(plan.folder.iterdir())) >= 4, "it was split")
         await one.stop()
         paths = sorted(plan.folder.iterdir(), key=lambda path: int(McapSource(path).about["part"]))
         found = b"".join(chunks(path, "rx/1") for path in paths)
-        assert found == b"".join(heard)[-len(found) :] or found in b"".join(heard)
+        assert b"".join(heard[before:]).startswith(found)
         assert len(found) > 60_000
-        assert before == 0
         for first, second in pairwise(paths):
             assert McapSource(second).about["previous"] == first.stem
             assert McapSource(second).devices["1"].about["configuration"]  # every part can be exported
