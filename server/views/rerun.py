@@ -35,7 +35,7 @@ PIECE = 1 << 16
 MOST_STREAMS = 4  # at once: each is a process with a hundred MB
 MOST_FEEDS = 4
 KEPT_BYTES = 32 << 20  # of a feed: about half a minute of three devices
-WAITING_BYTES = 8 << 20  # of a viewer that does not take it: a second or two
+WAITING_BYTES = 24 << 20  # of a viewer that does not take it; half of that at most for one that comes late
 IDLE_S = 10.0
 
 
@@ -76,7 +76,7 @@ class Viewer:
 
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     still: deque[bytes] = field(default_factory=deque)  # never dropped
-    waiting: deque[tuple[float, bytes]] = field(default_factory=deque)  # arrival of the newest sample in it, batch
+    waiting: deque[tuple[float, bytes]] = field(default_factory=deque)  # newest arrival (0: of the past), batch
     size: int = 0
     dropped: int = 0
     lost: str = ""  # why the stream ended
@@ -147,11 +147,11 @@ class Feed:
         """One more looks: what is static, then what is kept, newest first."""
         viewer = Viewer(still=deque(self._still))
         kept = 0
-        for newest, batch in reversed(self._kept):
+        for _, batch in sorted(self._kept, key=lambda one: -one[0]):
             kept += len(batch)
-            if kept > WAITING_BYTES:
+            if kept > WAITING_BYTES // 2:
                 break
-            viewer.offer(newest, batch)
+            viewer.offer(0.0, batch)
         self.viewers.add(viewer)
         return viewer
 
@@ -176,7 +176,7 @@ class Feed:
         while self._size > KEPT_BYTES:
             self._size -= len(self._kept.popleft()[1])
         for viewer in self.viewers:
-            viewer.offer(newest, batch)
+            viewer.offer(0.0 if told["past"] else newest, batch)
 
     def _crashed(self, words: str) -> None:
         self._hub.event("", "link", "fault", f"The stream for Rerun ended by itself: {words:.200}")

@@ -4,10 +4,11 @@ It is told what a browser is told (server/views/told.py). Samples of 50 ms becom
 has some 3 kB of its own, and a viewer handles few large ones far better than many small ones, so there are 20 batches a
 second, whatever the rates of the devices. What is said on standard output:
 
-    {"op": "batch", "still": bool, "anew": bool, "newest": unix s, "data": base64 of an .rrd}
+    {"op": "batch", "still": bool, "anew": bool, "past": bool, "newest": unix s, "data": base64 of an .rrd}
 
-`still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went. With
-an address of a viewer elsewhere, everything goes there instead, and nothing is said.
+`still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went.
+`past`: samples of before, which the server remembered; `newest`: arrival of the newest sample. With an address of a
+viewer elsewhere, everything goes there instead, and nothing is said.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from server.codec import Samples
 from server.views.told import Told
 
 PERIOD_S = 0.05
+PAUSE_S = 0.5  # at least, between two layouts
 HISTORY_S = 30.0
 SHOWN_S = 30.0  # of plots
 SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
@@ -52,10 +54,15 @@ class Feed:
         self._live: dict[int, list[Samples]] = {}
         self._past: list[Samples] = []
         self._next = 0.0
-        self.lay_out()
+        self._laid_out = 0.0
 
     def lay_out(self) -> None:
-        """Devices or channels are others than before: what is static, and the layout, anew."""
+        """Devices or channels are others than before: what is static, and the layout, anew. Not before there is a
+        channel, and not for each of the many that a device shows within its first second."""
+        if not self._told.channels:
+            return
+        time.sleep(max(0.0, self._laid_out + PAUSE_S - time.monotonic()))
+        self._laid_out = time.monotonic()
         self._told.changed = False
         newest = {}
         for info in self._told.channels.values():
@@ -99,7 +106,7 @@ class Feed:
             past, self._past = self._past, []
             for one in past:
                 self._send(one.channel, [one], changes=False)
-            self._say()
+            self._say(newest=max(float(one.columns[0][-1]) for one in past), past=True)
         if now >= self._next and self._live:
             self._next = now + PERIOD_S
             live, self._live = self._live, {}
@@ -153,7 +160,7 @@ class Feed:
         enu = chunks.metres(position, own, np.full(len(times), height), self._origin)
         chunks.send_positions(self._stream, position.path, times, enu)
 
-    def _say(self, *, is_still: bool = False, anew: bool = False, newest: float = 0.0) -> None:
+    def _say(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
         if self._bytes is None:
             return
         data = self._bytes.read()
@@ -162,7 +169,7 @@ class Feed:
                 self._told.say(op="left-out", bytes=len(data))
                 return
             text = base64.b64encode(data).decode()
-            self._told.say(op="batch", still=is_still, anew=anew, newest=newest, data=text)
+            self._told.say(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
 
 
 def main() -> int:

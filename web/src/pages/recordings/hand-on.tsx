@@ -7,6 +7,7 @@ import { server } from "../../recordings/server";
 import { Icon } from "../../ui/icons";
 import { run, select } from "../app";
 import { go } from "../route";
+import { RerunButton } from "../../views/rerun";
 import { exporting, type Range } from "./export";
 
 /** What was done last, in words. */
@@ -67,6 +68,7 @@ export function HandOn({ replay }: { readonly replay: Replay }) {
         <Icon name="upload" />
         Export…
       </button>
+      <RerunButton replay={replay} />
       <a class="btn edge" href={server.downloadUrl(info.id)} download={info.file} title="One file with everything in it; another imuscope opens it">
         <Icon name="download" />
         Download

@@ -12,6 +12,7 @@ import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
 import { Mounted } from "../../ui/mounted";
+import { RerunPanel } from "../../views/rerun";
 import { ReplayScene } from "../../views/viser";
 import { type App, folded, overlay, sheet } from "../app";
 import { Bar } from "../bar";
@@ -59,6 +60,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
           <Mounted class="largetrack" mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })} />
         </Dialog>
       )}
+      <RerunPanel />
       <PageOverlays app={app} />
     </div>
   );
