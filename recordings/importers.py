@@ -22,10 +22,11 @@ import numpy as np
 
 from protocols.registry import guess, lenient
 from recordings import inertial_logs
-from recordings.blocks import MAGIC, Damage
+from recordings.blocks import MAGIC, Damage, Recording
 from recordings.container import RecordingError
 from recordings.pace import Pace
 from recordings.parts import McapSource, Part, Source, SourceDevice
+from recordings.tables import CsvSource, JsonSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
@@ -155,7 +156,7 @@ def open_file(path: Path, protocol: str = "") -> Source:
     if not head:
         raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
     if head.startswith(MAGIC):
-        return McapSource(path)
+        return _mcap(path)
     suffix = path.suffix.lower()
     maker = _LOGS.get(suffix)
     if maker is not None:
@@ -165,6 +166,22 @@ def open_file(path: Path, protocol: str = "") -> Source:
         hint = "Name its protocol with --protocol if you know it."
         raise RecordingError(f"Nothing known was found in {path.name}.", hint)
     return source
+
+
+def _mcap(path: Path) -> Source:
+    """A recording, or where it has no bytes of a device, the numbers in it."""
+    with Recording(path) as recording:
+        if recording.is_ours:
+            return McapSource(path)
+        if not recording.chunks:
+            next(iter(recording.blocks()), None)  # the first records name the channels
+        if any(topic.name.startswith("rx/") and topic.encoding != "json" for topic in recording.topics.values()):
+            return McapSource(path)
+    return JsonSource(path)
+
+
+def _csv(path: Path, protocol: str) -> Source:
+    return CaptureSource([path], "bin", protocol) if protocol else CsvSource(path)
 
 
 def _mtb(path: Path, protocol: str) -> Source:
@@ -191,7 +208,7 @@ def _dat(path: Path, protocol: str) -> Source:
     return DatSource(inertial_logs.parts_of(path), "dat", protocol or "isb", about)
 
 
-_LOGS: Mapping[str, Callable[[Path, str], Source]] = {".mtb": _mtb, ".raw": _raw, ".dat": _dat}
+_LOGS: Mapping[str, Callable[[Path, str], Source]] = {".mtb": _mtb, ".raw": _raw, ".dat": _dat, ".csv": _csv}
 
 
 class _Joined:

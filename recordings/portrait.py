@@ -9,7 +9,6 @@ those of its components in a summary: the picture may be a little too wide, neve
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -39,14 +38,14 @@ def thumbnail(columns: Columns) -> list[list[float]]:
     nearest = np.where(inside, 0.0, np.minimum(np.abs(low), np.abs(high)))
     least = np.sqrt((nearest**2).sum(axis=0))
     greatest = np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=0))
-    scale = float(np.nanmax(greatest)) if np.isfinite(greatest).any() else 0.0
-    if not math.isfinite(scale) or scale <= 0:
+    finite = np.isfinite(greatest)
+    scale = float(greatest[finite].max()) if finite.any() else 0.0
+    if scale <= 0:
         return []
     place = np.clip(((t - span[0]) * (BUCKETS / (span[1] - span[0]))).astype(np.int64), 0, BUCKETS - 1)
     out: list[list[float]] = []
     for bucket in range(BUCKETS):
-        mine = place == bucket
-        mine &= np.isfinite(greatest)
+        mine = finite & (place == bucket)
         out.append(
             [round(float(least[mine].min()) / scale, 3), round(float(greatest[mine].max()) / scale, 3)]
             if mine.any()

@@ -193,16 +193,18 @@ class Exports:
         assert process.stdout is not None
         process.stdin.write(json.dumps(asked).encode())
         process.stdin.close()
-        async for line in process.stdout:
+        files: list[Path] | None = None
+        async for line in process.stdout:  # to its end: then the process has ended by itself
             told = json.loads(line)
-            if "files" in told:
-                return [Path(file) for file in told["files"]]
             if "message" in told:
                 raise RecordingError(told["message"], told["hint"])
-            job.told.progress = told["progress"]
+            files = [Path(file) for file in told["files"]] if "files" in told else files
+            job.told.progress = told.get("progress", job.told.progress)
             if time.monotonic() >= self._told_at + TELL_S:
                 self._tell()
-        raise RecordingError("The export failed.", "The log has details.")
+        if files is None or await process.wait() != 0:
+            raise RecordingError("The export failed.", "The log has details.")
+        return files
 
     # ── all of them ──────────────────────────────────────────────────────────────────────────────────────────────────
 

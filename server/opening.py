@@ -26,11 +26,13 @@ from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
 from recordings.derived import euler_columns
 from recordings.parts import Part, Source
+from recordings.tables import TableSource
 from server import codec, wire
 from server.channels import Piece
 from server.hub import Hub
 from server.intake import Line
 from server.links.base import LinkKind
+from server.opening_tables import decode_tables
 from server.portrait import Portrait, short
 from server.reading import Reading
 from server.recognition import GUESS_SCORE, Speech
@@ -218,6 +220,8 @@ def decode(
     """
     writer = ColumnsWriter(folder)
     try:
+        if isinstance(source, TableSource):
+            return decode_tables(source, writer, progress)
         hub = Collector(writer)
         devices = {name: _Device(hub, name, source, speech, reading) for name in source.devices}
         spans: dict[str, list[int]] = {}

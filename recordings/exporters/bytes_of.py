@@ -20,14 +20,23 @@ from protocols.framing import FRAME, OFFSET, SIZE, STATUS, Ints, Scanned, scan_a
 from protocols.xbus.frames import scan
 from recordings.exporters.wish import ExportError, Step, Wish
 from recordings.importers import open_file
-from recordings.parts import Part, Source
+from recordings.parts import Part
 
 CONFIGURATION, EMTS = 0x0D, 0x91  # ids of the answers that describe the device
 
 
 def write_bytes(wish: Wish, out: Path, step: Step) -> list[Path]:
     """The bytes of one device of any kind."""
-    _, device = _chosen(wish, "")
+    return _bytes(wish, "", out, step)
+
+
+def write_raw(wish: Wish, out: Path, step: Step) -> list[Path]:
+    """The bytes of an Inertial Sense device."""
+    return _bytes(wish, "isb", out, step)
+
+
+def _bytes(wish: Wish, protocol: str, out: Path, step: Step) -> list[Path]:
+    device = _chosen(wish, protocol)
     with out.open("wb") as file:
         for part in _parts(wish, device, step):
             lo, hi = _inside(part, wish)
@@ -35,15 +44,9 @@ def write_bytes(wish: Wish, out: Path, step: Step) -> list[Path]:
     return [out]
 
 
-def write_raw(wish: Wish, out: Path, step: Step) -> list[Path]:
-    """The bytes of an Inertial Sense device."""
-    _chosen(wish, "isb")
-    return write_bytes(wish, out, step)
-
-
 def write_mtb(wish: Wish, out: Path, step: Step) -> list[Path]:
     """The frames of an Xsens device, its Configuration first."""
-    _, device = _chosen(wish, "xbus")
+    device = _chosen(wish, "xbus")
     head = _described(wish, device)
     with out.open("wb") as file:
         file.write(b"".join(head))
@@ -53,7 +56,7 @@ def write_mtb(wish: Wish, out: Path, step: Step) -> list[Path]:
     return [out]
 
 
-def _chosen(wish: Wish, protocol: str) -> tuple[Source, str]:
+def _chosen(wish: Wish, protocol: str) -> str:
     """The device, by the id that its bytes have in the file."""
     told = {one["id"]: one for one in wish.columns.manifest["devices"]}
     fits = {one["id"].partition(".")[0]: one for one in told.values() if protocol in ("", one["protocol"])}
@@ -68,7 +71,7 @@ def _chosen(wish: Wish, protocol: str) -> tuple[Source, str]:
     if len(fits) > 1:
         names = ", ".join(f"{one['name']} ({name})" for name, one in fits.items())
         raise ExportError(f"This format holds one device; there are {len(fits)}.", f"Choose one: {names}.")
-    return open_file(wish.source), next(iter(fits))
+    return next(iter(fits))
 
 
 def _parts(wish: Wish, device: str, step: Step) -> Iterator[Part]:

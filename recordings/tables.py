@@ -1,0 +1,340 @@
+"""Numbers that somebody else has decoded: CSV with a time column, and MCAP files whose messages are JSON.
+
+    CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
+            1760000000.00,0.1,0.2,24.5
+
+The time column is the first whose name is time, timestamp, t, date, datetime or utc, with or without a unit: s, ms, µs,
+ns, in brackets of either kind or behind an underscore (`time_ms`). Without a unit, the size of the first number tells
+it; text is read as ISO 8601, UTC where it names no zone. Times that are not since 1970 are counted from when the file
+was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are comments;
+fields are parted by comma, semicolon or tab. What is no number is an empty cell, and told.
+
+    MCAP    one table a topic; a number within objects and short arrays is a column: position.x, covariance.0; the log
+            time is its time. Messages in other encodings (protobuf, ros1, cdr) are not read, and it is told which.
+
+A table becomes channels by the names of its columns: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+from numpy.typing import NDArray
+
+from recordings.blocks import DATA, LENGTH, TIME, Damage, Recording, Topic
+from recordings.container import RecordingError
+from recordings.parts import Part, SourceDevice
+
+Floats = NDArray[np.float64]
+
+DEVICE = "1"
+TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
+UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+SINCE_1970 = 1e8  # s; smaller times are counted from something else
+BLOCK_BYTES = 4 << 20
+LONGEST_ARRAY = 16
+MOST_COLUMNS = 500
+_HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
+_AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of one table: (n,) each; what is no number is NaN.
+
+    Args:
+        table: its name.
+        time, arrival: unix s; time NaN where it is not known.
+        columns: by heading, (values, unit). The same headings in every block of a table.
+        done: how far into the file this reaches, 0..1.
+    """
+
+    table: str
+    time: Floats
+    arrival: Floats
+    columns: Mapping[str, tuple[Floats, str]]
+    done: float
+
+
+class TableSource:
+    """A file that holds numbers and no bytes of a device. As recordings/parts.Source, with `rows` in place of parts."""
+
+    timed = True
+
+    def __init__(self, path: Path, format: str) -> None:
+        self.path, self.format = path, format
+        self.about: Mapping[str, str] = {}
+        self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
+        self.damage: list[Damage] = []
+
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+        """There are no bytes."""
+        return iter(())
+
+    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Nothing was kept beside the numbers."""
+        return iter(())
+
+    def rows(self) -> Iterator[Rows]:
+        """All rows, a block of each table after the other."""
+        raise NotImplementedError
+
+
+class CsvSource(TableSource):
+    """One CSV file.
+
+    Raises:
+        RecordingError: it has no column of times, or none of numbers.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "csv")
+        self._skip, self._delimiter, heads, first = _beginning(path)
+        found = [_HEAD.match(head) for head in heads]
+        self._heads = [(match["name"], match["unit"] or "") if match else ("", "") for match in found]
+        self._time = next((i for i, (name, _) in enumerate(self._heads) if _time_unit(name) is not None), None)
+        if self._time is None:
+            hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
+            raise RecordingError(f"{path.name} has no column of times.", hint)
+        name, unit = self._heads[self._time]
+        self._arrival = next((i for i, (name, _) in enumerate(self._heads) if name.lower() == "arrival"), None)
+        value = first[self._time].strip() if self._time < len(first) else ""
+        self._factor = UNITS.get(unit.strip()) or UNITS.get(_time_unit(name) or "") or _guessed(value)
+        self._origin = 0.0
+        number = _seconds(value, self._factor)
+        if number is not None and abs(number) < SINCE_1970:
+            self._origin = path.stat().st_mtime - number
+            self.timed = False
+
+    def rows(self) -> Iterator[Rows]:
+        names = _unique([name or f"column {i + 1}" for i, (name, _) in enumerate(self._heads)])
+        options = pa.csv.ReadOptions(
+            block_size=BLOCK_BYTES, skip_rows=self._skip + 1, column_names=names, use_threads=False
+        )
+        odd: list[Any] = []
+
+        def skip(row: Any) -> str:
+            odd.append(row)
+            return "skip"
+
+        parsing = pa.csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip)
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+        size, done = max(self.path.stat().st_size, 1), 0
+        wrong = 0
+        try:
+            with pa.csv.open_csv(self.path, options, parsing, types) as reader:
+                for batch in reader:
+                    done += batch.nbytes
+                    rows, bad = self._converted(batch, names, min(done / size, 1.0))
+                    wrong += bad
+                    yield rows
+        except pa.ArrowInvalid as error:
+            self.damage.append(Damage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
+        if odd:
+            self.damage.append(Damage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
+        if wrong:
+            self.damage.append(Damage(-1, f"{wrong} cells hold no number; they are empty."))
+
+    def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[Rows, int]:
+        assert self._time is not None
+        wrong = 0
+        columns: dict[str, tuple[Floats, str]] = {}
+        for i, (name, (_, unit)) in enumerate(zip(names, self._heads, strict=True)):
+            if i not in (self._time, self._arrival):
+                values, bad = _numbers(batch.column(i))
+                wrong += bad
+                columns[name] = (values, unit)
+        time = self._times(batch.column(self._time))
+        arrival = time
+        if self._arrival is not None:
+            arrival = _numbers(batch.column(self._arrival))[0] * self._factor + self._origin
+            arrival = np.where(np.isnan(arrival), time, arrival)
+        known = ~np.isnan(arrival)
+        kept = {name: (values[known], unit) for name, (values, unit) in columns.items()}
+        return Rows(self.path.stem, time[known], arrival[known], kept, done), wrong + int((~known).sum())
+
+    def _times(self, column: pa.Array) -> Floats:
+        values, bad = _numbers(column)
+        if bad == 0:
+            scaled: Floats = values * self._factor + self._origin
+            return scaled
+        found = [_seconds(text, self._factor) for text in column.to_pylist()]
+        return np.array([np.nan if time is None else time for time in found]) + self._origin
+
+
+def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
+    """Lines before the heading, delimiter, headings, first row."""
+    skip = 0
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        line = file.readline(1 << 16)
+        while line and (line.startswith("#") or not line.strip()):
+            skip += 1
+            line = file.readline(1 << 16)
+        second = file.readline(1 << 16)
+    delimiter = max(",;\t", key=line.count)
+    if line.count(delimiter) == 0:
+        raise RecordingError(f"{path.name} is no table.", "Its first line should name columns, parted by commas.")
+    heads = next(csv.reader([line], delimiter=delimiter))
+    first = next(csv.reader([second], delimiter=delimiter), [])
+    if len(heads) > MOST_COLUMNS:
+        raise RecordingError(f"{path.name} has {len(heads)} columns; {MOST_COLUMNS} are read.", "Leave some out.")
+    return skip, delimiter, heads, first
+
+
+def _time_unit(name: str) -> str | None:
+    """Of a heading that names a time its unit, "" where it tells none; None of any other."""
+    text = name.strip().lower()
+    if text in TIMES:
+        return ""
+    stem, _, unit = text.rpartition("_")
+    return unit if stem in TIMES and unit in UNITS else None
+
+
+def _guessed(value: str) -> float:
+    """The unit of a time without one, by its size; text is none."""
+    try:
+        size = abs(float(value))
+    except ValueError:
+        return 1.0
+    return 1e-9 if size > 1e17 else 1e-6 if size > 1e14 else 1e-3 if size > 1e11 else 1.0
+
+
+def _seconds(text: str | None, factor: float) -> float | None:
+    """A cell of the time column, s."""
+    try:
+        return float(text or "") * factor
+    except ValueError:
+        pass
+    try:
+        told = datetime.fromisoformat((text or "").strip())
+    except ValueError:
+        return None
+    return (told if told.tzinfo is not None else told.replace(tzinfo=UTC)).timestamp()
+
+
+def _numbers(column: pa.Array) -> tuple[Floats, int]:
+    """Cells as numbers, and how many hold something else."""
+    trimmed = pc.utf8_trim_whitespace(column)
+    filled = pc.if_else(pc.equal(trimmed, ""), None, trimmed)
+    try:
+        values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
+        return values.astype(np.float64), 0
+    except pa.ArrowInvalid:
+        found, bad = np.full(len(filled), np.nan), 0
+        for row, text in enumerate(filled.to_pylist()):
+            try:
+                found[row] = np.nan if text is None else float(text)
+            except ValueError:
+                bad += 1
+        return found, bad
+
+
+def _unique(names: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    out = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        out.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+    return out
+
+
+class JsonSource(TableSource):
+    """An MCAP file of another program.
+
+    Raises:
+        RecordingError: none of its messages are JSON.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "table")
+        with Recording(path) as recording:
+            if not recording.chunks:
+                next(iter(recording.blocks()), None)
+            topics = list(recording.topics.values())
+        if not any(topic.encoding == "json" for topic in topics):
+            kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
+            hint = "Messages in JSON are read; others can be turned into it by the program that wrote them."
+            raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
+
+    def rows(self) -> Iterator[Rows]:
+        left_out: set[str] = set()
+        headings: dict[int, list[str]] = {}
+        self.damage.clear()
+        with Recording(self.path) as recording:
+            for block in recording.blocks():
+                for number in np.unique(block.table[0]).tolist():
+                    topic = recording.topics.get(number)
+                    if topic is None or topic.encoding != "json":
+                        left_out.add(_other(topic))
+                        continue
+                    rows = block.of(number)
+                    bodies = [
+                        _leaves(bytes(block.data[at : at + size]))
+                        for at, size in zip(rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True)
+                    ]
+                    names = headings.setdefault(number, _names(bodies))
+                    time = rows[TIME] / 1e9
+                    columns = {name: (np.array([body.get(name, np.nan) for body in bodies]), "") for name in names}
+                    yield Rows(topic.name, time, time, columns, block.done / max(recording.size, 1))
+            self.damage.extend(recording.damage)
+        self.damage.extend(Damage(-1, words) for words in sorted(left_out))
+
+
+def _other(topic: Topic | None) -> str:
+    if topic is None:
+        return "Messages of a channel that is not described are left out."
+    return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
+
+
+def _names(bodies: list[dict[str, float]]) -> list[str]:
+    return list(dict.fromkeys(name for body in bodies for name in body))[:MOST_COLUMNS]
+
+
+def _leaves(data: bytes) -> dict[str, float]:
+    """The numbers of a JSON message by their path; none of one that cannot be read."""
+    found: dict[str, float] = {}
+
+    def walk(value: Any, path: str, depth: int) -> None:
+        if isinstance(value, bool | int | float):
+            found[path or "value"] = float(value)
+        elif isinstance(value, dict) and depth < 8:
+            for name, inside in value.items():
+                walk(inside, f"{path}.{name}" if path else name, depth + 1)
+        elif isinstance(value, list) and depth < 8 and len(value) <= LONGEST_ARRAY:
+            for number, inside in enumerate(value):
+                walk(inside, f"{path}.{number}" if path else str(number), depth + 1)
+
+    try:
+        walk(json.loads(data), "", 0)
+    except (ValueError, RecursionError, OverflowError):
+        return {}
+    return found
+
+
+def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Columns that belong together: (name of the quantity, [(heading, name in it)])."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        match = _AXIS.match(name)
+        if match is None:
+            groups.setdefault(name, []).append((name, "value"))
+        else:
+            groups.setdefault(match["group"], []).append((name, match["axis"] or match["letter"].lower()))
+    out: list[tuple[str, list[tuple[str, str]]]] = []
+    for group, members in groups.items():
+        if len(members) == 1:
+            out.append((members[0][0], [(members[0][0], "value")]))
+        else:
+            out.append((group, members))
+    return out

@@ -1,0 +1,272 @@
+"""What was exported reads back equal with others' readers; exactly the stretch; in little memory; or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+from protocols.xbus.frames import build
+from recordings.columns import Columns, ColumnsWriter, Exact, Shape
+from recordings.container import Writer
+from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, export
+from recordings.exporters.joined import join, tables, windows
+from tests.recordings.stores import ACCELERATION, START, store
+
+Array = NDArray[Any]
+BYTES = {"mtb", "raw", "bytes"}
+OF_COLUMNS = sorted(set(FORMATS) - BYTES - {"rrd"})
+
+
+def rows_of(path: Path) -> tuple[list[str], list[list[str]]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        head, *rest = csv.reader(line for line in file if not line.startswith("#"))
+    return head, rest
+
+
+def numbers(rows: list[list[str]], at: int) -> Array:
+    return np.array([math.nan if row[at] == "" else float(row[at]) for row in rows])
+
+
+def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    made = export("csv", Wish(columns), tmp_path / "run.csv")
+    assert [path.name for path in made] == [
+        "run_MTi-630_MTData2.csv",
+        "run_MTi-630_MTData2.GnssSatInfo.csv",
+        "run_IMX-5_DID_INS_1.csv",
+    ]
+    head, rows = rows_of(made[0])
+    names = ["Acceleration.x (m/s²)", "Acceleration.y (m/s²)", "Acceleration.z (m/s²)", "PacketCounter"]
+    assert head == ["time (s)", "arrival (s)", *names, "Temperature (°C)"]
+    wanted = columns.exact(1, 0, 1000)
+    np.testing.assert_array_equal(numbers(rows, 0), wanted.time)
+    np.testing.assert_array_equal(numbers(rows, 1), wanted.arrival)
+    for at, column in enumerate(wanted.columns, start=2):
+        np.testing.assert_array_equal(numbers(rows, at).astype(np.float32), column)
+    assert rows[5][3] == "inf"
+    assert rows[0][2] == "nan"  # measured, and no number; a cell where nothing was measured is empty
+    assert [row[6] for row in rows[1:10]] == [""] * 9
+    np.testing.assert_array_equal(numbers(rows[::10], 6), columns.exact(3, 0, 100).columns[0])
+    head, rows = rows_of(made[2])
+    assert [row[0] for row in rows] == [""] * 500  # a message without a clock
+    assert [int(row[3]) for row in rows] == (np.arange(500) - 2**60).tolist()
+
+
+def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    made = export("parquet", Wish(columns, title="A drive"), tmp_path / "run.parquet")
+    assert [path.name for path in made] == ["run_MTData2.parquet", "run_MTData2.GnssSatInfo.parquet"]
+    table = pq.read_table(made[0])
+    assert table.schema.field("Acceleration.x").metadata[b"unit"].decode() == "m/s²"
+    assert table.schema.metadata[b"recording"] == b"A drive"
+    assert str(table.schema.field("Acceleration.x").type) == "float"
+    assert table.column("Temperature").null_count == 900
+    wanted = columns.exact(1, 0, 1000)
+    np.testing.assert_array_equal(table.column("Acceleration.x").to_numpy(), wanted.columns[0])
+    np.testing.assert_array_equal(table.column("time").to_numpy(), wanted.time)
+    assert table.column("Acceleration.x").null_count == 0
+    assert pq.read_table(made[1]).num_rows == 30
+
+
+def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    (made,) = export("mcap", Wish(columns), tmp_path / "run.mcap")
+    found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    with made.open("rb") as file:
+        reader = make_reader(file)
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            found.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+        summary = reader.get_summary()
+    assert summary is not None
+    assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
+    assert found.keys() == {"/MTi-630/MTData2", "/MTi-630/MTData2.GnssSatInfo", "/IMX-5/DID_INS_1"}
+    wanted = columns.exact(1, 0, 1000)
+    for row, (time, body) in enumerate(found["/MTi-630/MTData2"]):
+        assert time == round(body["time"] * 1e9)
+        assert body["time"] == wanted.time[row]
+        assert body["PacketCounter"] == row
+        for axis, column in zip("xyz", wanted.columns, strict=True):
+            if np.isfinite(column[row]):
+                assert np.float32(body["Acceleration"][axis]) == column[row]
+            else:
+                assert axis not in body["Acceleration"]
+        assert ("Temperature" in body) == (row % 10 == 0)
+    assert [body["big"] for _, body in found["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
+    schema = next(one for one in summary.schemas.values() if one.name == "imuscope.MTData2")
+    members = json.loads(schema.data)["properties"]["Acceleration"]["properties"]
+    assert members["x"] == {"type": "number", "description": "[m/s²] About x."}
+
+
+def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) -> None:
+    writer = ColumnsWriter(tmp_path / "store")
+    fast = {**ACCELERATION, "columns": ACCELERATION["columns"][:1]}
+    slow = {**fast, "id": 2, "name": "Temperature", "title": "Temperature"}
+    for number in (1, 2):
+        writer.channel(number, Shape(("f4",), (False,)))
+    t = START + np.arange(100) / 10
+    writer.append(1, [t, t, np.arange(100, dtype=np.float32)])
+    late = START + np.array([0.05, 1.05, 2.05, 8.05])
+    writer.append(2, [late, late, np.array([1, 2, 3, 4], np.float32)])
+    told = {"channels": [fast, slow], "devices": [{"id": "1", "name": "MTi"}], "format": "mcap"}
+    columns = writer.finish(told)
+    (made,) = export("csv-aligned", Wish(columns), tmp_path / "run.csv")
+    assert made.read_text().startswith(
+        "# A line for each sample of Acceleration. Any other column holds its last value"
+    )
+    assert "Temperature 2 s" in made.read_text().splitlines()[0]
+    head, rows = rows_of(made)
+    assert head[2:] == ["Acceleration.x (m/s²)", "Temperature.x (m/s²)"]
+    held = [row[3] for row in rows]
+    assert held == [""] + ["1"] * 10 + ["2"] * 10 + ["3"] * 20 + [""] * 40 + ["4"] * 19
+
+
+@pytest.mark.parametrize("format", OF_COLUMNS)
+def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    times = columns.exact(1, 0, 1000).time
+    wish = Wish(columns, t0=float(times[100]), t1=float(times[200]), channels=(1,))
+    (made,) = export(format, wish, tmp_path / f"run{FORMATS[format].suffix}")
+    if format == "parquet":
+        found = pq.read_table(made).column("time").to_numpy()
+    elif format == "mcap":
+        with made.open("rb") as file:
+            found = np.array([json.loads(message.data)["time"] for _, _, message in make_reader(file).iter_messages()])
+    else:
+        found = numbers(rows_of(made)[1], 0)
+    np.testing.assert_array_equal(found, times[100:201])
+
+
+@pytest.mark.parametrize("format", OF_COLUMNS)
+def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    (tmp_path / "out").mkdir()
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export(format, Wish(columns), tmp_path / "out" / f"run{FORMATS[format].suffix}", stop)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("format", ["csv", "csv-aligned", "parquet"])
+def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> None:
+    def peak(n: int) -> int:
+        columns = store(tmp_path / f"store{n}", n=n, rate=1000.0, devices=1)
+        tracemalloc.start()
+        try:
+            export(format, Wish(columns, channels=(1, 2, 3)), tmp_path / f"run{n}{FORMATS[format].suffix}")
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    assert peak(1_000_000) < 1.3 * peak(200_000)
+
+
+def test_quantities_are_joined_by_time_and_arrival() -> None:
+    def part(times: list[float], arrivals: list[float], values: list[int]) -> Exact:
+        return Exact(np.array(times), np.array(arrivals), [np.array(values)])
+
+    nan = math.nan
+    a = Exact(np.array([1.0, 2, 2, 3]), np.array([1.0, 2, 2, nan]), [np.array([10, 20, 21, 30])])
+    b = Exact(np.array([2.0, 2, 2, 4]), np.array([2.0, 2, 2, nan]), [np.array([5, 6, 7, 8])])
+    joined = join([a, b])
+    (va, ma), (vb, mb) = joined.columns()
+    assert ma is not None
+    assert mb is not None
+    rows = [
+        (t, None if x else int(v), None if y else int(w))
+        for t, v, x, w, y in zip(joined.arrival, va, ma, vb, mb, strict=True)
+    ]
+    assert rows == [(1, 10, None), (2, 20, 5), (2, 21, 6), (2, None, 7), (3, 30, None), (4, None, 8)]
+    assert join([a, a]).at == [None, None]
+
+
+def test_windows_part_no_moment_and_lose_no_row(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    ranges = {number: (0, columns.rows(number)) for number in (1, 2, 3, 4)}
+    ends = dict.fromkeys(ranges, 0)
+    for window in windows(columns, ranges, rows=7):
+        stops = [columns.clock(n, hi - 1, hi)[0] for n, (lo, hi) in window.items() if hi > lo]
+        nexts = [columns.clock(n, hi, hi + 1)[0] for n, (_, hi) in window.items() if hi < ranges[n][1]]
+        assert not nexts or max(stops) < min(nexts)
+        for number, (lo, hi) in window.items():
+            assert lo == ends[number]
+            ends[number] = hi
+    assert ends == {number: hi for number, (_, hi) in ranges.items()}
+
+
+def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    with pytest.raises(ExportError, match="nothing in this stretch"):
+        export("csv", Wish(columns, channels=()), tmp_path / "run.csv")
+    with pytest.raises(ExportError, match="bytes"):
+        export("mtb", Wish(columns), tmp_path / "run.mtb")
+    assert by_suffix(".CSV") == "csv"
+    assert by_suffix(".xlsx") is None
+
+
+def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store")
+    columns.manifest["channels"][1] = {**columns.manifest["channels"][1], "name": "Temperature"}
+    table = tables(Wish(columns, device="1"))[0]
+    assert table.names[1:] == [["Temperature"], ["Temperature #2"]]
+
+
+# ── bytes ────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def recorded(path: Path) -> tuple[Columns, bytes, bytes, list[bytes]]:
+    """An MTi with its Configuration in the middle, noise between the frames, and another device; frames by chunk."""
+    writer = Writer(path, {})
+    writer.device("1", {"protocol": "xbus"})
+    writer.device("2", {"protocol": "isb"})
+    configuration = build(0x0D, bytes(118))
+    whole, chunks = b"", []
+    for n in range(1, 300):
+        data = build(0x36, bytes([0x10, 0x20, 2, n >> 8, n & 255])) * 2
+        if n == 150:
+            data = configuration + data
+        noise = b"\x00\x01" if n % 50 == 0 else b""
+        writer.chunk("1", "rx", data + noise, round(START * 1e9) + n * 10_000_000)
+        writer.chunk("2", "rx", bytes([n % 256]) * 3, round(START * 1e9) + n * 10_000_000)
+        whole += data + noise
+        chunks.append(data)
+    writer.close()
+    about = [{"id": "1", "name": "MTi", "protocol": "xbus"}, {"id": "2", "name": "IMX", "protocol": "isb"}]
+    columns = ColumnsWriter(path.with_suffix(".store")).finish({"channels": [], "devices": about, "format": "mcap"})
+    return columns, whole, configuration, chunks
+
+
+def test_an_mtb_begins_with_the_configuration_and_holds_frames_alone(tmp_path: Path) -> None:
+    columns, _, configuration, chunks = recorded(tmp_path / "a.mcap")
+    wish = Wish(columns, tmp_path / "a.mcap")
+    (made,) = export("mtb", wish, tmp_path / "run.mtb")
+    frames = b"".join(chunks).replace(configuration, b"")
+    assert made.read_bytes() == configuration + frames
+    part = Wish(columns, tmp_path / "a.mcap", t0=START + 0.1, t1=START + 0.5)
+    (made,) = export("mtb", part, tmp_path / "part.mtb")
+    assert made.read_bytes() == configuration + b"".join(chunks[9:50])
+
+
+def test_the_bytes_of_a_device_are_as_they_came(tmp_path: Path) -> None:
+    columns, whole, _, _ = recorded(tmp_path / "a.mcap")
+    wish = Wish(columns, tmp_path / "a.mcap", device="1")
+    (made,) = export("bytes", wish, tmp_path / "run.bin")
+    assert made.read_bytes() == whole
+    (made,) = export("raw", Wish(columns, tmp_path / "a.mcap"), tmp_path / "run.raw")
+    assert made.read_bytes() == b"".join(bytes([n % 256]) * 3 for n in range(1, 300))
+    with pytest.raises(ExportError, match="one device"):
+        export("bytes", Wish(columns, tmp_path / "a.mcap"), tmp_path / "all.bin")

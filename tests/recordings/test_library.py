@@ -1,0 +1,230 @@
+"""A real folder: what lies in it is listed, changed, deleted, taken back; hostile names, damaged files do no harm."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recordings.container import RecordingError, Writer
+from recordings.importers import SUFFIXES
+from recordings.library import KEPT_S, Library, clean_name
+from recordings.packing import pack
+from recordings.quota import is_pinned
+from recordings.sidecar import Edits, Marker, beside
+from tests.recordings.stores import START, store
+
+NS = round(START * 1e9)
+
+
+def recording(path: Path, title: str = "Yard loop", start: int = NS) -> Path:
+    writer = Writer(path, {"title": title})
+    writer.device("1", {"protocol": "xbus", "name": "MTi-630", "serial_number": "0080A1B2"})
+    for n in range(10):
+        writer.chunk("1", "rx", bytes.fromhex("FAFF3E00C3"), start + n * 100_000_000)
+    writer.note("marker", "kerb", start)
+    writer.close()
+    return path
+
+
+def ids(library: Library, search: str = "") -> list[str]:
+    return [entry.id for entry in library.all(search) if entry.deleted is None]
+
+
+def test_what_lies_in_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
+    recording(tmp_path / "old.mcap")
+    pack(recording(tmp_path / "new.mcap", start=NS + 10**12))
+    (tmp_path / "sub").mkdir()
+    recording(tmp_path / "sub" / "hidden.mcap")
+    recording(tmp_path / ".hidden.mcap")
+    (tmp_path / "README.txt").write_text("notes")
+    library = Library(tmp_path)
+    assert ids(library) == ["new", "old"]
+    for entry in library.all():
+        assert entry.title == "Yard loop"
+        assert entry.peek.duration == pytest.approx(0.9)
+        assert entry.peek.devices[0].serial_number == "0080A1B2"
+        assert entry.peek.devices[0].messages == 10
+        assert entry.markers == 1
+        assert not entry.peek.damaged
+    (tmp_path / "old.mcap").unlink()
+    assert ids(library) == ["new"]
+    assert ids(Library(tmp_path / "none")) == []
+
+
+def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = recording(tmp_path / "a.mcap")
+    library = Library(tmp_path)
+    library.all()
+    from recordings import library as module
+
+    looked: list[Path] = []
+    monkeypatch.setattr(module, "peek", lambda path: looked.append(path))
+    library.all()
+    assert looked == []
+    os.utime(path, (1, 1))
+    library.all()
+    assert looked == [path]
+
+
+def test_torn_and_damaged_files_are_listed_with_a_sentence(tmp_path: Path) -> None:
+    whole = recording(tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "stub.mcap").write_bytes(whole[:9])
+    (tmp_path / "noise.mtb").write_bytes(b"")
+    (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
+    found = {entry.id: entry.peek.damaged for entry in Library(tmp_path).all()}
+    assert not found.pop("whole")
+    assert found.keys() == {"torn", "stub", "noise", "noise.bin"}
+    assert all(words.endswith(".") for words in found.values())
+
+
+def test_what_a_person_changes_is_kept_beside_the_file(tmp_path: Path) -> None:
+    path = recording(tmp_path / "a.mcap")
+    before = path.read_bytes()
+    Library(tmp_path).edit("a", Edits(title="New mast", tags=("yard", "höhe"), pinned=True))
+    Library(tmp_path).edit("a", Edits(notes="3 laps"))
+    marker = Library(tmp_path).mark("a", Marker(START + 0.5, text="later"))
+    entry = Library(tmp_path).get("a")
+    assert (entry.title, entry.edits.tags, entry.edits.notes) == ("New mast", ("yard", "höhe"), "3 laps")
+    assert entry.edits.pinned
+    assert is_pinned(path)
+    assert entry.edits.markers == (marker,)
+    assert entry.markers == 2
+    assert path.read_bytes() == before
+    for word in ("mast", "HÖHE", "laps", "mti-630", "0080A1B2", "later", "new mast yard"):
+        assert ids(Library(tmp_path), word) == ["a"], word
+    assert ids(Library(tmp_path), "new drone") == []
+
+
+def test_what_the_file_holds_counts_where_nothing_was_changed_beside_it(tmp_path: Path) -> None:
+    path = recording(tmp_path / "a.mcap")
+    edits = Edits(
+        title="From elsewhere", tags=("x",), pinned=True, markers=(Marker(START, text="there", id=1_000_001),)
+    )
+    pack(path, edit=edits.as_metadata())
+    library = Library(tmp_path)
+    assert library.get("a").edits == edits
+    library.edit("a", Edits(pinned=False))
+    assert library.get("a").edits == Edits("From elsewhere", ("x",), None, False, edits.markers)
+    assert library.mark("a", Marker(START, text="more")).id == 1_000_002
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])
+def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: str) -> None:
+    beside(recording(tmp_path / "a.mcap")).write_text(text)
+    library = Library(tmp_path)
+    assert library.get("a").title == "Yard loop"
+    assert library.edit("a", Edits(title="Again")).title == "Again"
+
+
+def test_what_is_deleted_comes_back_with_all_that_belongs_to_it(tmp_path: Path) -> None:
+    time = [START]
+    recording(tmp_path / "a.mcap")
+    library = Library(tmp_path, lambda: time[0])
+    library.edit("a", Edits(title="Mine"))
+    gone = library.delete("a")
+    assert gone.deleted == START
+    assert ids(library) == []
+    assert [(entry.id, entry.title, entry.deleted) for entry in library.all()] == [("a", "Mine", START)]
+    assert not list(tmp_path.glob("a*"))
+    with pytest.raises(KeyError):
+        library.get("a")
+    assert library.undelete("a").title == "Mine"
+    assert ids(library) == ["a"]
+    library.delete("a")
+    recording(tmp_path / "a.mcap", title="Another")
+    (live, dead) = library.all()
+    assert (live.id, live.title, dead.title) == ("a", "Another", "Mine")
+    with pytest.raises(RecordingError, match="already"):
+        library.undelete(dead.id)
+    time[0] += KEPT_S + 1000
+    assert [entry.title for entry in library.all()] == ["Another"]
+    assert not list((tmp_path / ".bin").iterdir())
+
+
+def test_a_split_log_is_one_and_goes_as_one(tmp_path: Path) -> None:
+    for part in (1, 2):
+        (tmp_path / f"LOG_SN60339_20261120_120000_000{part}.raw").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
+    (tmp_path / "LOG_SN60339_20261120_120000_0001.idx").write_bytes(bytes(16))
+    library = Library(tmp_path)
+    (entry,) = library.all()
+    assert entry.size == 1000
+    assert [file.name[-8:] for file in entry.files] == ["0001.raw", "0002.raw"]
+    assert entry.peek.started == 1795176000.0
+    library.delete(entry.id)
+    assert [file.name for file in tmp_path.iterdir()] == [".bin"]
+    library.undelete(entry.id)
+    assert len(library.get(entry.id).files) == 2
+    assert (tmp_path / "LOG_SN60339_20261120_120000_0001.idx").exists()
+
+
+def test_files_of_one_name_have_ids_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
+    (tmp_path / "a.mtb").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
+    library = Library(tmp_path)
+    assert sorted(ids(library)) == ["a", "a.bin"]
+    recording(tmp_path / "a.mcap")
+    assert library.path("a").name == "a.mcap"
+    assert sorted(ids(library)) == ["a", "a.bin", "a.mtb"]
+
+
+def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None:
+    recording(tmp_path / "a.mcap")
+    library = Library(tmp_path)
+    assert not library.get("a").indexed
+    library.learn("a", store(tmp_path / "store", devices=1))
+    entry = library.get("a")
+    assert entry.indexed
+    assert len(entry.thumbnail) == 64
+    assert max(high for _, high in entry.thumbnail) == 1.0
+    assert all(0 <= low <= high <= 1 for low, high in entry.thumbnail)
+    assert entry.losses == [pytest.approx(0.1, abs=0.002)]
+    assert entry.peek.devices[0].product == "MTi-630"
+    assert ids(library, "kerb") == ["a"]
+    recording(tmp_path / "b.mcap").replace(tmp_path / "a.mcap")
+    os.utime(tmp_path / "a.mcap", (5, 5))
+    assert not library.get("a").indexed  # another file by now
+
+
+def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -> None:
+    library = Library(tmp_path / "library")
+    content = recording(tmp_path / "x.mcap").read_bytes()
+    for number in (1, 2):
+        path = library.incoming("../../etc/a.mcap")
+        path.write_bytes(content)
+        assert ids(library) == ["a"][: number - 1]
+        assert library.take(path).id == ["a", "a-2"][number - 1]
+    path = library.incoming("b.mcap")
+    path.write_bytes(b"hello\n" * 100)
+    with pytest.raises(RecordingError):
+        library.take(path)
+    assert sorted(ids(library)) == ["a", "a-2"]
+    assert list((library.folder / ".incoming").iterdir()) == []
+
+
+@given(st.text(max_size=300))
+def test_no_name_becomes_a_path(name: str) -> None:
+    clean = clean_name(name)
+    assert clean not in ("", ".", "..")
+    assert not clean.startswith(".")
+    assert "/" not in clean
+    assert "\\" not in clean
+    assert clean.isprintable()
+    assert len(clean.encode()) <= 130
+    assert os.path.splitext(clean)[1].lower() in SUFFIXES
+    assert clean_name(clean) == clean
+
+
+@pytest.mark.parametrize("name", ["..", "../a", "a/../../a", "/etc/passwd", ".bin", "", "a\x00", "\ud800"])
+def test_an_id_from_outside_is_no_path(name: str, tmp_path: Path) -> None:
+    recording(tmp_path / "a.mcap")
+    library = Library(tmp_path / "inside")
+    library.folder.mkdir()
+    with pytest.raises(KeyError):
+        library.path(name)
+    with pytest.raises(KeyError):
+        library.undelete(name)
