@@ -25,7 +25,7 @@ from starlette.websockets import WebSocketDisconnect
 from server.api.errors import ApiError, responses
 from server.api.page import HEADERS
 from server.api.recordings import OneStore
-from server.views.proxy import TRY_LATER, ViewError
+from server.views.proxy import ViewError
 from server.views.rerun import Feed, Rerun, Viewer, recording_stream
 from server.views.rerun_files import NAMES, folder_of, viewer_files
 
@@ -52,6 +52,7 @@ POLICY = (
 )
 PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(POLICY)}
 MOST_MOST = 1_000_000
+TRY_LATER = 1013  # code of a closed WebSocket (IANA registry)
 SEND_S = 10.0  # a browser that does not take a batch for so long is gone
 TELL_S = 0.5
 
