@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, WebSocket
 
 from server.views.foxglove import SUBPROTOCOLS, Foxglove
-from server.views.proxy import TRY_LATER, ViewError, relay
+from server.views.proxy import ViewError, relay, turn_away
 
 router = APIRouter()
 
@@ -21,6 +21,6 @@ async def foxglove(socket: WebSocket) -> None:
     try:
         port = await bridge.port()
     except ViewError as error:
-        await socket.close(TRY_LATER, error.message[:120])
+        await turn_away(socket, error)
         return
     await relay(socket, port, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)

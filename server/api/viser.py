@@ -22,7 +22,7 @@ from server.api.errors import ApiError, responses
 from server.api.page import HEADERS
 from server.serving import MOST_FROM_VIEWER
 from server.views.aside import PER_S
-from server.views.proxy import TRY_LATER, VIEWER_POLICY, ViewError, fetch, relay
+from server.views.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
 from server.views.replayed import Replayed
 from server.views.viser import Viser
 
@@ -85,7 +85,7 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
     try:
         port = await viser.port(key)
     except ViewError as error:
-        await socket.close(TRY_LATER, error.message[:120])
+        await turn_away(socket, error)
         return
     viser.looked_at(key)
     try:
@@ -103,7 +103,7 @@ async def recorded_scene(socket: WebSocket, recording: str) -> None:
     try:
         store = await socket.app.state.shelf.opened(recording)
     except (KeyError, FileNotFoundError, RecordingError):
-        await socket.close(TRY_LATER, "This recording cannot be opened.")
+        await turn_away(socket, ViewError("This recording cannot be opened."))
         return
     await socket.accept()
     replayed = Replayed(store)

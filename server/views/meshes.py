@@ -65,11 +65,11 @@ def read(name: str, data: bytes) -> Mesh:
     if len(data) >= 84 and len(data) == 84 + 50 * struct.unpack_from("<I", data, 80)[0]:
         return _stl(name, np.frombuffer(data, _STL, offset=84)["vertices"].reshape(-1, 3))
     if data[:512].lstrip()[:5].lower() == b"solid":
-        found = _VERTEX.findall(data)
         try:
-            return _stl(name, np.array([[float(part) for part in row] for row in found], np.float32).reshape(-1, 3))
+            points = [[float(part) for part in vertex] for vertex in _VERTEX.findall(data)]
         except ValueError:
             raise MeshError("This STL holds a vertex that is no number.") from None
+        return _stl(name, np.array(points, np.float32))
     raise MeshError("This is neither a GLB nor an STL file.")
 
 

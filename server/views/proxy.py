@@ -21,6 +21,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
+from server.auth import refuse
+from server.wire import Problem
+
 OPEN_S = 10.0
 STUCK_S = 20.0
 TRY_LATER, RESTARTING = 1013, 1012  # codes of a closed WebSocket (IANA registry)
@@ -112,13 +115,19 @@ async def relay(
             proxy=None,
         )
     except (OSError, InvalidHandshake, TimeoutError):
-        await browser.close(TRY_LATER, "The viewer does not answer.")
+        await turn_away(browser, ViewError("The viewer does not answer.", "Try again in a moment."))
         return
     try:
         await browser.accept(viewer.subprotocol)
         await _pump(browser, viewer, most_up)
     finally:
         await viewer.close()
+
+
+async def turn_away(browser: WebSocket, why: ViewError) -> None:
+    """Refuse a WebSocket that was not accepted yet, in the one shape of errors."""
+    problem = Problem("no-view", why.message, why.hint)
+    await refuse(browser.scope, browser.receive, browser.send, 503, problem)
 
 
 async def _pump(browser: WebSocket, viewer: ClientConnection, most_up: int) -> None:

@@ -1,0 +1,201 @@
+"""viser behind our own port: when it runs, what goes through, who is kept out. The real viser, in its own process."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import msgspec
+import pytest
+import zstandard
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosedError, InvalidStatus
+
+from tests.process import ServerProcess
+
+VERSION = "viser-v"
+
+
+@pytest.fixture(scope="module")
+def shown(server: ServerProcess) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=server.url, timeout=120) as client:
+        yield client
+
+
+def subprotocol() -> str:
+    from importlib.metadata import version
+
+    return VERSION + version("viser")
+
+
+def messages(data: bytes) -> list[dict[str, Any]]:
+    """What viser sent in one WebSocket message: sizes, compressed MessagePack, binary buffers."""
+    size = int.from_bytes(data[8:16], "little")
+    decoded = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]))
+    return list(decoded["messages"])
+
+
+async def turns(url: str, path: str, *, wanted: int, name: str = "/body") -> list[list[float]]:
+    """Orientations of the body that come over a WebSocket, so many. One looks once one's camera is told."""
+    found: list[list[float]] = []
+    address = url.replace("http", "ws") + path
+    async with asyncio.timeout(90), connect(address, subprotocols=[subprotocol()], max_size=None) as socket:
+        camera = {
+            "type": "ViewerCameraMessage",
+            "wxyz": [1.0, 0.0, 0.0, 0.0],
+            "position": [1.0, 1.0, 1.0],
+            "fov": 1.0,
+            "near": 0.1,
+            "far": 100.0,
+            "image_height": 100,
+            "image_width": 100,
+            "look_at": [0.0, 0.0, 0.0],
+            "up_direction": [0.0, 0.0, 1.0],
+        }
+        await socket.send(msgspec.msgpack.encode(camera))
+        while len(found) < wanted:
+            data = await socket.recv()
+            assert isinstance(data, bytes)
+            for message in messages(data):
+                if message["type"] == "SetOrientationMessage" and message["name"].endswith(name):
+                    found.append(message["wxyz"])
+    return found
+
+
+def test_its_page_comes_through_with_a_policy_of_its_own(shown: httpx.Client) -> None:
+    answer = shown.get("/viser/")
+    assert answer.status_code == 200
+    assert "<title>Viser</title>" in answer.text
+    policy = dict(part.split(" ", 1) for part in answer.headers["content-security-policy"].split("; "))
+    assert policy["connect-src"] == "'self' data: blob:"
+    assert "'unsafe-eval'" not in policy["script-src"]
+    assert "wasm-unsafe-eval" not in shown.get("/").headers["content-security-policy"]
+    assert "unsafe-inline" not in shown.get("/").headers["content-security-policy"]
+    assert shown.get("/viser", follow_redirects=False).headers["location"] == "/viser/"
+
+
+def test_a_scene_is_begun_by_name_and_an_unknown_one_refused(shown: httpx.Client) -> None:
+    [device] = shown.get("/api/devices").json()
+    assert shown.get("/api/views/scene", params={"device": device["id"]}).json() == {
+        "address": f"/viser/{device['id']}/"
+    }
+    refused = shown.get("/viser/nobody/")
+    assert refused.status_code == 503
+    assert set(refused.json()) == {"kind", "message", "hint"}
+
+
+def test_the_body_turns_as_the_device_does(shown: httpx.Client, server: ServerProcess) -> None:
+    found = asyncio.run(turns(server.url, "/viser", wanted=30))
+    for q in found:
+        assert sum(part * part for part in q) == pytest.approx(1, abs=1e-3)
+    assert found[0] != found[-1]
+
+
+def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, server: ServerProcess) -> None:
+    async def attempt(headers: dict[str, str]) -> int:
+        try:
+            address = server.url.replace("http", "ws") + "/viser"
+            async with connect(address, subprotocols=[subprotocol()], additional_headers=headers):
+                return 101
+        except InvalidStatus as error:
+            return error.response.status_code
+
+    assert asyncio.run(attempt({"Origin": "https://elsewhere.example"})) == 403
+    assert asyncio.run(attempt({"Origin": server.url})) == 101
+    assert shown.get("/viser/", headers={"Host": "rebound.example"}).status_code == 403
+    assert shown.get("/viser/", headers={"X-Forwarded-For": "1.2.3.4"}).status_code == 401
+
+
+def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) -> None:
+    async def attempt() -> int | None:
+        address = server.url.replace("http", "ws") + "/viser"
+        async with asyncio.timeout(60), connect(address, subprotocols=[subprotocol()], max_size=None) as socket:
+            await socket.send(bytes(2 * 1024 * 1024))
+            with contextlib.suppress(ConnectionClosedError):
+                async for _ in socket:
+                    pass
+            return socket.close_code
+
+    assert asyncio.run(attempt()) == 1009
+
+
+def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: ServerProcess) -> None:
+    shown.get("/viser/")
+    pid = children(server.process.pid)[0]
+    os.kill(pid, signal.SIGKILL)
+    deadline = time.monotonic() + 60
+    found: list[list[float]] = []
+    while not found:  # viser's page tries again by itself, too
+        try:
+            found = asyncio.run(turns(server.url, "/viser", wanted=3))
+        except InvalidStatus as refused:
+            if refused.response.status_code != 503 or time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+    assert children(server.process.pid)[0] != pid
+    assert any("ended by itself" in text for text in asyncio.run(events(server.url)))
+
+
+async def events(url: str) -> list[str]:
+    import json
+
+    async with asyncio.timeout(20), connect(url.replace("http", "ws") + "/ws", subprotocols=["imuscope.v1"]) as socket:
+        while True:
+            message = json.loads(await socket.recv())
+            if message["op"] == "events":
+                return [event["text"] for event in message["events"]]
+
+
+def children(parent: int) -> list[int]:
+    """viser's processes of a server."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
+        except OSError:
+            continue  # gone meanwhile
+        if int(line.rpartition(")")[2].split()[1]) == parent and "viser_aside" in command:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def test_it_runs_only_while_somebody_looks(serve: Callable[..., ServerProcess]) -> None:
+    """And with the server it is gone, whatever happens to the server."""
+    server = serve("twin:xbus")
+    assert children(server.process.pid) == []
+    assert httpx.get(server.url + "/viser/", timeout=120).status_code == 200
+    [pid] = children(server.process.pid)
+    deadline = time.monotonic() + 60
+    while children(server.process.pid):
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+    assert httpx.get(server.url + "/viser/", timeout=120).status_code == 200
+    [again] = children(server.process.pid)
+    assert again != pid
+    server.process.kill()
+    while Path(f"/proc/{again}").exists():
+        assert time.monotonic() < deadline + 60
+        time.sleep(0.2)
+
+
+def test_neither_viser_nor_foxglove_is_part_of_the_server() -> None:
+    """They take seconds to import: the start would."""
+    import subprocess
+    import sys
+
+    from tests.process import ROOT
+
+    code = (
+        "import sys; from server.app import create_app; from server.auth import Access; from server.config import "
+        "Config; create_app(Config(foxglove=0), Access(Config())); print([m for m in sys.modules if m.split('.')[0] in "
+        "('viser', 'foxglove', 'rerun')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "[]", done.stderr
