@@ -33,7 +33,7 @@ def test_defaults_are_loopback() -> None:
         ("memory_mb = 0", "memory_mb 0"),
         ("recordings_quota_gb = -1", "recordings_quota_gb -1"),
         ("split_mb = 0.01", "split_mb 0.01"),
-        ("split_min = 1e9", "split_min 1e+09"),
+        ("split_min = 2000000", "split_min 2e"),
         ("record = 1", "record must be bool"),
         ('sources = "one"', "must be a list"),
         ("sources = [1]", "must be a list"),
