@@ -98,7 +98,7 @@ def stamps(samples: Samples) -> list[int]:
 
 def _word(text: str) -> str:
     """Letters, digits, hyphen and underscore."""
-    return re.sub(r"[^\w-]+", "_", text.translate(_LETTERS), flags=re.ASCII).strip("_") or "_"
+    return re.sub(r"(?:[^\w-]|_)+", "_", text.translate(_LETTERS), flags=re.ASCII).strip("_") or "_"
 
 
 def _flags(column: Mapping[str, Any]) -> list[Mapping[str, Any]]:

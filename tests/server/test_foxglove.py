@@ -1,0 +1,329 @@
+"""What is live over the Foxglove WebSocket protocol, read by a client written from the protocol's specification.
+
+    text     JSON: serverInfo, advertise {channels: [{id, topic, encoding, schemaName, schema, schemaEncoding}]},
+             unadvertise; from the client: subscribe {subscriptions: [{id, channelId}]}, unsubscribe
+    binary   u8 opcode 1 │ u32 subscription id │ u64 log time, ns │ payload          little-endian
+
+Source: Foxglove WebSocket protocol v1 (foxglove/ws-protocol, docs/spec.md).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import struct
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidStatus
+
+from server.codec import Samples
+from server.views.topics import Encoder, fields_of, schema_of, topic_of
+from tests.process import ServerProcess
+
+SUBPROTOCOL = "foxglove.sdk.v1"
+
+
+class Client:
+    """A viewer: what is advertised, and what comes of what it subscribed to."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        self.info: dict[str, Any] = {}
+        self.channels: dict[str, dict[str, Any]] = {}
+        self._topics: dict[int, str] = {}
+
+    async def until(self, *topics: str) -> None:
+        """Read until these are advertised."""
+        async with asyncio.timeout(60):
+            while not self.info or not set(topics) <= self.channels.keys():
+                self._text(await self._socket.recv())
+
+    def _text(self, data: str | bytes) -> None:
+        if isinstance(data, bytes):
+            return
+        message = json.loads(data)
+        if message["op"] == "serverInfo":
+            self.info = message
+        elif message["op"] == "advertise":
+            self.channels |= {channel["topic"]: channel for channel in message["channels"]}
+        elif message["op"] == "unadvertise":
+            gone = set(message["channelIds"])
+            self.channels = {topic: one for topic, one in self.channels.items() if one["id"] not in gone}
+
+    async def subscribe(self, *topics: str) -> None:
+        wanted = []
+        for topic in topics:
+            number = 1000 + len(self._topics)
+            self._topics[number] = topic
+            wanted.append({"id": number, "channelId": self.channels[topic]["id"]})
+        await self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+
+    async def messages(self, wanted: int) -> list[tuple[str, float, bytes]]:
+        """So many of what comes: topic, unix s, payload."""
+        found: list[tuple[str, float, bytes]] = []
+        async with asyncio.timeout(60):
+            while len(found) < wanted:
+                data = await self._socket.recv()
+                if isinstance(data, str):
+                    self._text(data)
+                    continue
+                opcode, number, time_ns = struct.unpack_from("<BIQ", data)
+                assert opcode == 1
+                found.append((self._topics[number], time_ns / 1e9, data[13:]))
+        return found
+
+
+@contextlib.asynccontextmanager
+async def attached(server: ServerProcess, path: str = "/foxglove", **options: Any) -> AsyncIterator[Client]:
+    """A client behind our own port; the bridge may still be starting."""
+    address = server.url.replace("http", "ws") + path
+    async with asyncio.timeout(90), connect(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
+        assert socket.subprotocol == SUBPROTOCOL
+        yield Client(socket)
+
+
+@pytest.fixture(scope="module")
+def bridged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    data = tmp_path_factory.mktemp("data")
+    with ServerProcess("twin:isb", data=data, arguments=("--foxglove", "0")) as server:
+        yield server
+
+
+def test_a_quantity_is_advertised_and_plots_without_set_up(bridged: ServerProcess) -> None:
+    async def play() -> None:
+        async with attached(bridged) as client:
+            await client.until("/IMX-5/IMU/Acceleration")
+            channel = client.channels["/IMX-5/IMU/Acceleration"]
+            assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
+            fields = json.loads(channel["schema"])["properties"]
+            assert {name: field["type"] for name, field in fields.items()} == {
+                "x_m_s2": "number",
+                "y_m_s2": "number",
+                "z_m_s2": "number",
+            }
+            assert all("m/s²" in field["description"] for field in fields.values())
+            await client.subscribe("/IMX-5/IMU/Acceleration")
+            found = await client.messages(50)
+            values = np.array([list(json.loads(body).values()) for _, _, body in found])
+            assert np.linalg.norm(values, axis=1) == pytest.approx(9.8, abs=1.5)
+            times = [at for _, at, _ in found]
+            assert np.diff(times) == pytest.approx(0.01, abs=0.002)  # device time: 100 Hz, whatever the arrival
+            assert abs(times[-1] - time.time()) < 20
+
+    asyncio.run(play())
+
+
+def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: ServerProcess) -> None:
+    from foxglove.messages import FrameTransform, LocationFix
+
+    attitude, position = "/IMX-5/attitude", "/IMX-5/position"
+
+    async def play() -> list[tuple[str, float, bytes]]:
+        async with attached(bridged) as client:
+            await client.until(attitude, position)
+            assert client.channels[attitude]["schemaName"] == FrameTransform.get_schema().name
+            assert client.channels[position]["schemaName"] == LocationFix.get_schema().name
+            assert client.channels[attitude]["encoding"] == "protobuf"
+            await client.subscribe(attitude, position)
+            return await client.messages(40)
+
+    found = asyncio.run(play())
+    turn = next(body for topic, _, body in found if topic == attitude)
+    fields = protobuf(turn)
+    assert fields[2] == b"ENU"
+    assert fields[3] == b"IMX-5"
+    q = [struct.unpack("<d", part)[0] for part in protobuf(fields[5]).values()]
+    assert np.linalg.norm(q) == pytest.approx(1, abs=1e-3)
+    fix = protobuf(next(body for topic, _, body in found if topic == position))
+    assert -90 <= struct.unpack("<d", fix[1])[0] <= 90
+
+
+def protobuf(data: bytes) -> dict[int, bytes]:
+    """The fields of a message, as bytes: the wire format of protocol buffers, as far as it is needed here."""
+    fields: dict[int, bytes] = {}
+    at = 0
+    while at < len(data):
+        key, at = _varint(data, at)
+        if key & 7 == 1:
+            fields[key >> 3], at = data[at : at + 8], at + 8
+        elif key & 7 == 2:
+            size, at = _varint(data, at)
+            fields[key >> 3], at = data[at : at + size], at + size
+        else:
+            assert key & 7 == 0
+            value, at = _varint(data, at)
+            fields[key >> 3] = value.to_bytes(8, "little")
+    return fields
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if not byte & 0x80:
+            return value, at
+
+
+def test_only_what_is_subscribed_to_comes(bridged: ServerProcess) -> None:
+    async def play() -> None:
+        async with attached(bridged) as client:
+            await client.until("/IMX-5/IMU/Acceleration", "/IMX-5/IMU/Rate_of_turn")
+            await client.subscribe("/IMX-5/IMU/Rate_of_turn")
+            assert {topic for topic, _, _ in await client.messages(30)} == {"/IMX-5/IMU/Rate_of_turn"}
+
+    asyncio.run(play())
+
+
+def test_who_attaches_can_only_look(bridged: ServerProcess) -> None:
+    async def play() -> None:
+        async with attached(bridged) as client:
+            await client.until()
+            assert client.info["capabilities"] == []
+
+    asyncio.run(play())
+
+
+def status_of(server: ServerProcess, **options: Any) -> int:
+    """What a WebSocket is answered."""
+
+    async def attempt() -> int:
+        try:
+            async with attached(server, **options):
+                return 101
+        except InvalidStatus as error:
+            return error.response.status_code
+
+    return asyncio.run(attempt())
+
+
+def test_our_rules_hold_for_it_as_for_every_websocket(bridged: ServerProcess) -> None:
+    assert status_of(bridged, origin="https://elsewhere.example") == 403
+    assert status_of(bridged, origin=bridged.url) == 101
+    assert status_of(bridged, additional_headers={"X-Forwarded-For": "1.2.3.4"}) == 401
+
+
+def test_beyond_this_machine_it_asks_for_the_token(tmp_path: Path, serve: Callable[..., ServerProcess]) -> None:
+    config = tmp_path / "imuscope.toml"
+    config.write_text('foxglove = 0\nview_token = "may-look-only"\ncontrol_token = "may-change-too"\n')
+    server = serve("twin:xbus", arguments=("--config", str(config)))
+    forwarded = {"X-Forwarded-For": "1.2.3.4"}
+    assert status_of(server, additional_headers=forwarded) == 401
+    assert status_of(server, additional_headers=forwarded, path="/foxglove?token=wrong") == 401
+    assert status_of(server, additional_headers=forwarded, path="/foxglove?token=may-look-only") == 101
+
+
+def test_without_the_option_it_is_refused_in_words(server: ServerProcess) -> None:
+    async def attempt() -> dict[str, str]:
+        with pytest.raises(InvalidStatus) as refused:
+            async with attached(server):
+                pass
+        assert refused.value.response.status_code == 503
+        body: dict[str, str] = json.loads(refused.value.response.body)
+        return body
+
+    assert "--foxglove" in asyncio.run(attempt())["hint"]
+
+
+def test_it_comes_back_after_a_crash(bridged: ServerProcess) -> None:
+    [pid] = children(bridged.process.pid)
+    os.kill(pid, signal.SIGKILL)
+    deadline = time.monotonic() + 60
+    while children(bridged.process.pid) in ([], [pid]):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+    async def play() -> None:
+        async with attached(bridged) as client:
+            await client.until("/IMX-5/IMU/Acceleration")
+            await client.subscribe("/IMX-5/IMU/Acceleration")
+            assert len(await client.messages(5)) == 5
+
+    asyncio.run(play())
+
+
+def test_a_client_that_reads_nothing_holds_up_nobody(bridged: ServerProcess) -> None:
+    """It is subscribed to everything and takes nothing; another client and the device do not notice."""
+
+    async def play() -> None:
+        async with attached(bridged) as lazy, attached(bridged) as client:
+            await lazy.until("/IMX-5/IMU/Acceleration")
+            await lazy.subscribe(*lazy.channels)
+            await client.until("/IMX-5/IMU/Acceleration")
+            await client.subscribe("/IMX-5/IMU/Acceleration")
+            found = await client.messages(300)
+            assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
+
+    asyncio.run(play())
+    [device] = httpx.get(bridged.url + "/api/devices").json()
+    assert device["status"] == "live"
+
+
+def children(parent: int) -> list[int]:
+    """The bridge's processes of a server."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
+        except OSError:
+            continue  # gone meanwhile
+        if int(line.rpartition(")")[2].split()[1]) == parent and "foxglove_aside" in command:
+            found.append(int(stat.parent.name))
+    return found
+
+
+# ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def column(name: str, unit: str = "", dtype: str = "f4", **more: Any) -> dict[str, Any]:
+    return {"name": name, "unit": unit, "dtype": dtype, "label": "", "doc": "", "choices": {}, "bits": [], **more}
+
+
+def channel(*columns: dict[str, Any], **more: Any) -> dict[str, Any]:
+    about = {"id": 7, "name": "Q", "title": "Rate of turn", "group": "", "kind": "vector", "doc": "", "frame": ""}
+    return {**about, "columns": list(columns), **more}
+
+
+def test_names_are_letters_that_a_path_needs_no_quotes_for() -> None:
+    device = {"name": "MTi-630 (left)"}
+    assert topic_of(device, channel(), set()) == "/MTi-630_left/Rate_of_turn"
+    assert topic_of(device, channel(group="INS 1"), set()) == "/MTi-630_left/INS_1/Rate_of_turn"
+    assert topic_of(device, channel(), {"/MTi-630_left/Rate_of_turn"}) == "/MTi-630_left/Rate_of_turn_7"
+    units = [column("x", "°/s"), column("t", "°C"), column("m", "µT"), column("a", "m/s²"), column("r", "%rH")]
+    assert fields_of(channel(*units)) == ["x_deg_s", "t_degC", "m_uT", "a_m_s2", "r_pctrH"]
+
+
+def test_flags_are_fields_and_what_is_not_finite_is_left_out() -> None:
+    bits = [{"name": "Clipped", "low": 3, "width": 1, "doc": "too much"}, {"name": "Mode", "low": 0, "width": 2}]
+    info = channel(column("value", dtype="u4", bits=bits), column("x", "m"))
+    assert schema_of(info)["properties"]["Clipped"] == {"type": "boolean", "description": "too much"}
+    clock = np.array([100.0, 100.5])
+    rows = Samples(
+        7, 0, 2, 0, False, 0.0, [clock, np.array([99.0, np.nan]), np.array([8, 7], "u4"), np.array([1.5, np.inf])]
+    )
+    assert [(time, json.loads(body)) for time, body in Encoder(info).messages(rows)] == [
+        (99_000_000_000, {"value": 8, "Clipped": True, "x_m": 1.5}),
+        (100_500_000_000, {"value": 7, "Clipped": False}),
+    ]
+
+
+def test_a_table_is_one_message_a_time() -> None:
+    info = channel(column("svId", dtype="u1"), kind="rows")
+    clock = np.array([1.0, 1.0, 2.0])
+    rows = Samples(7, 0, 3, 0, False, 0.0, [clock, clock, np.array([5, 6, 7], "u1")])
+    found = [json.loads(body) for _, body in Encoder(info).messages(rows)]
+    assert found == [{"rows": [{"svId": 5}, {"svId": 6}]}, {"rows": [{"svId": 7}]}]
+    assert schema_of(info)["properties"]["rows"]["items"]["properties"] == {
+        "svId": {"type": "integer", "description": ""}
+    }
