@@ -74,6 +74,8 @@ def send_scene(stream: rr.RecordingStream, devices: Sequence[Device]) -> None:
     for device in devices:
         if device.attitude is not None:
             _send_body(stream, device.attitude)
+        if device.position is not None:
+            send_here(stream, device)
 
 
 def _send_body(stream: rr.RecordingStream, attitude: Attitude) -> None:
@@ -98,7 +100,7 @@ def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mappi
 
 
 def send_track(stream: rr.RecordingStream, device: Device, enu: Floats) -> None:
-    """The way it went, thinned to `TRACK_POINTS` and with gaps where places are missing; and a point where it is now.
+    """The way it went, thinned to `TRACK_POINTS`, with gaps where places are missing.
 
     Args:
         enu: (n, 3) m, NaN where it was no place.
@@ -110,13 +112,16 @@ def send_track(stream: rr.RecordingStream, device: Device, enu: Floats) -> None:
     pieces = [piece for piece in np.split(enu, ends) if np.isfinite(piece[0]).all()]
     step = max(1, int(good.sum()) // TRACK_POINTS)
     strips = [np.concatenate((piece[::step], piece[-1:])).astype(np.float32) for piece in pieces]
-    color = OTHERS[hash_of(device.id) % len(OTHERS)]
-    lines = rr.LineStrips3D(strips, colors=[color], radii=rr.Radius.ui_points(1.5))
+    lines = rr.LineStrips3D(strips, colors=[_color(device)], radii=rr.Radius.ui_points(1.5))
     stream.log(name_of((WORLD, "track", device.name)), lines, static=True)
-    here = rr.Points3D([(0, 0, 0)], colors=[color], radii=rr.Radius.ui_points(6), labels=[device.title])
+
+
+def send_here(stream: rr.RecordingStream, device: Device) -> None:
+    """A point where it is now."""
+    here = rr.Points3D([(0, 0, 0)], colors=[_color(device)], radii=rr.Radius.ui_points(6), labels=[device.title])
     stream.log(name_of((WORLD, device.name, "here")), here, static=True)
 
 
-def hash_of(text: str) -> int:
-    """A number that is the same in every run."""
-    return sum(text.encode())
+def _color(device: Device) -> tuple[int, int, int]:
+    """The same in every run."""
+    return OTHERS[sum(device.id.encode()) % len(OTHERS)]

@@ -4,6 +4,7 @@ GET /rerun/?recording=ID[&t0&t1]            the viewer on a recording; /rerun/?l
 GET /rerun/NAME                             our page's own files, and the viewer's, out of the installed wheel
 GET /api/recordings/ID/recording.rrd        the recording as it is made for a viewer; with `most`, thinned
 WS  /rerun/live?device=ID                   <── batches of .rrd, and {"lag_ms", "dropped"} twice a second
+                                            ──> how many batches the viewer has taken, in decimal
 
 The page may talk to this server and nobody else. The viewer would ask its makers' hosts for news, and tell them that it
 was opened: the page's script refuses that, and the policy behind it, too.
@@ -131,7 +132,7 @@ async def live(socket: WebSocket, device: str = "") -> None:
         async with rerun.look(device) as (feed, viewer):
             tasks = [
                 asyncio.create_task(_send(socket, feed, viewer), name="rerun viewer is sent"),
-                asyncio.create_task(_gone(socket), name="rerun viewer is watched"),
+                asyncio.create_task(_listen(socket, viewer), name="rerun viewer is heard"),
             ]
             try:
                 done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -160,7 +161,10 @@ async def _send(socket: WebSocket, feed: Feed, viewer: Viewer) -> None:
                 await socket.send_json({"kind": "lag", "lag_ms": feed.lag_ms(newest), "dropped": viewer.dropped})
 
 
-async def _gone(socket: WebSocket) -> None:
-    """Return when the browser has gone; it has nothing to say."""
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass
+async def _listen(socket: WebSocket, viewer: Viewer) -> None:
+    """How many batches the browser's viewer has taken, until it goes."""
+    while (message := await socket.receive())["type"] != "websocket.disconnect":
+        text = message.get("text") or ""
+        if not (text.isascii() and text.isdigit() and len(text) < 16):
+            return
+        viewer.acknowledge(int(text))

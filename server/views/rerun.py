@@ -4,9 +4,10 @@
     Hub ──aside.py──> python -m server.views.rerun_feed ──batches, base64 in JSON lines──> Feed ──> WebSocket of each
 
 A batch is an `.rrd` in itself, so a viewer can begin with any of them once it has been told what is static. A Feed
-keeps that and the newest `KEPT_BYTES`; who comes late gets what is static, then the kept batches, newest first, then
-what is live. A viewer that does not take what is sent loses the oldest batches and is told how many; none slows a
-device, and the feed ends when nobody has looked for `IDLE_S`.
+keeps that and the newest `KEPT_BYTES`; who comes late gets what is static, what is live, and between that the kept
+batches, newest first. A browser says what its viewer has taken; one that does not keep up loses the oldest batches and
+is told how many, so that it shows the present however slow it is. None slows a device, and the feed ends when nobody
+has looked for `IDLE_S`.
 """
 
 from __future__ import annotations
@@ -35,7 +36,9 @@ PIECE = 1 << 16
 MOST_STREAMS = 4  # at once: each is a process with a hundred MB
 MOST_FEEDS = 4
 KEPT_BYTES = 32 << 20  # of a feed: about half a minute of three devices
-WAITING_BYTES = 24 << 20  # of a viewer that does not take it; half of that at most for one that comes late
+MOST_LIVE = 20  # batches that wait for a browser: a second
+PAST_BYTES = 16 << 20  # and of the past
+AHEAD = 4  # batches that a browser is sent before it says that its viewer has them: what lies in it only grows old
 IDLE_S = 10.0
 
 
@@ -72,39 +75,54 @@ async def recording_stream(wish: Mapping[str, Any], slots: asyncio.Semaphore) ->
 
 @dataclass(slots=True, eq=False)
 class Viewer:
-    """What waits for one browser."""
+    """What waits for one browser: what is static, then what is live, then what was before."""
 
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     still: deque[bytes] = field(default_factory=deque)  # never dropped
-    waiting: deque[tuple[float, bytes]] = field(default_factory=deque)  # newest arrival (0: of the past), batch
-    size: int = 0
+    live: deque[tuple[float, bytes]] = field(default_factory=deque)  # arrival of the newest sample in it, batch
+    past: deque[bytes] = field(default_factory=deque)
     dropped: int = 0
+    sent: int = 0
+    taken: int = 0  # as the browser says
     lost: str = ""  # why the stream ended
 
     def offer(self, newest: float, batch: bytes) -> None:
-        """A batch; the oldest are dropped where too much waits."""
-        self.waiting.append((newest, batch))
-        self.size += len(batch)
-        while self.size > WAITING_BYTES and len(self.waiting) > 1:
-            self.size -= len(self.waiting.popleft()[1])
+        """A live batch; the oldest are dropped where too many wait."""
+        self.live.append((newest, batch))
+        while len(self.live) > MOST_LIVE:
+            self.live.popleft()
             self.dropped += 1
         self.wake.set()
 
+    def remember(self, batch: bytes) -> None:
+        """A batch of the past; who cannot take it does not get it."""
+        if sum(map(len, self.past)) + len(batch) <= PAST_BYTES:
+            self.past.append(batch)
+            self.wake.set()
+
+    def acknowledge(self, taken: int) -> None:
+        """The browser has given so many batches to its viewer."""
+        self.taken = taken
+        self.wake.set()
+
     async def take(self) -> tuple[float, bytes]:
-        """The next: what is static first (with a time of 0), then batches.
+        """The next, as soon as the browser is not too far behind: arrival of its newest sample, 0 where it is not live.
 
         Raises:
             ViewError: the stream has ended.
         """
         while True:
-            if self.still:
-                return 0.0, self.still.popleft()
-            if self.waiting:
-                newest, batch = self.waiting.popleft()
-                self.size -= len(batch)
-                return newest, batch
             if self.lost:
                 raise ViewError(self.lost)
+            if self.sent - self.taken < AHEAD:
+                self.sent += 1
+                if self.still:
+                    return 0.0, self.still.popleft()
+                if self.live:
+                    return self.live.popleft()
+                if self.past:
+                    return 0.0, self.past.popleft()
+                self.sent -= 1
             self.wake.clear()
             await self.wake.wait()
 
@@ -146,12 +164,8 @@ class Feed:
     def join(self) -> Viewer:
         """One more looks: what is static, then what is kept, newest first."""
         viewer = Viewer(still=deque(self._still))
-        kept = 0
         for _, batch in sorted(self._kept, key=lambda one: -one[0]):
-            kept += len(batch)
-            if kept > WAITING_BYTES // 2:
-                break
-            viewer.offer(0.0, batch)
+            viewer.remember(batch)
         self.viewers.add(viewer)
         return viewer
 
@@ -176,7 +190,10 @@ class Feed:
         while self._size > KEPT_BYTES:
             self._size -= len(self._kept.popleft()[1])
         for viewer in self.viewers:
-            viewer.offer(0.0 if told["past"] else newest, batch)
+            if told["past"]:
+                viewer.remember(batch)
+            else:
+                viewer.offer(newest, batch)
 
     def _crashed(self, words: str) -> None:
         self._hub.event("", "link", "fault", f"The stream for Rerun ended by itself: {words:.200}")

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import base64
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -33,6 +34,7 @@ PERIOD_S = 0.05
 PAUSE_S = 0.5  # at least, between two layouts
 HISTORY_S = 30.0
 SHOWN_S = 30.0  # of plots
+TRACK_S, TRACK_POINTS = 1.0, 3600  # an hour
 SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
 
 
@@ -51,6 +53,8 @@ class Feed:
         self._words: dict[tuple[int, int], int] = {}
         self._origin: Origin | None = None
         self._heights: dict[int, float] = {}
+        self._ways: dict[str, deque[Array]] = {}
+        self._drawn: dict[str, float] = {}
         self._live: dict[int, list[Samples]] = {}
         self._past: list[Samples] = []
         self._next = 0.0
@@ -105,7 +109,7 @@ class Feed:
         if self._past:
             past, self._past = self._past, []
             for one in past:
-                self._send(one.channel, [one], changes=False)
+                self._send(one.channel, [one], live=False)
             self._say(newest=max(float(one.columns[0][-1]) for one in past), past=True)
         if now >= self._next and self._live:
             self._next = now + PERIOD_S
@@ -115,7 +119,7 @@ class Feed:
                 self._send(number, parts)
             self._say(newest=newest)
 
-    def _send(self, number: int, parts: Sequence[Samples], *, changes: bool = True) -> None:
+    def _send(self, number: int, parts: Sequence[Samples], *, live: bool = True) -> None:
         info = self._infos[number]
         device = self._devices[info["device"]]
         columns = [np.concatenate(column) for column in zip(*(one.columns for one in parts), strict=True)]
@@ -125,7 +129,7 @@ class Feed:
         put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
         for curve in device.curves[number]:
             put(self._stream, curve, times, own)
-            if changes and info["kind"] == "status":
+            if live and info["kind"] == "status":
                 self._tell_changes(number, curve.path, curve.columns, times, own)
         if device.attitude is not None and device.attitude.channel == number:
             chunks.send_attitude(self._stream, device.attitude, times, own)
@@ -133,7 +137,7 @@ class Feed:
             if device.position.height == number:
                 self._heights[number] = float(own[0][-1])
             if device.position.channel == number:
-                self._place(device, times, own)
+                self._place(device, times, own, live)
 
     def _tell_changes(
         self, number: int, path: tuple[str, ...], which: Sequence[int], times: Times, own: Sequence[Array]
@@ -145,7 +149,7 @@ class Feed:
                 self._words[number, i] = int(own[i][-1])
                 chunks.send_texts(self._stream, (*path, "changes"), times.only(at), texts, levels)
 
-    def _place(self, device: Device, times: Times, own: Sequence[Array]) -> None:
+    def _place(self, device: Device, times: Times, own: Sequence[Array], live: bool) -> None:
         position = device.position
         assert position is not None
         lat, lon, high = position.columns
@@ -159,6 +163,17 @@ class Feed:
             self._origin = Origin(float(own[lat][i]), float(own[lon][i]), up if np.isfinite(up) else 0.0)
         enu = chunks.metres(position, own, np.full(len(times), height), self._origin)
         chunks.send_positions(self._stream, position.path, times, enu)
+        if live:
+            self._draw(device, enu)
+
+    def _draw(self, device: Device, enu: Array) -> None:
+        """The way it went while this was fed, told anew each second."""
+        way = self._ways.setdefault(device.id, deque(maxlen=TRACK_POINTS))
+        now = time.monotonic()
+        if now >= self._drawn.get(device.id, 0.0):
+            self._drawn[device.id] = now + TRACK_S
+            way.append(enu[-1])
+            still.send_track(self._stream, device, np.array(way))
 
     def _say(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
         if self._bytes is None:

@@ -18,6 +18,7 @@ const SIMD = new Uint8Array([0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123
 const MOST = 20000;
 const AGAIN_MS = 1000;
 const LATE_MS = 500;
+const HIDDEN_MS = 250;
 
 /** The viewer would ask its makers for news and tell them of its use: nothing leaves for another host. */
 const ask = window.fetch.bind(window);
@@ -104,9 +105,20 @@ function follow(handle, device) {
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => handle.open_channel(id, id);
+    let taken = 0;
+    const took = () => {
+      if (socket.readyState === WebSocket.OPEN) socket.send(String(taken));
+    };
     socket.onmessage = ({ data }) => {
-      if (typeof data === "string") tell(JSON.parse(data));
-      else handle.send_rrd_to_channel(id, new Uint8Array(data));
+      if (typeof data === "string") {
+        tell(JSON.parse(data));
+        return;
+      }
+      handle.send_rrd_to_channel(id, new Uint8Array(data));
+      taken++;
+      // Said after the viewer has had a frame; in a hidden tab, which has none, after a while.
+      const timer = setTimeout(took, HIDDEN_MS);
+      requestAnimationFrame(() => (clearTimeout(timer), took()));
     };
     socket.onclose = ({ reason }) => {
       handle.close_channel(id);
