@@ -6,7 +6,7 @@
 The time column is the first whose name is time, timestamp, t, date, datetime or utc, with or without a unit: s, ms, µs,
 ns, in brackets of either kind or behind an underscore (`time_ms`). Without a unit, the size of the first number tells
 it; text is read as ISO 8601, UTC where it names no zone. Times that are not since 1970 are counted from when the file
-was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are comments;
+was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are skipped;
 fields are parted by comma, semicolon or tab. What is no number is an empty cell, and told.
 
     MCAP    one table a topic; a number within objects and short arrays is a column: position.x, covariance.0; the log

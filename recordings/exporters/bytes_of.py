@@ -71,7 +71,7 @@ def _chosen(wish: Wish, protocol: str) -> str:
     if len(fits) > 1:
         names = ", ".join(f"{one['name']} ({name})" for name, one in fits.items())
         raise ExportError(f"This format holds one device; there are {len(fits)}.", f"Choose one: {names}.")
-    return next(iter(fits))
+    return str(next(iter(fits)))
 
 
 def _parts(wish: Wish, device: str, step: Step) -> Iterator[Part]:

@@ -1,0 +1,83 @@
+"""`imuscope decode`: the files it names are there and hold what the recording holds; else one line says why not."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from server.cli import main
+from server.decode import Bar
+from tests.recordings.test_importers import LOGS, NAME, needs_logs
+from tests.server.test_opening import drive
+
+CONFIGURATION = bytes.fromhex("FAFF0D76")  # its first bytes: 118 of payload
+
+
+@needs_logs
+def test_a_log_becomes_a_file_per_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", str(LOGS / f"{NAME}.raw"), "-o", str(tmp_path / "run.csv")]) == 0
+    printed = capsys.readouterr()
+    files = sorted(tmp_path.iterdir())
+    assert sorted(printed.out.split()) == [str(file) for file in files]
+    assert [file.name for file in files] == ["run_DID_GPS1_POS.csv", "run_DID_IMU.csv", "run_DID_INS_1.csv"]
+    with files[1].open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 4000
+    assert float(rows[0]["I.acc.z (m/s²)"]) == pytest.approx(-9.80665, abs=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".mcap", ".mtb", ".bin"])
+def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "out").mkdir()
+    kept = drive(tmp_path / "a.mcap", seconds=1.0)
+    assert main(["decode", str(tmp_path / "a.mcap"), "-o", str(tmp_path / "out" / f"run{suffix}")]) == 0
+    (made,) = (tmp_path / "out").iterdir()
+    assert capsys.readouterr().out.split() == [str(made)]
+    if suffix == ".parquet":
+        assert made.name == "run_MTData2.parquet"
+        assert pq.read_table(made).num_rows == 50
+    if suffix == ".bin":
+        assert made.read_bytes() == kept
+    if suffix == ".mtb":
+        at = kept.index(CONFIGURATION)
+        head = kept[at : at + 123]
+        assert made.read_bytes() == head + kept[:at] + kept[at + 123 :]
+
+
+def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "noise.bin").write_bytes(b"\x55" * 5000)
+    drive(tmp_path / "a.mcap", seconds=0.2)
+    before = sorted(tmp_path.iterdir())
+    for name, out in (
+        ("none.mcap", "run.csv"),
+        ("noise.bin", "run.csv"),
+        ("a.mcap", "run.xlsx"),
+        ("a.mcap", "none/run.csv"),
+        ("a.mcap", "a.mcap"),
+        ("a.mcap", "run.raw"),
+    ):
+        assert main(["decode", str(tmp_path / name), "-o", str(tmp_path / out)]) == 1, (name, out)
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err.startswith("imuscope: ")
+        assert said.err.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_bar_is_drawn_on_a_terminal_alone_and_only_when_it_takes_a_while() -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    for out, late, drawn in ((io.StringIO(), True, False), (Terminal(), False, False), (Terminal(), True, True)):
+        bar = Bar(out)
+        if late:
+            bar._next = 0.0
+        bar.show(0.5)
+        assert ("50%" in out.getvalue()) == drawn
+        bar.clear()
+        assert out.getvalue().endswith("\r") == drawn

@@ -1,0 +1,208 @@
+"""The library over HTTP, with the real application: lists, words, uploads and their bounds, downloads, exports."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from recordings.blocks import Recording
+from recordings.library import Library
+from recordings.parts import McapSource
+from server.config import Config
+from server.links.base import Link, LinkSettings
+from tests.server.fakes import FakeLink
+from tests.server.running import Running
+from tests.server.test_api import assert_problem
+from tests.server.test_opening import drive
+
+FILE = {"content-type": "application/octet-stream"}
+URL = "/api/recordings"
+
+
+def open_link(source: str, settings: LinkSettings) -> Link:
+    return FakeLink(source, settings)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "recordings").mkdir()
+    return tmp_path / "recordings"
+
+
+@pytest.fixture
+def running(folder: Path) -> Iterator[Running]:
+    with Running(Config(data=folder.parent, sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+        running.client.timeout = 60
+        yield running
+
+
+def listed(running: Running, search: str = "") -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = running.client.get(URL, params={"q": search}).json()
+    return found
+
+
+def finished(running: Running, job: int) -> dict[str, Any]:
+    ends = time.monotonic() + 120
+    while time.monotonic() < ends:
+        told: dict[str, Any] = next(one for one in running.client.get(f"{URL}/exports").json() if one["id"] == job)
+        if told["state"] not in ("waiting", "running"):
+            return told
+        time.sleep(0.1)
+    raise AssertionError(told)
+
+
+def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: Running, folder: Path) -> None:
+    assert listed(running) == []
+    drive(folder / "a.mcap", seconds=1.0)
+    (info,) = listed(running)
+    assert (info["id"], info["title"], info["format"], info["markers"]) == ("a", "A drive", "mcap", 1)
+    client = running.client
+    changed = client.patch(f"{URL}/a", json={"title": " New  mast ", "tags": ["yard", " yard", ""], "pinned": True})
+    assert changed.json()["title"] == "New mast"
+    assert changed.json()["tags"] == ["yard"]
+    assert client.patch(f"{URL}/a", json={"notes": "3 laps"}).json()["pinned"] is True
+    assert [one["id"] for one in listed(running, "laps yard")] == ["a"]
+    assert listed(running, "drone") == []
+    marker = client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9 + 0.5, "kind": "note"})
+    assert marker.status_code == 201
+    assert listed(running)[0]["markers"] == 2
+    assert client.delete(f"{URL}/a").json()["deleted"] is not None
+    assert [one["deleted"] is None for one in listed(running)] == [False]
+    assert client.post(f"{URL}/a/undelete", json={}).json()["title"] == "New mast"
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "status"),
+    [
+        ("PATCH", "none", {}, 404),
+        ("DELETE", "none", None, 404),
+        ("POST", "none/undelete", {}, 404),
+        ("POST", "none/markers", {"time": 1.0}, 404),
+        ("POST", "none/exports", {"format": "csv"}, 404),
+        ("GET", "none/download", None, 404),
+        ("GET", "none/original", None, 404),
+        ("GET", "..%2f..%2fetc%2fpasswd/original", None, 404),
+        ("PATCH", "a", {"title": "x" * 201}, 422),
+        ("PATCH", "a", {"tags": ["x"] * 51}, 422),
+        ("POST", "a/markers", {"text": "when?"}, 422),
+        ("POST", "a/exports", {"format": "xlsx"}, 422),
+        ("POST", "a/exports", {"format": "csv", "t0": 2.0, "t1": 1.0}, 422),
+        ("GET", "a/original?device=9", None, 404),
+        ("GET", "exports/9/file", None, 404),
+        ("DELETE", "exports/9", None, 404),
+    ],
+)
+def test_what_cannot_be_is_said(running: Running, folder: Path, method: str, path: str, body: Any, status: int) -> None:
+    drive(folder / "a.mcap", seconds=0.2)
+    assert_problem(running.client.request(method, f"{URL}/{path}", json=body), status)
+
+
+def test_an_upload_is_a_recording_of_a_clean_name(running: Running, folder: Path, tmp_path: Path) -> None:
+    drive(tmp_path / "x.mcap", seconds=1.0)
+    content = (tmp_path / "x.mcap").read_bytes()
+    sent = running.client.put(f"{URL}/upload", params={"name": "../../x.mcap"}, content=content, headers=FILE)
+    assert sent.status_code == 201
+    assert sent.json()["title"] == "A drive"
+    assert (folder / "x.mcap").stat().st_size > 0
+    bad = running.client.put(f"{URL}/upload?name=y.mcap", content=b"no recording" * 100, headers=FILE)
+    assert_problem(bad, 422, "cannot-open")
+    assert_problem(running.client.put(f"{URL}/upload?name=y.mcap", content=b"", headers=FILE), 422, "cannot-open")
+    assert [one["id"] for one in listed(running)] == ["x"]
+    assert not list(folder.glob(".incoming/*"))
+
+
+def test_only_an_upload_may_be_large_and_no_json_and_it_is_bounded(running: Running) -> None:
+    client = running.client
+    large = bytes(1_000_001)
+    assert_problem(client.put(f"{URL}/upload?name=x.bin", content=large, headers=FILE), 413, "too-large")
+    assert_problem(client.put(f"{URL}/upload?name=x.bin", content=b"x", headers={"content-type": "text/plain"}), 415)
+    assert_problem(client.post(f"{URL}/upload?name=x.bin", content=b"x", headers=FILE), 415, "not-json")
+    assert_problem(client.put(f"{URL}/upload/?name=x.bin", content=b"x", headers=FILE), 415, "not-json")
+    foreign = {**FILE, "origin": "http://evil.example"}
+    assert_problem(client.put(f"{URL}/upload?name=x.bin", content=b"x", headers=foreign), 403, "bad-origin")
+    pieces = client.put(f"{URL}/upload?name=x.bin", content=iter([b"x", b"y"]), headers=FILE)
+    assert_problem(pieces, 411, "no-length")
+
+
+def test_a_download_is_one_file_with_everything_in_it(running: Running, folder: Path, tmp_path: Path) -> None:
+    kept = drive(folder / "a.mcap", seconds=1.0)
+    running.client.patch(f"{URL}/a", json={"title": "Höhe", "tags": ["x"]})
+    running.client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9})
+    got = running.client.get(f"{URL}/a/download")
+    assert got.headers["content-disposition"].startswith('attachment; filename="a.mcap"')
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "b.mcap").write_bytes(got.content)
+    entry = Library(tmp_path / "b").get("b")
+    assert (entry.title, entry.edits.tags, entry.markers) == ("Höhe", ("x",), 2)
+    source = McapSource(tmp_path / "b" / "b.mcap")
+    assert b"".join(part.data for part in source.parts() if part.way == "rx") == kept
+    assert make_reader(io.BytesIO(got.content)).get_summary() is not None
+    assert running.client.get(f"{URL}/a/original").content == kept
+
+
+def test_a_capture_is_downloaded_as_a_recording(running: Running, folder: Path, tmp_path: Path) -> None:
+    kept = drive(tmp_path / "x.mcap", seconds=2.0)
+    (folder / "c.mtb").write_bytes(kept)
+    (tmp_path / "c.mcap").write_bytes(running.client.get(f"{URL}/c/download").content)
+    with Recording(tmp_path / "c.mcap") as recording:
+        assert recording.is_ours
+    source = McapSource(tmp_path / "c.mcap")
+    assert b"".join(part.data for part in source.parts()) == kept
+    assert source.devices["1"].protocol == "xbus"
+    assert not source.damage
+
+
+def test_an_export_is_a_job_whose_file_is_fetched(running: Running, folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    begun = running.client.post(f"{URL}/a/exports", json={"format": "csv"})
+    assert begun.status_code == 202
+    done = finished(running, begun.json()["id"])
+    assert (done["state"], done["progress"], done["file"]) == ("done", 1.0, "A-drive_MTData2.csv")
+    got = running.client.get(f"{URL}/exports/{done['id']}/file")
+    assert got.content.startswith(b"time (s),arrival (s),PacketCounter")
+    assert len(got.content) == done["size"]
+    assert running.client.delete(f"{URL}/exports/{done['id']}").status_code == 204
+    assert running.client.get(f"{URL}/exports").json() == []
+    assert not [path for path in (folder.parent / "exports").rglob("*") if path.is_file()]
+
+
+def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: Running, folder: Path) -> None:
+    (folder / "t.csv").write_text("time,x\n1760000000,1\n1760000001,2\n")
+    drive(folder / "a.mcap", seconds=1.0)
+    failed = finished(running, running.client.post(f"{URL}/t/exports", json={"format": "mtb"}).json()["id"])
+    assert failed["state"] == "failed"
+    assert failed["message"].endswith(".")
+    assert_problem(running.client.get(f"{URL}/exports/{failed['id']}/file"), 409, "not-now")
+    done = finished(running, running.client.post(f"{URL}/t/exports", json={"format": "csv"}).json()["id"])
+    assert done["file"] == "t_t.csv"
+
+
+def test_a_cancelled_export_leaves_nothing(running: Running, folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=2.0)
+    jobs = [running.client.post(f"{URL}/a/exports", json={"format": "mcap"}).json()["id"] for _ in range(2)]
+    for job in jobs:
+        assert running.client.delete(f"{URL}/exports/{job}").status_code == 204
+    assert running.client.get(f"{URL}/exports").json() == []
+    assert not [path for path in (folder.parent / "exports").rglob("*") if path.is_file()]
+
+
+def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
+    from server.exports import _one_file
+
+    files = [tmp_path / name for name in ("run_A.csv", "run_B.csv")]
+    for file in files:
+        file.write_text(file.name)
+    made = _one_file(files, tmp_path, "run")
+    with zipfile.ZipFile(made) as archive:
+        assert {name: archive.read(name).decode() for name in archive.namelist()} == {
+            "run_A.csv": "run_A.csv",
+            "run_B.csv": "run_B.csv",
+        }
+    assert [path.name for path in tmp_path.iterdir()] == ["run.zip"]
