@@ -60,6 +60,11 @@ export class ReplayStore extends Store {
     for (const { info, ring } of this.channels.peek()) if (ring.length > 0 && !channels.includes(sourceOf(info))) ring.clear();
   }
 
+  /** Hold nothing of these channels. */
+  forget(channels: readonly number[]): void {
+    for (const { info, ring } of this.channels.peek()) if (channels.includes(sourceOf(info))) ring.clear();
+  }
+
   /** Of these channels hold the samples of this stretch and no others. */
   show(channels: readonly number[], frames: readonly SampleFrame[], stretch: Stretch, exact: boolean): void {
     const mine = this.channels.peek().filter(({ info }) => channels.includes(sourceOf(info)));

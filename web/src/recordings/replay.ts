@@ -34,11 +34,18 @@ const LEAST_REACH_S = 0.02;
 /** The server gives rows as they are when there are at most twice as many. */
 const NEAR_WIDTH = 8000;
 
+/** A value that is no longer that of the moment is shown at most this long, ms. */
+const PATIENCE_MS = 400;
+/** Played quickly, samples are asked for at most this far ahead, in seconds of a person's time. */
+const LONGEST_LEAD_S = 0.5;
+
 interface Around {
   readonly near: Near;
   readonly feed: Feed;
   /** Share of the reach that is asked for: less where samples come too densely. */
   share: number;
+  /** Since when what is read has not been among what is held, ms; NaN while it is. */
+  missing: number;
 }
 
 export class Replay {
@@ -148,7 +155,7 @@ export class Replay {
     if (at?.kind === "pinned" && at.time !== this.head) this.head = at.time; // somebody pressed on a plot or stepped
     if (this.playing.peek()) this.#advance(seconds);
     this.#draw();
-    this.#read();
+    this.#read(now);
     this.#tell();
   }
 
@@ -218,7 +225,7 @@ export class Replay {
   }
 
   /** Have the samples around what is read. */
-  #read(): void {
+  #read(now: number): void {
     const { device, timeBase: base } = view.peek();
     if (device !== this.#aroundOf) this.#choose(device);
     const { time } = readingAt(view.peek(), cursor.peek(), this.head);
@@ -231,9 +238,26 @@ export class Replay {
         feed.held = undefined;
       }
       const reach = around.share * near.before;
+      this.#forgetOld(around, time, now);
       const here = held && feed.holds(near.channels, base) && held.stretch.t0 <= Math.max(time - 0.3 * reach, this.bounds.first - 1);
       if (here && feed.held && held.stretch.t1 >= Math.min(time + Math.min(ahead, 0.3 * reach), this.bounds.last)) continue;
-      feed.ask({ stretch: { t0: time - reach, t1: time + reach, width: NEAR_WIDTH }, channels: near.channels, base });
+      // Where it will be read when the answer is here.
+      const lead = this.playing.peek() ? this.speed.peek() * Math.min(LONGEST_LEAD_S, (feed.took || 0) / 1000) : 0;
+      const middle = Math.min(time + lead, this.bounds.last);
+      feed.ask({ stretch: { t0: middle - reach, t1: middle + reach, width: NEAR_WIDTH }, channels: near.channels, base });
+    }
+  }
+
+  /** A value from elsewhere in the recording is not shown for longer than an answer may take. */
+  #forgetOld(around: Around, time: number, now: number): void {
+    const stretch = around.feed.held?.stretch;
+    if (stretch === undefined || (time >= stretch.t0 && time <= stretch.t1)) {
+      around.missing = NaN;
+    } else if (!(now - around.missing < PATIENCE_MS)) {
+      if (around.missing === around.missing) {
+        this.near.forget(around.near.channels);
+        around.feed.held = undefined;
+      } else around.missing = now;
     }
   }
 
@@ -244,7 +268,7 @@ export class Replay {
     const told = (problem: Problem | undefined): void => {
       if (problem) this.problem.value = problem;
     };
-    this.#around = nearOf(own, this.detail.longest_s).map((near) => ({ near, feed: new Feed(this.detail.info.id, this.near, told), share: 1 }));
+    this.#around = nearOf(own, this.detail.longest_s).map((near) => ({ near, feed: new Feed(this.detail.info.id, this.near, told), share: 1, missing: NaN }));
   }
 
   /** Events and figures as they stood at the head. */
