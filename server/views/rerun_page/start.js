@@ -20,12 +20,12 @@ const AGAIN_MS = 1000;
 const LATE_MS = 500;
 const HIDDEN_MS = 250;
 
-/** The viewer would ask its makers for news and tell them of its use: nothing leaves for another host. */
+/** The viewer would ask its makers for news and tell them of its use: nothing leaves for another host; it hears of no news. */
 const ask = window.fetch.bind(window);
 window.fetch = (what, how) => {
   const url = new URL(what instanceof Request ? what.url : what, location.href);
   if (url.origin === location.origin || url.protocol === "data:" || url.protocol === "blob:") return ask(what, how);
-  return Promise.reject(new TypeError(`not asked: ${url.origin}`));
+  return Promise.resolve(new Response(null, { status: 204 }));
 };
 
 /** What the address asks for; undefined when it asks for nothing. */
