@@ -75,7 +75,7 @@ def create_app(
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
 
     desks = Desks(hub, sessions, config.data, config.trial_s)
-    tape = Recorder(hub, sessions, desks, plan_of(config), Packer(lambda path: hub.library_changed()))
+    tape = Recorder(hub, sessions, desks, plan_of(config), Packer(lambda path: catalogue.finished(path)))
     catalogue = Catalogue(hub, config.data)
     key = reading.key.hex() if reading.key else ""
     shelf = catalogue.shelf = Shelf(config.data, catalogue.path, lambda recording: key)

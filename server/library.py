@@ -5,7 +5,8 @@
     hub.recorder            what is being written now
 
 What the list wants to know of a recording beyond its file (motion, losses, counts) is kept when its columns are first
-found. A file that somebody drops into the folder is told of within `LOOK_S` where somebody watches.
+found; one that was recorded here is opened for that as soon as it is packed. A file that somebody drops into the folder
+is told of within `LOOK_S` where somebody watches.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from recordings.container import RecordingError
 from recordings.library import Entry, Library
 from server.hub import Hub
 from server.recorded import Marker, RecordedDevice, RecordingInfo
@@ -45,6 +47,7 @@ class Catalogue:
         self._paths: dict[str, Path] = {}
         self._stamp: object = None
         self._watcher: asyncio.Task[None] | None = None
+        self._looking: set[asyncio.Task[None]] = set()
 
     def path(self, recording: str) -> Path:
         """The file of a recording. KeyError: there is none of that id."""
@@ -106,6 +109,26 @@ class Catalogue:
         """Tell everybody."""
         self._hub.library_changed()
 
+    def finished(self, path: Path) -> None:
+        """A recording of ours is packed: open it once, aside, so that the list shows its motion and losses."""
+        self.changed()
+        if self.shelf is not None:
+            work = asyncio.get_running_loop().create_task(self._look_at(path), name=f"looking at {path.name}")
+            self._looking.add(work)
+            work.add_done_callback(self._looking.discard)
+
+    async def _look_at(self, path: Path) -> None:
+        assert self.shelf is not None
+        try:
+            columns = await self.shelf.opened(path.stem)
+            await asyncio.to_thread(self.library.learn, path.stem, columns)
+        except (KeyError, OSError):
+            return  # it is gone by now
+        except RecordingError as error:
+            log.info("%s cannot be opened: %s", path.name, error)
+            return
+        self.changed()
+
     # ── watching ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def start(self) -> None:
@@ -114,9 +137,10 @@ class Catalogue:
 
     async def close(self) -> None:
         """Look no more."""
-        if self._watcher is not None:
-            self._watcher.cancel()
-            await asyncio.gather(self._watcher, return_exceptions=True)
+        tasks = [*self._looking, *([self._watcher] if self._watcher is not None else [])]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _watch(self) -> None:
         while True:

@@ -206,3 +206,16 @@ def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
             "run_B.csv": "run_B.csv",
         }
     assert [path.name for path in tmp_path.iterdir()] == ["run.zip"]
+
+
+def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Path) -> None:
+    """A file that a killed server left unpacked is packed at the next start, and looked at."""
+    drive(folder / "a.mcap", seconds=2.0)
+    with Running(Config(data=folder.parent, sources=("/dev/one",)), open_link) as running:
+        running.client.timeout = 60
+        ends = time.monotonic() + 120
+        while not (info := listed(running)[0])["thumbnail"] and time.monotonic() < ends:
+            time.sleep(0.2)
+    assert info["opened"]
+    assert len(info["thumbnail"]) == 64
+    assert info["devices"][0]["product"].startswith("MTi")
