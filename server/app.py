@@ -12,6 +12,7 @@ from starlette.types import ASGIApp
 from server import speech as default_speech
 from server.api import (
     build,
+    commands,
     control,
     corrections,
     devices,
@@ -134,6 +135,7 @@ def create_app(
         devices,
         control,
         forms,
+        commands,
         snapshots,
         corrections,
         recorder,

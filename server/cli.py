@@ -1,4 +1,4 @@
-"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `record`,
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `commands`, `record`,
 `replay`, `decode`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
@@ -22,11 +22,15 @@ from server.config import Config, ConfigError, default_data, load
 from server.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "inspect", "compose", "send", "record", "replay", "decode")
+COMMANDS = ("serve", "ports", "inspect", "compose", "send", "commands", "record", "replay", "decode")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 OUTPUTS = (
     "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
 )
+
+SENDING = """A setting that is named without fields is read; with fields it is written and read back, and what the
+device made of it (it rounds rates) is told. What loses settings, stops output or cuts the line is refused with its
+consequence until --yes is given. `imuscope commands` lists what there is, `imuscope commands NAME` its fields."""
 
 
 class UsageError(Exception):
@@ -87,13 +91,18 @@ def parser() -> argparse.ArgumentParser:
     _add_reading(compose, "xbus, isb or idtp (found by the message's name when left out)")
     _add_data(compose)
 
-    send = commands.add_parser("send", help="send one command and print the answer as JSON")
+    send = commands.add_parser("send", help="send one command and print the answer as JSON", epilog=SENDING)
     send.add_argument("source", metavar="SOURCE", help=SOURCES)
     send.add_argument("message", metavar="MESSAGE", help="a command, or the name of a setting")
     send.add_argument("pairs", nargs="*", metavar="FIELD=VALUE", help="as for compose")
     send.add_argument("--yes", action="store_true", help="send also what loses settings, stops output or cuts the line")
     _add_reading(send, "protocol of the source (recognised when left out)")
     _add_data(send)
+
+    manual = commands.add_parser("commands", help="what devices can be told and asked, with ranges and sources")
+    manual.add_argument("name", nargs="?", default="", metavar="NAME", help="one command or setting, in full")
+    manual.add_argument("--protocol", default="", metavar="NAME", help="xbus, isb or idtp (all when left out)")
+    _add_data(manual)
 
     record = commands.add_parser("record", help="record a source into a file, without a page")
     record.add_argument("source", metavar="SOURCE", help=SOURCES)
@@ -160,6 +169,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _compose(options)
             case "send":
                 _send(options)
+            case "commands":
+                _commands(options)
             case "record":
                 _record(options)
             case "replay":
@@ -346,6 +357,19 @@ def _send(options: argparse.Namespace) -> None:
     try:
         asyncio.run(send(wish, said, sys.stdout, sys.stderr))
     except (ComposeError, SendError) as error:
+        raise UsageError(str(error)) from None
+
+
+def _commands(options: argparse.Namespace) -> None:
+    _known(options.protocol, ("auto", *_protocols()))
+    _compile(load(data=options.data).data)
+    from server.compose import ComposeError
+    from server.manual import manual
+
+    try:
+        for line in manual(options.protocol, options.name):
+            print(line)
+    except ComposeError as error:
         raise UsageError(str(error)) from None
 
 

@@ -166,8 +166,8 @@ def test_names_stand_for_numbers() -> None:
     assert flags == composed("SET_DID_FLASH_CONFIG", "sysCfgBits=0x14")
     assert bytes.fromhex(composed("$STPB")) == b"$STPB*15\r\n"
     assert bytes.fromhex(composed("STPC")) == b"$STPC*14\r\n"
-    pairs: tuple[str, ...] = ("messages.0.id=PPIMU", "messages.0.period=1", "messages.1.id=PINS2", "messages.1.period=10")
-    pairs += ("messages.2.id=GNGGA", "messages.2.period=1")
+    pairs: tuple[str, ...] = ("messages.0.id=PPIMU", "messages.0.period=1")
+    pairs += ("messages.1.id=PINS2", "messages.1.period=10", "messages.2.id=GNGGA", "messages.2.period=1")
     assert bytes.fromhex(composed("ASCE", *pairs)) == b"$ASCE,0,2,1,5,10,7,1*39\r\n"  # the document's example
 
 

@@ -1,0 +1,21 @@
+"""What can devices be told and asked? The tables, for programs that draw forms or documentation of their own."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import lru_cache
+
+from fastapi import APIRouter
+
+from server.forms import Forms
+from server.manual import every_form
+
+router = APIRouter(prefix="/api", tags=["forms"])
+
+_tables = lru_cache(maxsize=1)(every_form)
+
+
+@router.get("/commands")
+async def get_commands() -> list[Forms]:
+    """Every command and setting of every protocol, all products together; GET …/forms has those of one device."""
+    return await asyncio.to_thread(_tables)
