@@ -26,6 +26,7 @@ from server.wire import ExchangeEntry, Level
 
 KEPT = 2000
 MOST_A_SECOND = 40  # answers that nobody asked for
+STREAMED = ("ForwardGnssDataAck",)  # corrections come all day; they are counted on their own panel
 HEX_BYTES = 2048  # of a frame, shown
 SHOWN_VALUES = 4
 LONGEST = 160
@@ -121,7 +122,7 @@ class ExchangeLog:
         """Write down what was heard."""
         fresh, self._fresh = self._fresh, []
         for event, answers in fresh:
-            if answers or self._may():
+            if answers or (event.message.name not in STREAMED and self._may()):
                 self._heard(event, answers)
 
     def _may(self) -> bool:

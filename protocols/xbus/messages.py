@@ -135,7 +135,13 @@ _ALIGNMENT = (
 )
 _EXT_OUTPUT = (Field("mode", ">u2", bits=EXT_OUTPUT_MODE_BITS, doc="Extended output mode."),)
 _PORTS = (
-    Field("words", ">u4", (-1,), bits=PORT_WORD, most=3, doc="One word a port: RS-232, UART, RS-232 for RTCM input."),
+    Field(
+        *("words", ">u4", (-1,)),
+        bits=PORT_WORD,
+        most=3,
+        title="Ports",
+        doc="One word a port: RS-232, UART, RS-232 for RTCM input.",
+    ),
 )
 _CAN_OUTPUTS = (
     Field(
