@@ -128,6 +128,8 @@ class Aside:
         assert self._process is not None
         assert self._process.stdin is not None
         pipe = self._process.stdin
+        loop = asyncio.get_running_loop()
+        due = loop.time()
         with contextlib.suppress(ConnectionError):
             while True:
                 sort, body = self._next()
@@ -138,7 +140,8 @@ class Aside:
                 pipe.write(HEAD.pack(len(body), sort) + body)
                 await pipe.drain()
                 if sort == SAMPLES:
-                    await asyncio.sleep(1 / PER_S)
+                    due = max(due + 1 / PER_S, loop.time())  # evenly, however long the writing took
+                    await asyncio.sleep(due - loop.time())
 
     def _next(self) -> tuple[int, bytes | None]:
         if self._ours:

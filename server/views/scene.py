@@ -39,7 +39,8 @@ TRAIL_S, LONGEST_TRAIL_S = 60, 600
 MOST_UPLOADS = 2  # under way at once
 BODY, LID = (66, 82, 110), (240, 178, 50)
 AXES = ((213, 94, 0), (0, 158, 115), (0, 114, 178))  # x, y, z: told apart by the colour-blind (Okabe and Ito)
-GRAVITY, FIELD, TRACK = (140, 140, 150), (170, 80, 190), (0, 114, 178)
+FRAME = (120, 120, 125)
+GRAVITY, FIELD, TRACK = (90, 90, 100), (170, 80, 190), (0, 114, 178)
 FRAME_LABELS = {"ENU": ("east", "north", "up"), "NED": ("north", "east", "down"), "NWU": ("north", "west", "up")}
 ALL = "All, side by side"
 BOX = "Sensor"
@@ -159,15 +160,18 @@ class Scene:
         frame = scene.add_frame(f"{path}/frame", show_axes=False, wxyz=ENU_FROM[look.frame], visible=visible)
         ends = np.eye(3, dtype=np.float32) * 0.8
         lines = np.stack((np.zeros_like(ends), ends), axis=1)
-        scene.add_arrows(
-            f"{path}/frame/axes", lines, np.array(AXES), shaft_radius=0.006, head_radius=0.018, head_length=0.05
-        )
+        scene.add_arrows(f"{path}/frame/axes", lines, FRAME, shaft_radius=0.006, head_radius=0.018, head_length=0.05)
         for axis, word, end in zip("xyz", FRAME_LABELS[look.frame], ends, strict=True):
-            scene.add_label(
-                f"{path}/frame/{axis}", f"{axis} {word}", position=tuple(1.08 * end), anchor="center-center"
-            )
-        scene.add_label(f"{path}/frame/name", look.frame, position=(-0.12, -0.12, 0.0), anchor="center-center")
-        body = scene.add_frame(f"{path}/body", axes_length=0.62, axes_radius=0.014, origin_radius=0.02)
+            self._small(f"{path}/frame/{axis}", f"{axis} {word}", tuple(1.08 * end))
+        body = scene.add_frame(f"{path}/body", show_axes=False)
+        scene.add_arrows(
+            f"{path}/body/axes",
+            lines * np.float32(0.8),
+            np.array(AXES),
+            shaft_radius=0.012,
+            head_radius=0.03,
+            head_length=0.08,
+        )
         self._dress(path)
         gravity = self._arrow(f"{path}/body/gravity", "gravity", GRAVITY)
         field = self._arrow(f"{path}/body/field", "magnetic field", FIELD)

@@ -9,18 +9,14 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import httpx
-import msgspec
 import pytest
-import zstandard
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
+from tests.looker import looking, subprotocol, turns
 from tests.process import ServerProcess
-
-VERSION = "viser-v"
 
 
 @pytest.fixture(scope="module")
@@ -29,43 +25,12 @@ def shown(server: ServerProcess) -> Iterator[httpx.Client]:
         yield client
 
 
-def subprotocol() -> str:
-    from importlib.metadata import version
-
-    return VERSION + version("viser")
-
-
-def messages(data: bytes) -> list[dict[str, Any]]:
-    """What viser sent in one WebSocket message: sizes, compressed MessagePack, binary buffers."""
-    size = int.from_bytes(data[8:16], "little")
-    decoded = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(data[16 : 16 + size]))
-    return list(decoded["messages"])
-
-
-async def turns(url: str, path: str, *, wanted: int, name: str = "/body") -> list[list[float]]:
-    """Orientations of the body that come over a WebSocket, so many. One looks once one's camera is told."""
+async def turned(url: str, *, wanted: int) -> list[list[float]]:
+    """So many orientations of the body, as a viewer gets them."""
     found: list[list[float]] = []
-    address = url.replace("http", "ws") + path
-    async with asyncio.timeout(90), connect(address, subprotocols=[subprotocol()], max_size=None) as socket:
-        camera = {
-            "type": "ViewerCameraMessage",
-            "wxyz": [1.0, 0.0, 0.0, 0.0],
-            "position": [1.0, 1.0, 1.0],
-            "fov": 1.0,
-            "near": 0.1,
-            "far": 100.0,
-            "image_height": 100,
-            "image_width": 100,
-            "look_at": [0.0, 0.0, 0.0],
-            "up_direction": [0.0, 0.0, 1.0],
-        }
-        await socket.send(msgspec.msgpack.encode(camera))
+    async with asyncio.timeout(90), looking(url) as socket:
         while len(found) < wanted:
-            data = await socket.recv()
-            assert isinstance(data, bytes)
-            for message in messages(data):
-                if message["type"] == "SetOrientationMessage" and message["name"].endswith(name):
-                    found.append(message["wxyz"])
+            found += turns(await socket.recv())
     return found
 
 
@@ -92,7 +57,7 @@ def test_a_scene_is_begun_by_name_and_an_unknown_one_refused(shown: httpx.Client
 
 
 def test_the_body_turns_as_the_device_does(shown: httpx.Client, server: ServerProcess) -> None:
-    found = asyncio.run(turns(server.url, "/viser", wanted=30))
+    found = asyncio.run(turned(server.url, wanted=30))
     for q in found:
         assert sum(part * part for part in q) == pytest.approx(1, abs=1e-3)
     assert found[0] != found[-1]
@@ -134,7 +99,7 @@ def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: Server
     found: list[list[float]] = []
     while not found:  # viser's page tries again by itself, too
         try:
-            found = asyncio.run(turns(server.url, "/viser", wanted=3))
+            found = asyncio.run(turned(server.url, wanted=3))
         except InvalidStatus as refused:
             if refused.response.status_code != 503 or time.monotonic() > deadline:
                 raise

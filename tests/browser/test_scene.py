@@ -1,0 +1,174 @@
+"""The 3D scene in a real browser: it opens beside our own panels, the body turns, and nobody else is asked."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+from server.views.poses import of_euler
+from tests import conftest
+from tests.chromium import until
+from tests.conftest import ARTIFACTS, READY
+from tests.process import ServerProcess
+
+# A part of viser that nothing here uses (it sorts Gaussian splats) compiles text, which the policy forbids.
+FORBIDDEN = "Evaluating a string as JavaScript violates"
+CONNECTED = "document.body.innerText.includes('Reset heading')"
+
+
+@pytest.fixture
+def open_scene(browser: Browser) -> Iterator[Callable[[str], Page]]:
+    """Open an address; any complaint but one that is meant fails the test."""
+    complaints: list[str] = []
+    context = browser.new_context(viewport={"width": 1280, "height": 860}, color_scheme="light")
+
+    def start(url: str) -> Page:
+        page = context.new_page()
+        page.set_default_timeout(60_000)
+        conftest.watch(page, url, complaints)
+        page.goto(url)
+        return page
+
+    yield start
+    context.close()
+    left = [one for one in complaints if FORBIDDEN not in one]
+    assert not left, "\n".join(left)
+
+
+def pixels(page: Page) -> NDArray[np.int16]:
+    """The scene as it is drawn, (height, width, 3); viser's panel, which stands still, is left out."""
+    drawn = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), np.int16)
+    return drawn[200:, : drawn.shape[1] * 6 // 10]
+
+
+def lid(picture: NDArray[np.int16]) -> NDArray[np.bool_]:
+    """Where the lit top of the yellow lid is seen, which marks the front of the body; the arrows are darker."""
+    red, green, blue = (picture[..., i] for i in range(3))
+    return (red > 225) & (green > 205) & (blue < 190)
+
+
+def centre(seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+    assert seen.sum() > 30, "the lid of the body is not on screen"
+    return np.argwhere(seen).mean(axis=0)
+
+
+def quaternions(yaw: float) -> bytes:
+    """An Xbus stream of one second at rest, at this yaw: what a device would send."""
+    q = of_euler(0.0, 0.0, yaw)
+    assert q is not None
+    message = bytes.fromhex("201010") + struct.pack(">4f", *q)
+    frame = bytes([0xFF, 0x36, len(message)]) + message
+    return (b"\xfa" + frame + bytes([-sum(frame) & 0xFF])) * 100
+
+
+class Line:
+    """A device on TCP whose yaw the test sets."""
+
+    def __init__(self) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.source = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.yaw = 0.0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        self._listener.settimeout(0.2)
+        while not self._ended.is_set():
+            try:
+                peer, _ = self._listener.accept()
+            except TimeoutError:
+                continue
+            with peer, contextlib.suppress(OSError):
+                while not self._ended.wait(0.02):
+                    one = quaternions(self.yaw)
+                    peer.sendall(one[: len(one) // 50])
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._listener.close()
+
+
+@pytest.fixture
+def line() -> Iterator[Line]:
+    held = Line()
+    yield held
+    held.close()
+
+
+def settled(page: Page) -> NDArray[np.int16]:
+    """The scene once two pictures of it, a moment apart, are the same."""
+    deadline = time.monotonic() + 60
+    before = pixels(page)
+    while time.monotonic() < deadline:
+        page.wait_for_timeout(700)
+        after = pixels(page)
+        if lid(after).sum() > 30 and (np.abs(after - before).max(axis=2) > 24).mean() < 1e-3:
+            return after
+        before = after
+    raise TimeoutError("the scene does not come to rest")
+
+
+def test_the_body_on_screen_turns_with_the_device(
+    serve: Callable[..., ServerProcess], line: Line, open_scene: Callable[[str], Page]
+) -> None:
+    """Two attitudes, a quarter turn apart, are two pictures, and the front of the body is seen elsewhere."""
+    server = serve(line.source)
+    page = open_scene(server.url + "/viser/")
+    until(page, CONNECTED, timeout_s=90)
+    first = settled(page)
+    keep(page, "scene-0")
+    assert (np.abs(settled(page) - first).max(axis=2) > 24).mean() < 1e-3, "at rest it stands still"
+    line.yaw = 90.0
+    moved = time.monotonic() + 60
+    while np.linalg.norm(centre(lid(pixels(page))) - centre(lid(first))) < 20:
+        assert time.monotonic() < moved, "the body did not turn"
+        page.wait_for_timeout(300)
+    second = settled(page)
+    keep(page, "scene-90")
+    assert (np.abs(second - first).max(axis=2) > 24).mean() > 0.002
+    # Seen from the south, front to the east and then to the north: it goes to the left and away, which is up.
+    assert (centre(lid(second)) < centre(lid(first)) - 10).all()
+    line.yaw = 0.0
+    back = time.monotonic() + 60
+    while np.linalg.norm(centre(lid(pixels(page))) - centre(lid(first))) > 3:
+        assert time.monotonic() < back, "the body did not turn back"
+        page.wait_for_timeout(300)
+
+
+def test_it_stands_beside_our_own_panels_when_asked_for(
+    server: ServerProcess, open_scene: Callable[[str], Page]
+) -> None:
+    page = open_scene(server.url)
+    until(page, READY)
+    assert page.locator("iframe").count() == 0
+    assert not any("viser" in frame.url for frame in page.frames)
+    page.get_by_role("button", name="3D scene", exact=True).click()
+    frame = page.wait_for_selector(".scene iframe", timeout=90_000)
+    inner = frame.content_frame() if frame else None
+    assert inner is not None
+    until(inner, CONNECTED, timeout_s=90)  # type: ignore[arg-type] # a frame answers as a page does
+    keep(page, "scene-beside")
+    page.get_by_role("button", name="Full screen").click()
+    until(page, "document.fullscreenElement?.className === 'scene'")
+    page.evaluate("document.exitFullscreen()")
+    page.get_by_role("button", name="Close the 3D scene").click()
+    until(page, "!document.querySelector('iframe')")
+
+
+def keep(page: Page, name: str) -> None:
+    """Leave a picture among the artifacts, to be looked at."""
+    ARTIFACTS.mkdir(exist_ok=True)
+    page.screenshot(path=ARTIFACTS / f"{name}.png")
