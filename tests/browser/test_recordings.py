@@ -286,7 +286,7 @@ def test_the_whole_recording_downloads_as_one_file(recorded: ServerProcess, open
     page = open_page(f"{recorded.url}/#/recordings")
     page.locator(".recs tbody tr").first.click(position={"x": 30, "y": 20})
     with page.expect_download() as coming:
-        page.locator(".detail a", has_text="Download").click()
+        page.locator(".detail .acts a", has_text="Download").click()
     data = Path(coming.value.path()).read_bytes()
     assert data.startswith(b"\x89MCAP0\r\n")
     assert coming.value.suggested_filename.endswith(".mcap")
