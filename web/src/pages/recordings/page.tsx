@@ -4,6 +4,8 @@ import { route } from "../route";
 import { LibraryPage } from "./library";
 import { OpenPage } from "./open";
 import "./library.css";
+import "./details.css";
+import "./phone.css";
 import "./replay.css";
 
 export default function RecordingsPage({ app }: { readonly app: App }) {
