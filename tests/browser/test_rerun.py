@@ -1,0 +1,109 @@
+"""Rerun's viewer in a real browser: it opens a recording and what is live, asks nobody else, and the body turns.
+
+What is drawn is compared by pixels: the 3D view is filled, and two attitudes look different.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page
+
+from protocols.xbus.device import XbusDevice
+from recordings.container import Writer
+from tests.chromium import until
+from tests.conftest import ARTIFACTS
+from tests.process import ServerProcess
+from tests.server.test_opening import START, drive
+
+BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bottom
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rerun")
+    (folder / "recordings").mkdir()
+    drive(folder / "recordings" / "drive.mcap")
+    turned(folder / "recordings" / "turned.mcap")
+    return folder
+
+
+def turned(path: Path) -> None:
+    """Three seconds of the same device twenty seconds later, when it has turned."""
+    device = XbusDevice(start_ns=0)
+    device.advance(20_000_000_000)
+    writer = Writer(path, {"title": "Turned"})
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus"})
+    for n in range(2001, 2300):
+        if data := device.advance(n * 10_000_000):
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+    writer.close()
+
+
+def picture(page: Page) -> NDArray[Any]:
+    """What is on screen: (height, width, 3). A browser without a GPU takes seconds for the viewer's first frames."""
+    return np.asarray(Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB"), np.int16)
+
+
+def nose(pixels: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where the body's orange nose is, in whatever light."""
+    left, top, right, bottom = BODY_VIEW
+    r, g, b = np.moveaxis(pixels[top:bottom, left:right], 2, 0)
+    return np.asarray((r > 110) & (r - b > 70) & (r > g) & (g > b))
+
+
+def seen(page: Page, most: int = 40) -> NDArray[Any]:
+    """The first picture with a body in it."""
+    for _ in range(most):
+        pixels = picture(page)
+        if nose(pixels).sum() > 30:
+            return pixels
+        page.wait_for_timeout(250)
+    page.screenshot(path=str(ARTIFACTS / "rerun-failed.png"))
+    raise AssertionError("the 3D view stayed empty")
+
+
+@pytest.fixture(scope="module")
+def running(data: Path) -> Iterator[ServerProcess]:
+    """A server that has taken the viewer out of its package, which is done once."""
+    with ServerProcess("twin:xbus", data=data) as server:
+        assert httpx.get(f"{server.url}/rerun/re_viewer.js", timeout=120).status_code == 200
+        yield server
+
+
+def test_a_recording_opens_in_the_viewer_and_the_body_turns(
+    running: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    """`open_page` fails when another host is asked, or when the console has an error."""
+    page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
+    first = seen(page)
+    until(page, "document.getElementById('words').textContent === ''")
+    page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=120_000)
+    page.goto(f"{running.url}/rerun/?recording=turned&theme=light")
+    second = seen(page)
+    moved = nose(first) != nose(second)
+    assert moved.sum() > 30, "both attitudes look the same"
+
+
+def test_what_is_live_is_shown_and_its_lag_told(running: ServerProcess, open_page: Callable[..., Page]) -> None:
+    page = open_page(f"{running.url}/rerun/?live&theme=dark", width=900, height=600)
+    seen(page)
+    until(page, "/\\d+ ms behind/.test(document.getElementById('lag').textContent)", timeout_s=60)
+    page.screenshot(path=str(ARTIFACTS / "rerun-live.png"), timeout=120_000)
+
+
+def test_a_recording_that_is_not_there_is_told_in_words(running: ServerProcess, browser: Browser) -> None:
+    page = browser.new_page()
+    try:
+        page.goto(f"{running.url}/rerun/?recording=none")
+        until(page, "document.getElementById('words').textContent.includes('There is no recording none')")
+    finally:
+        page.close()
