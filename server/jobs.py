@@ -10,20 +10,24 @@ Every job of these ends with the device measuring, also when it fails (Driver.wi
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.dialogues import Known, LineChange, RefusedError, SilentError, Values, Written
+from protocols.dialogues import Driver, Known, LineChange, RefusedError, SilentError, Values, Written
 from protocols.schema import Setting
 from server import errands
 from server.codec import plain
 from server.control import Desk, JobError, Task
+from server.links.base import LinkError
 from server.runner import group
 from server.snapshots import Snapshot, SnapshotError, Snapshots
 from server.trials import RESTORE_HINT, Hand, Record, Trials
 from server.values import field_at, title_at, value_at, words
 
+RETURN_S = 120.0  # for a person who looks for the plug
+REOPEN_S = 0.05  # a device hears the call for a moment only after it has got power
 LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
 MOST_WORDS = 12  # changes that a trial lists
 FIRST = "First contact"
@@ -245,7 +249,7 @@ class Jobs:
             record = await asyncio.to_thread(self._unfinished, desk, known)
             desk.step(task, "Switch the device off and on now")
             before = desk.session.baud
-            if not await desk.run(driver.restore_communication(known)):
+            if not await _called(desk, driver, known, task):
                 await desk.runner.relink(before)
                 raise JobError("The device did not answer.", "Was its power switched off and on while this ran?")
             rate = f" at {group(desk.session.baud)} Bd" if desk.session.baud else ""
@@ -282,6 +286,32 @@ class Jobs:
             task.job.message = "The device has its old settings again."
 
         return work
+
+
+async def _called(desk: Desk, driver: Driver, known: Known, task: Task) -> bool:
+    """Call until it answers. The port of a device that its cable powers goes and comes with its power.
+
+    Raises:
+        LinkError: the port went, and did not come back in time.
+    """
+    end = time.monotonic() + RETURN_S
+    while True:
+        try:
+            return await desk.run(driver.restore_communication(known))
+        except LinkError as gone:
+            desk.step(task, "Its port is gone: switch the device on again")
+            while not await _opened(desk):
+                if time.monotonic() > end:
+                    raise gone from None
+                await asyncio.sleep(REOPEN_S)
+
+
+async def _opened(desk: Desk) -> bool:
+    try:
+        await desk.session.relink()
+    except LinkError:
+        return False
+    return True
 
 
 def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:

@@ -37,7 +37,7 @@ def manual(protocol: str = "", name: str = "") -> Iterator[str]:
     Raises:
         ComposeError: nothing is called like that.
     """
-    tables = {
+    tables: dict[str, list[Row]] = {
         one.name: [*one.driver.commands(Known()), *one.driver.settings(Known())]
         for one in PROTOCOLS.values()
         if one.driver is not None and protocol in ("", "auto", one.name)

@@ -277,6 +277,10 @@ class Bench(threading.Thread):
         """Switch the device's power off and on; its port stays."""
         self._cycled = True
 
+    def unplug(self) -> None:
+        """Pull the plug: its port goes, and with it the power."""
+        self._stopped = True
+
     def run(self) -> None:
         try:
             self._live()
@@ -454,10 +458,13 @@ class TwinLink(Link):
 
     async def relink(self, baud: int | None = None) -> None:
         """The port is closed and opened; the device at its other end stays as it is."""
-        if self._serial is None or self._bench is None:
-            raise closed(self.source)
-        self._bench.hold()
         self._open_baud = baud or self._open_baud
+        if self._serial is None or self._bench is None or not os.path.exists(self._bench.slave):
+            if self._bench is not None:  # unplugged just now
+                self._away_until_s = max(self._away_until_s, time.monotonic() + self.options.away_s)
+            await self.open()
+            return
+        self._bench.hold()
         try:
             await self._serial.relink(baud)
         finally:

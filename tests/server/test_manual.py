@@ -7,7 +7,7 @@ import pytest
 from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
 from server.compose import ComposeError
-from server.manual import WIDTH, every_form, manual
+from server.manual import WIDTH, Row, every_form, manual
 
 
 def test_every_command_and_setting_is_listed_and_described() -> None:
@@ -15,7 +15,8 @@ def test_every_command_and_setting_is_listed_and_described() -> None:
     for one in PROTOCOLS.values():
         if one.driver is None:
             continue
-        for row in (*one.driver.commands(Known()), *one.driver.settings(Known())):
+        rows: list[Row] = [*one.driver.commands(Known()), *one.driver.settings(Known())]
+        for row in rows:
             assert row.name in listed
             text = list(manual(one.name, row.name))
             assert text[0].startswith(row.name)

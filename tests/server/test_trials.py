@@ -14,7 +14,7 @@ from httpx import Client
 from protocols.xbus.device import XbusDevice
 from server import durable, trials
 from server.control import Desk, DeskError
-from server.links.twin import Bench
+from server.links.twin import Bench, TwinLink
 from server.trials import Record, Trials
 from tests.process import ServerProcess
 from tests.server.desk import House, at_rate, bench, house, over, until
@@ -155,6 +155,30 @@ def test_a_rate_that_the_cable_cannot_carry(tmp_path: Path, monkeypatch: pytest.
             assert desk.trial.state == "reverted"
             assert files(tmp_path) == []
             assert desk.session.baud == 115_200
+
+    run(check())
+
+
+def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Restoring communication ended when the plug was pulled, which is how such a device is switched off."""
+    monkeypatch.setattr(trials, "ROUNDS", 1)
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(f"{SOURCE}&dead_baud=921600&unplug_s=86400&away_s=1")
+            await over(await faster(here, desk))
+            assert desk.trial is not None
+            assert desk.trial.state == "unreachable"
+            restore = desk.add("Restore", here.desks.jobs.restore(desk))
+            await until(lambda: desk.control.running is not None, "it waits for power")
+            await asyncio.sleep(0.3)
+            link = desk.session._link
+            assert isinstance(link, TwinLink)
+            assert link._bench is not None
+            link._bench.unplug()
+            job = await over(restore)
+            assert (job.state, job.message) == ("done", "The device answers again and has its old settings.")
+            assert files(tmp_path) == []
 
     run(check())
 
