@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import urllib.request
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -279,3 +280,50 @@ def test_bytes_by_hand_are_asked_about_and_seen_in_the_log(serve: Serve, open_pa
     page.get_by_role("button", name="Filter", exact=True).click()
     page.get_by_placeholder("Name, bytes or words").fill("gotoconf")
     until(page, "[...document.querySelectorAll('.ex b')].every(b => /gotoconf/i.test(b.innerText))")
+
+
+def test_who_may_only_look_sees_everything_and_touches_nothing(
+    serve: Serve, open_page: OpenPage, tmp_path: Path
+) -> None:
+    config = tmp_path / "imuscope.toml"
+    config.write_text('view_token = "only-looking"\ncontrol_token = "may-command"\n')
+    server = serve("twin:xbus", arguments=("--config", str(config)))
+    page = configured(server, open_page)
+    until(page, "document.querySelector('.bb') !== null")
+    page.goto(f"{server.url.rstrip('/')}/?token=only-looking#/configure/1")
+    until(page, "document.querySelector('.band')?.innerText.includes('Look, do not touch')")
+    until(page, "document.querySelectorAll('.hx').length > 5")  # bytes and load are for looking
+    until(page, "document.querySelector('.bb') !== null")
+    assert page.get_by_role("button", name="Read again").is_disabled()
+    assert page.get_by_role("button", name="Send hex").is_disabled()
+    picture(page, "view-only-1440")
+    page.evaluate("location.hash = '#/configure/1/compare/~factory'")
+    until(page, "document.querySelectorAll('.difftable tbody tr').length > 0")
+    assert page.get_by_role("button", name="Apply this profile").is_disabled()
+
+
+def test_what_was_typed_stays_while_the_device_is_gone(serve: Serve, open_page: OpenPage) -> None:
+    """The page says why it cannot be written now, and waits."""
+    server = serve("twin:xbus?unplug_s=12&away_s=6")
+    page = configured(server, open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    until(page, "[...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))", timeout_s=40)
+    assert page.get_by_role("button", name="Apply", exact=True).is_disabled()
+    picture(page, "configure-lost-1440")
+    until(page, "![...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))", timeout_s=40)
+    assert page.locator(f"{ACCELERATION} select").first.input_value() == "50"
+
+
+def test_nothing_moves_while_the_device_measures(serve: Serve, open_page: OpenPage) -> None:
+    """Load and exchange go on under the eye; with less motion wanted, nothing is animated."""
+    page = configured(serve("twin:xbus"), open_page, still=True)
+    until(page, "document.querySelector('.bb') !== null")
+    page.wait_for_timeout(1500)
+    page.evaluate("""() => {
+      window.shift = 0;
+      new PerformanceObserver(list => { for (const entry of list.getEntries()) window.shift += entry.value; })
+        .observe({type: "layout-shift"});
+    }""")
+    page.wait_for_timeout(3000)
+    assert page.evaluate("window.shift") < 0.01
+    assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
