@@ -1,0 +1,126 @@
+"""How fast does an hour become an `.rrd` file, and how soon does the embedded viewer show its body?
+
+    python tests/bench/rrd.py [--minutes 60] [--save]
+
+The recording is that of tests/bench/opening.py: an MTi at 1 kHz with counter, time, orientation, acceleration, rate of
+turn and status. It is decoded first, which is not measured here.
+
+    export     every sample into one file, in a process of its own; the yardstick, in the same run, is writing as many
+               bytes and their zlib.adler32
+    fill       a real Chromium without a GPU opens the recording under /rerun/; from the first byte of the recording
+               that it has until the body is on the screen, and from the opening of the address
+
+Budgets (2 cores, no GPU): export ≤ 30 s; fill ≤ 5 s from when the file is loaded.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.bench.opening import make  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+
+TRIES = 400
+
+
+def export(store: Path, out: Path) -> dict[str, float]:
+    """What the process of its own does."""
+    from recordings.columns import Columns
+
+    start = time.perf_counter()
+    from recordings.rrd.file import write_rrd
+
+    imported = time.perf_counter() - start
+    columns = Columns(store)
+    start = time.perf_counter()
+    write_rrd(columns, out)
+    took = time.perf_counter() - start
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    rows = sum(columns.rows(number) for number in columns.shapes)
+    return {"import_s": imported, "export_s": took, "peak_mb": peak, "rows": rows, "file_mb": out.stat().st_size / 1e6}
+
+
+def yardstick(out: Path) -> float:
+    """Write as many bytes and sum them."""
+    data = np.random.default_rng(1).integers(0, 256, 1 << 24, np.uint8).tobytes()
+    start = time.perf_counter()
+    with out.with_suffix(".yardstick").open("wb") as file:
+        for _ in range(out.stat().st_size // len(data)):
+            zlib.adler32(data)
+            file.write(data)
+    return time.perf_counter() - start
+
+
+def fill(folder: Path) -> dict[str, float]:
+    """How soon the body is seen."""
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    from tests import chromium
+    from tests.process import ServerProcess
+
+    with ServerProcess("udp://:0", data=folder, timeout_s=120) as server, sync_playwright() as playwright:
+        urllib.request.urlopen(f"{server.url}/rerun/re_viewer.js", timeout=120).read()
+        while json.load(urllib.request.urlopen(f"{server.url}/api/recordings/hour", timeout=60)).get("t0") is None:
+            time.sleep(0.5)
+        engine = playwright.chromium.launch(executable_path=chromium.find(), args=chromium.ARGUMENTS)
+        page = engine.new_page(viewport={"width": 900, "height": 600})
+        loaded: list[float] = []
+        page.on("requestfinished", lambda one: loaded.append(time.perf_counter()) if ".rrd" in one.url else None)
+        start = time.perf_counter()
+        page.goto(f"{server.url}/rerun/?recording=hour&theme=light")
+        for _ in range(TRIES):
+            picture = Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB")
+            if _is_filled(np.asarray(picture, np.int16)):
+                break
+            page.wait_for_timeout(50)
+        shown = time.perf_counter()
+        engine.close()
+    return {"fill_from_address_s": shown - start, "fill_from_loaded_s": shown - min([*loaded, shown])}
+
+
+def _is_filled(pixels: np.ndarray[Any, Any]) -> bool:
+    r, g, b = np.moveaxis(pixels[40:, :440], 2, 0)
+    return int(((r > 110) & (r - b > 70) & (r > g) & (g > b)).sum()) > 30
+
+
+def main() -> None:
+    if "--export" in sys.argv:
+        at = sys.argv.index("--export")
+        print(json.dumps(export(Path(sys.argv[at + 1]), Path(sys.argv[at + 2]))))
+        return
+    minutes = float(sys.argv[sys.argv.index("--minutes") + 1]) if "--minutes" in sys.argv else 60.0
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        (folder / "recordings").mkdir()
+        path = folder / "recordings" / "hour.mcap"
+        make(path, minutes)
+        from recordings.parts import McapSource
+        from server.opening import decode
+        from server.speech import speech
+
+        decode(McapSource(path), folder / "store", speech())
+        out = folder / "hour.rrd"
+        command = [sys.executable, __file__, "--export", str(folder / "store"), str(out)]
+        figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        measure = yardstick(out)
+        report("rrd", {"minutes": minutes, **figures, "write_and_adler32_s": measure, **fill(folder)})
+
+
+if __name__ == "__main__":
+    main()
