@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { bytes, chosen, daysLeft, flaw, length, matches, tally } from "./listing";
+import { bytes, chosen, daysLeft, flaw, length, matches, tally, titleOf } from "./listing";
 import type { RecordingInfo } from "./types";
 
 const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
@@ -34,4 +34,8 @@ it("writes lengths and sizes", () => {
   expect([length(2832), length(36_004), length(1312.3149, 3), length(null), length(59.9999, 3)]).toEqual(["47:12", "10:00:04", "21:52.314", "—", "00:59.999"]);
   expect(bytes(154.3e6)).toEqual({ value: "154.3", unit: "MB" });
   expect(tally(["a", "b", "b"])).toEqual([["b", 2], ["a", 1]]);
+});
+
+it("calls what nobody named by its devices", () => {
+  expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual(["Yard loop", "MTi-630", "a"]);
 });

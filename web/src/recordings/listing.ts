@@ -42,9 +42,10 @@ export interface Choice {
 
 export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string => [name || product, serial].filter(Boolean).join(" ");
 
-/** What a recording is called: one that nobody named, by when it was made. */
-export function titleOf({ title, id, started }: Pick<RecordingInfo, "title" | "id" | "started">): string {
-  return title !== "" && title !== id ? title : started === null ? id : `Recording of ${dateWords(started)}`;
+/** What a recording is called: one that nobody named, by its devices; when it was made stands beside it. */
+export function titleOf({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {
+  if (title !== "" && title !== id) return title;
+  return [...new Set(devices.map(({ name, product }) => name || product))].join(" + ") || id;
 }
 
 /** Every word that was typed stands somewhere in what is known of it. */
