@@ -77,9 +77,10 @@ class Scene:
         self._mesh: Mesh | None = None
         self._next_slow = self._next_track = 0.0
         _closed_to_strangers(self._server)
-        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
         self._server.initial_camera.look_at = (0.0, 0.0, 0.0)
         self._controls()
+        self._server.on_client_connect(lambda _: self._soon())  # what stands still is not told again by itself
 
     def close(self) -> None:
         """Stop serving it."""

@@ -6,16 +6,18 @@ import json
 import math
 import struct
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recordings.columns import Exact
 from recordings.derived import euler_columns
 from server.codec import Samples
 from server.views import meshes, poses
+from server.views.replayed import Replayed
 
 Q = poses.Quaternion
 
@@ -207,3 +209,54 @@ def test_what_is_no_body_is_refused_with_the_reason(data: bytes, words: str) -> 
 def test_arbitrary_bytes_are_refused_and_nothing_else(data: bytes, before: bytes) -> None:
     with pytest.raises(meshes.MeshError):
         meshes.read("x", before + data)
+
+
+# ── recordings ───────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+class Store:
+    """A recording of one device that turns: row i at i seconds."""
+
+    manifest: ClassVar[dict[str, Any]] = {
+        "devices": [{"id": "1", "name": "MTi"}],
+        "channels": [
+            info(1, "quaternion", "Quaternion", "w x y z"),
+            info(2, "vector", "Local position", "north east down", "m"),
+        ],
+    }
+
+    def span(self) -> tuple[float, float]:
+        return 0.0, 9.0
+
+    def row_at(self, channel: int, t: float) -> int:
+        return min(int(t), 9)
+
+    def exact(self, channel: int, lo: int, hi: int) -> Exact:
+        t = np.arange(lo, hi, dtype=np.float64)
+        return Exact(t, t, [t] * (4 if channel == 1 else 3))
+
+    def thinned(self, channel: int, t0: float, t1: float, most: int) -> Exact:
+        return self.exact(channel, max(0, int(t0)), int(t1) + 1)
+
+
+def test_the_head_goes_on_between_two_words_of_the_page() -> None:
+    clock = [0.0]
+    replayed = Replayed(Store(), lambda: clock[0])  # type: ignore[arg-type] # as much of a store as is read
+    replayed.move(2.0, 2.0)
+    first = replayed.news()
+    assert first is not None
+    assert first["rows"]["1"][0] == [2.0]
+    assert first["past"]["2"][0] == [0.0, 1.0, 2.0]
+    assert replayed.news() is None
+    clock[0] = 0.5
+    second = replayed.news()
+    assert second is not None
+    assert (second["rows"]["1"][0], "past" in second) == ([3.0], False)
+    replayed.move(1.0, 0.0)
+    back = replayed.news()
+    assert back is not None
+    assert back["past"]["2"][0] == [0.0, 1.0]
+    clock[0] = 5.0
+    assert replayed.news() is None
+    replayed.move(100.0, 1.0)
+    assert replayed.head == 9.0
