@@ -57,6 +57,8 @@ class Hub:
         now: unix seconds that never step (server/links/base.py `steady_clock`).
     """
 
+    tells_every_gap = False  # many in a short time are summed up (server/incidents.py)
+
     def __init__(self, now: Callable[[], float], *, history_s: float = HISTORY_S, budget: int = BUDGET) -> None:
         self.now = now
         self.run = uuid.uuid4().hex

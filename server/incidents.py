@@ -67,7 +67,7 @@ class Incidents:
 
     def gap(self, gap: Gap, t0: float, t1: float, blame: Blame) -> None:
         """Samples that a counter says are missing between the host times `t0` and `t1`."""
-        if self._may("gap", GAPS_PER_PERIOD):
+        if self._hub.tells_every_gap or self._may("gap", GAPS_PER_PERIOD):
             text = f"{_samples(gap.missing)} lost ({_duration(t1 - t0)}): {blame.words}"
             data = {"counter": gap.counter, "by": blame.by}
             self.say("gap", "fault", text, time=t1, span=(t0, t1), samples=gap.missing, data=data)

@@ -32,6 +32,7 @@ from server.raws import Raws
 
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
+SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
 ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
 TOLD_ONCE = ("no_key",)  # by server/advice.py: that every frame is refused again is no news
 MOST_PROTECTIONS = 8  # named of one device
@@ -53,6 +54,24 @@ class About:
     identity: Callable[[Reply], Mapping[str, str]] = _nothing
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Some rows of a batch that has a clock."""
+
+    index: int  # of the batch in its drain
+    batch: Batch
+    rows: slice
+
+    @property
+    def device(self) -> NDArray[np.int64]:
+        assert self.batch.time_ns is not None
+        return self.batch.time_ns[self.rows]
+
+    @property
+    def arrival(self) -> NDArray[np.int64]:
+        return self.batch.arrival_ns[self.rows]
 
 
 @dataclass(slots=True)
@@ -201,26 +220,45 @@ class Intake:
     # ── time ──
 
     def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
-        """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock."""
-        self._learn([(batch, batch.time_ns) for batch in batches if batch.time_ns is not None])
-        return [
-            np.full(len(batch), np.nan) if batch.time_ns is None else self.clock.host(batch.time_ns)
-            for batch in batches
-        ]
+        """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
 
-    def _learn(self, timed: list[tuple[Batch, NDArray[np.int64]]]) -> None:
-        """Show the clock its rows of this drain, in the order of the stream."""
+        A drain of a recording may hold many seconds, in which the clock steps and its mapping begins anew: rows are
+        mapped a second at a time, by what was known then, as they were live.
+        """
+        out = [np.full(len(batch), np.nan) for batch in batches]
+        timed = [i for i, batch in enumerate(batches) if batch.time_ns is not None]
+        if not timed:
+            return out
+        first = min(int(batches[i].arrival_ns[0]) for i in timed)
+        last = max(int(batches[i].arrival_ns[-1]) for i in timed)
+        for edge in range(first + SLICE_NS, last + SLICE_NS + 1, SLICE_NS):
+            rows = []
+            for i in timed:
+                arrival = batches[i].arrival_ns
+                lo, hi = (
+                    (0, len(arrival)) if last - first < SLICE_NS else np.searchsorted(arrival, (edge - SLICE_NS, edge))
+                )
+                if lo < hi:
+                    rows.append(_Rows(i, batches[i], slice(lo, hi)))
+            self._learn(rows)
+            for part in rows:
+                out[part.index][part.rows] = self.clock.host(part.device)
+        return out
+
+    def _learn(self, timed: list[_Rows]) -> None:
+        """Show the clock rows, in the order of the stream."""
         clock = self.clock
         if len(timed) == 1:
-            batch, device = timed[0]
-            clock.add(device, batch.arrival_ns, self._frame_size(batch.message))
+            (part,) = timed
+            clock.add(part.device, part.arrival, self._frame_size(part.batch.message))
         elif timed:
             size: Any = 0
             if self._line.byte_time_ns:
-                size = np.concatenate([np.full(len(batch), self._frame_size(batch.message)) for batch, _ in timed])
-            order = np.argsort(np.concatenate([batch.offset for batch, _ in timed]), kind="stable")
-            device = np.concatenate([device for _, device in timed])
-            arrival = np.concatenate([batch.arrival_ns for batch, _ in timed])
+                sizes = [np.full(len(part.device), self._frame_size(part.batch.message)) for part in timed]
+                size = np.concatenate(sizes)
+            order = np.argsort(np.concatenate([part.batch.offset[part.rows] for part in timed]), kind="stable")
+            device = np.concatenate([part.device for part in timed])
+            arrival = np.concatenate([part.arrival for part in timed])
             clock.add(device[order], arrival[order], size[order] if self._line.byte_time_ns else 0)
 
     def _frame_size(self, message: Message) -> int:

@@ -97,3 +97,42 @@ def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> Non
     store = decode(McapSource(path), tmp_path / "store", speech.speech())
     assert store.manifest["devices"][0]["protocol"] == "xbus"
     assert store.manifest["channels"]
+
+
+def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tmp_path: Path) -> None:
+    """An IMX that is recorded from power-on counts from zero until its receiver knows the week."""
+    from protocols.isb.device import IsbDevice
+
+    path = tmp_path / "a.mcap"
+    device = IsbDevice(start_ns=0)
+    writer = Writer(path, {})
+    writer.device("1", {"protocol": "isb"})
+    for n in range(1, 4000):
+        data = device.advance(n * 10_000_000)
+        if data:
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+    writer.close()
+    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    told = store.span()
+    assert told is not None
+    assert told[0] > START / 1e9 - 1.0
+    assert told[1] < START / 1e9 + 41.0
+    kinds = {event["data"].get("kind") for event in store.manifest["events"] if event["kind"] == "clock"}
+    assert "sync" in kinds  # or this would prove nothing
+
+
+def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None:
+    """Summed up, as a live log is, a loss would be hatched where nothing is missing."""
+    path = tmp_path / "a.mcap"
+    device = XbusDevice(start_ns=0)
+    writer = Writer(path, {})
+    writer.device("1", {"protocol": "xbus"})
+    for n in range(1, 1000):
+        data = device.advance(n * 10_000_000)
+        if n % 20:
+            writer.chunk("1", "rx", data, START + n * 10_000_000)
+    writer.close()
+    manifest = decode(McapSource(path), tmp_path / "store", speech.speech()).manifest
+    gaps = [event for event in manifest["events"] if event["kind"] == "gap"]
+    assert len(gaps) == manifest["figures"]["1"]["gaps"] > 40
+    assert max(event["t1"] - event["t0"] for event in gaps) < 0.1
