@@ -42,7 +42,7 @@ def viser_of(request: Request) -> Viser:
 OneViser = Annotated[Viser, Depends(viser_of)]
 
 
-@router.get("/api/views/scene", tags=["views"], responses=responses(503))
+@router.get("/api/views/scene", tags=["views"], responses=responses(422, 503))
 async def begin_scene(
     viser: OneViser, device: Annotated[str, Query(description="id of a device; all when left out")] = ""
 ) -> dict[str, str]:
