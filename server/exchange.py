@@ -122,7 +122,8 @@ class ExchangeLog:
         """Write down what was heard."""
         fresh, self._fresh = self._fresh, []
         for event, answers in fresh:
-            if answers or (event.message.name not in STREAMED and self._may()):
+            streamed = isinstance(event, Batch | Reply) and event.message.name in STREAMED
+            if answers or (not streamed and self._may()):
                 self._heard(event, answers)
 
     def _may(self) -> bool:
