@@ -9,13 +9,13 @@ thus costs two events a second at most, with exact counts in them.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from protocols.events import Gap, Reject, Reply, Step, Text
 from server.codec import plain
 from server.hub import Hub
+from server.values import identifier
 from server.wire import EventKind, Level
 
 PERIOD_S = 1.0
@@ -113,7 +113,7 @@ class Incidents:
         message = reply.message
         level: Level = "caution" if message.name in ("Error", "Warning", "WakeUp") else "info"
         if self._may("reply." + message.name, REPLIES_PER_PERIOD):
-            text = f"{message.title or message.name}{_values(reply.values)}"
+            text = f"{message.title or message.name}{_values(reply)}"
             data = {"message": message.name, "values": plain(reply.values)}
             self.say("reply", level, text, time=reply.arrival_ns / 1e9, data=data)
         else:
@@ -178,9 +178,12 @@ def _signed(seconds: float) -> str:
     return f"{sign}{size * 1e3:.3g} ms" if size < 1 else f"{sign}{size:.6g} s"
 
 
-def _values(values: Mapping[str, Any]) -> str:
+def _values(reply: Reply) -> str:
     """The values of a reply, short enough for a line: of many, the first that are not zero. All are in `data`."""
-    shown = {name: value for name, value in values.items() if not name.startswith("reserved")}
+    shown = {name: value for name, value in reply.values.items() if not name.startswith("reserved")}
+    for field_ in reply.message.fields:
+        if field_.base == 16 and isinstance(shown.get(field_.name), int):
+            shown[field_.name] = identifier(shown[field_.name])
     parts = [f"{name} {value}" for name, value in plain(shown).items() if not isinstance(value, list | dict)]
     if len(parts) > SHOWN_VALUES:
         parts = [part for part in parts if part.split(" ", 1)[1].strip("0")]
