@@ -38,6 +38,7 @@ from server.links.pump import write_all
 
 LONGEST_DATAGRAM = 65_507
 HELD_NS = 50_000_000  # a send that takes longer holds the clock
+QUIET_LOOKS = 10
 STUCK_S = 10.0  # a client that takes nothing for so long is let go
 OPENED_S = 0.3  # programs that open a port throw away what is in it
 LOOK_S = 0.02
@@ -267,8 +268,10 @@ class PtySink:
     async def close(self) -> None:
         asyncio.get_running_loop().remove_reader(self._master)
         if self._slave >= 0:
-            end = asyncio.get_running_loop().time() + STUCK_S
-            while self._unread() and asyncio.get_running_loop().time() < end:
+            # Between what the kernel holds back and what it offers, nothing is offered for a moment: look again.
+            end, quiet = asyncio.get_running_loop().time() + STUCK_S, 0
+            while quiet < QUIET_LOOKS and asyncio.get_running_loop().time() < end:
+                quiet = 0 if self._unread() else quiet + 1
                 await asyncio.sleep(LOOK_S)
             os.close(self._slave)
         os.close(self._master)
