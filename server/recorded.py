@@ -16,7 +16,6 @@
                                                   (of flags: of any, of all), and the answer says X-Exact: 0
     GET    /api/recordings/{id}/query?channel&t0&t1&width&columns&base&format=arrow|json
     GET    /api/devices/{id}/query?…              the same of a live device
-    GET    /api/recordings/{id}/frames?t&device   the raw frames around a moment, annotated (packet view)
     GET    /api/recordings/{id}/download          the file with everything in it (application/x-mcap)
     GET    /api/recordings/{id}/original?device   the bytes as they came, one device
     POST   /api/recordings/{id}/exports  Export   ExportJob, run in the background
