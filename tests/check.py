@@ -3,7 +3,7 @@
     page     built, when it is stale                       web/build.py
     style    ruff check, ruff format                       Python
     types    mypy --strict, tsc                            Python, TypeScript
-    tests    vitest; pytest: units, server, real browser   TypeScript; Python
+    tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
 Every part runs, also after one has failed; the end shows each one's closing line, pytest's last, and the exit status
 is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more
@@ -13,11 +13,13 @@ examples in the property tests; everything after `--` goes to pytest (`tests/che
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -62,6 +64,8 @@ def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str
     return lambda _: [PYTHON, "-m", name, *arguments]
 
 
+_PYTEST = (PYTHON, "-m", "pytest", "--color=no", "--durations=5")
+
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
     Part("ruff", _tool("ruff", "check"), "Found"),
@@ -69,13 +73,17 @@ PARTS = (
     Part("mypy", _tool("mypy")),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
-    Part("pytest", lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *options.pytest]),
+    Part("browser", lambda options: [*_PYTEST, "tests/browser", *options.pytest]),
+    Part("pytest", lambda options: [*_PYTEST, "--ignore=tests/browser", *options.pytest]),
+)
+BESIDE = (
+    "browser"  # runs while pytest does: a browser mostly waits, and the two take half as long as one after the other
 )
 
 
-def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
-    """Run one part; what it prints is passed on as it comes."""
-    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
+def run(part: Part, options: argparse.Namespace, env: dict[str, str], say: Callable[[str], None]) -> Outcome:
+    """Run one part; what it prints is passed on to `say` as it comes."""
+    say(f"\n── {part.name} {'─' * (76 - len(part.name))}\n")
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
@@ -90,13 +98,27 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
     )
     assert process.stdout
     for line in process.stdout:
-        print(line, end="", flush=True)
+        say(line)
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
     closing = [line for line in lines if line.startswith(part.closing)] or lines
     closing = closing or [f"exit status {status}" if status else "no complaint"]
     return Outcome(part.name, status, time.monotonic() - began, closing[-1])
+
+
+def run_all(chosen: list[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
+    """One part after the other; the one that can runs beside the last, and what it printed follows."""
+    say = functools.partial(print, end="", flush=True)
+    beside = [part for part in chosen if part.name == BESIDE and chosen[-1].name == "pytest"]
+    outcomes = [run(part, options, env, say) for part in chosen if part not in beside and part is not chosen[-1]]
+    held: list[str] = []
+    with ThreadPoolExecutor(1) as aside:
+        waiting = [aside.submit(run, part, options, env, held.append) for part in beside]
+        last = run(chosen[-1], options, env, say)
+        outcomes += [one.result() for one in waiting]
+    say("".join(held))
+    return [*outcomes, last]
 
 
 def main() -> int:
@@ -121,13 +143,14 @@ def main() -> int:
     if any(part.name == "pytest" for part in chosen) and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
 
-    outcomes = [run(part, options, env) for part in chosen]
+    outcomes = run_all(chosen, options, env)
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"
         print(f"{word} {outcome.seconds:6.1f} s  {outcome.name:7} {outcome.closing}")
-    if outcomes[-1].name == "pytest":
-        print(outcomes[-1].closing)  # as pytest wrote it, last
+    for outcome in outcomes:
+        if outcome.name in (BESIDE, "pytest"):
+            print(outcome.closing)  # as pytest wrote it, last
     return 1 if any(outcome.status for outcome in outcomes) else 0
 
 
