@@ -116,8 +116,14 @@ def run_all(chosen: list[Part], options: argparse.Namespace, env: dict[str, str]
     with ThreadPoolExecutor(1) as aside:
         waiting = [aside.submit(run, part, options, env, held.append) for part in beside]
         last = run(chosen[-1], options, env, say)
-        outcomes += [one.result() for one in waiting]
+        beside_outcomes = [one.result() for one in waiting]
     say("".join(held))
+    for part, outcome in zip(beside, beside_outcomes, strict=True):
+        if outcome.status == 1:  # what failed beside other work is judged by itself
+            alone = Part(part.name, lambda chosen: [*_PYTEST, "tests/browser", "--last-failed", *chosen.pytest])
+            again = run(alone, options, env, say)
+            outcome = Outcome(part.name, again.status, outcome.seconds + again.seconds, again.closing)
+        outcomes.append(outcome)
     return [*outcomes, last]
 
 

@@ -256,7 +256,7 @@ def test_a_map_lies_under_the_track_where_a_tile_server_is_configured(
             page.get_by_role("button", name="Zoom out", exact=True).click()
             page.wait_for_timeout(150)
         assert any(canvas.evaluate(COVERED) > 0.9 or page.wait_for_timeout(200) for _ in range(50))
-        assert 4 < len(Maps.asked) < 200
+        assert 4 <= len(Maps.asked) < 200  # a short track lies where four tiles meet
         assert len(Maps.asked) == len(set(Maps.asked)), "each is asked for once"
         page.get_by_role("button", name="Map", exact=True).click()
         page.wait_for_timeout(300)
