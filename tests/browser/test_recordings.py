@@ -102,7 +102,6 @@ def test_from_the_record_button_to_the_list(
     assert page.locator(".markers li").count() == 1
 
 
-@pytest.mark.xfail(reason="keys of an open recording are sometimes not heard: not found yet", strict=False)
 def test_zoom_scrub_and_step_as_live(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(recorded, open_page)
     whole = view_of(page)
@@ -126,10 +125,11 @@ def test_zoom_scrub_and_step_as_live(recorded: ServerProcess, open_page: Callabl
     until(page, f"({count})()")
     page.keyboard.press(".")
     page.keyboard.press(".")
+    until(page, f"window.imuscopeReplay.head > {head!r}")  # taken over with the next frame
     stepped = view_of(page)["head"]
     assert 0.001 < stepped - head < 0.02
     page.keyboard.press(",")
-    assert view_of(page)["head"] < stepped
+    until(page, f"window.imuscopeReplay.head < {stepped!r}")
     page.keyboard.press("f")
     assert view_of(page)["span"] == pytest.approx(whole["span"], rel=0.05)
 
@@ -220,12 +220,12 @@ def test_several_devices_are_read_at_one_time(recorded: ServerProcess, open_page
     until(page, "document.querySelector('.plot .leg .v').textContent.match(/[0-9]/) !== null")
 
 
-@pytest.mark.xfail(reason="keys of an open recording are sometimes not heard: not found yet", strict=False)
 def test_a_marker_put_in_later_stays(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(recorded, open_page)
     page.evaluate("() => { const r = window.imuscopeReplay; r.seek(r.bounds.first + 1.5); }")
     head = view_of(page)["head"]
     page.keyboard.press("m")
+    until(page, "document.activeElement?.tagName === 'INPUT'")
     page.keyboard.type("second look")
     page.keyboard.press("Enter")
     until(page, "document.querySelector('.markers').innerText.includes('second look')")

@@ -1,6 +1,6 @@
 /** Markers and notes of a recording: where they are, a press jumps there, and more can be put in later. */
 import { signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { length } from "../../recordings/listing";
 import type { Replay } from "../../recordings/replay";
 import { server } from "../../recordings/server";
@@ -51,7 +51,7 @@ export function Markers({ replay }: { readonly replay: Replay }) {
 export function MarkerField({ replay }: { readonly replay: Replay }) {
   const field = useRef<HTMLInputElement>(null);
   const time = placing.value;
-  useEffect(() => field.current?.focus(), [time]);
+  useLayoutEffect(() => field.current?.focus(), [time]); // before the next key is pressed: it belongs to the words
   useEffect(
     () => () => {
       placing.value = undefined;
