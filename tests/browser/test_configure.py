@@ -198,7 +198,7 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
                 "([device, name]) => { location.hash = `#/configure/${device}/${encodeURIComponent(name)}`; }",
                 ["1", name],
             )
-            until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null", timeout_s=5)
+            until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null", timeout_s=20)
             fields = form["fields"] if kind == "setting" else form["arguments"]
             drawn = page.locator(f'[data-{kind}="{name}"] > .fields > .frow').count()
             assert form.get("editor") or drawn == len(fields), f"{name}: {drawn} of {len(fields)} fields"

