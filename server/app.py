@@ -9,7 +9,6 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from server import speech as default_speech
 from server.api import (
     build,
     commands,
@@ -34,19 +33,20 @@ from server.api import (
 )
 from server.auth import Access, Guard
 from server.config import Config
-from server.correction_desk import CorrectionDesk
-from server.desks import Desks
-from server.exports import Exports
-from server.hub import Hub
-from server.library import Catalogue
+from server.control.correction_desk import CorrectionDesk
+from server.control.desks import Desks
+from server.library.catalogue import Catalogue
+from server.library.exports import Exports
+from server.library.packer import Packer
+from server.library.recorder import Recorder, plan_of
+from server.library.shelf import Shelf
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.packer import Packer
-from server.reading import Reading
-from server.recognition import Speech
-from server.recorder import Recorder, plan_of
-from server.sessions import OpenLink, Sessions
-from server.shelf import Shelf
+from server.live import speech as default_speech
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.recognition import Speech
+from server.live.sessions import OpenLink, Sessions
 from server.version import VERSION
 from server.views.foxglove import Foxglove
 from server.views.rerun import Rerun

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 from server.compiled import prepare_cache
 from server.config import Config, ConfigError, default_data, load
-from server.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
+from server.live.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
 COMMANDS = ("serve", "ports", "inspect", "compose", "send", "commands", "record", "replay", "decode")
@@ -134,7 +134,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
-    """What a person says about the bytes of a source or file; see server/reading.py."""
+    """What a person says about the bytes of a source or file; see server/live/reading.py."""
     command.add_argument("--protocol", metavar="NAME", help=protocol)
     command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
     command.add_argument(
@@ -207,11 +207,12 @@ def _serve(options: argparse.Namespace) -> None:
         rerun_connect=options.rerun_connect,
     )
     _compile(config.data)
-    from server import serving, speech
+    from server import serving
     from server.app import create_app
     from server.auth import Access
     from server.links import LinkError, open_link
     from server.links.file import FileLink
+    from server.live import speech
 
     given = config.reading()
     known = speech.protocols()
@@ -284,7 +285,7 @@ def _compile(data: Path) -> None:
 
 def _ports(options: argparse.Namespace) -> None:
     _compile(load(data=options.data).data)
-    from server.ports import print_ports
+    from server.links.ports import print_ports
 
     print_ports(sys.stdout)
 
@@ -294,7 +295,7 @@ def _inspect(options: argparse.Namespace) -> None:
     if not path.is_file():
         raise UsageError(_no_file(options.file))
     _compile(load(data=options.data).data)
-    from server.inspect import inspect_file
+    from server.commands.inspect import inspect_file
 
     said = _said(options, "auto", replay_check=not options.no_replay_check)
     how = {name: getattr(options, name) for name in ("direction", "format", "rejects")}
@@ -324,7 +325,7 @@ def _compose(options: argparse.Namespace) -> None:
     if options.jsonl not in (None, "-") and not Path(options.jsonl).is_file():
         raise UsageError(_no_file(options.jsonl))
     _compile(load(data=options.data).data)
-    from server.compose import ComposeError, chosen, frame_of, frames_of, known_of, tongues
+    from server.commands.compose import ComposeError, chosen, frame_of, frames_of, known_of, tongues
 
     said = _said(options)
     spoken = tongues(said.key, said.schema)
@@ -347,8 +348,8 @@ def _send(options: argparse.Namespace) -> None:
     import asyncio
 
     _compile(load(data=options.data).data)
-    from server.compose import ComposeError
-    from server.sending import SendError, Wish, send
+    from server.commands.compose import ComposeError
+    from server.commands.sending import SendError, Wish, send
 
     source, said = taken_from(options.source, _said(options))
     _known(said.protocol, ("auto", *_protocols()))
@@ -363,8 +364,8 @@ def _send(options: argparse.Namespace) -> None:
 def _commands(options: argparse.Namespace) -> None:
     _known(options.protocol, ("auto", *_protocols()))
     _compile(load(data=options.data).data)
-    from server.compose import ComposeError
-    from server.manual import manual
+    from server.commands.compose import ComposeError
+    from server.commands.manual import manual
 
     try:
         for line in manual(options.protocol, options.name):
@@ -378,8 +379,8 @@ def _record(options: argparse.Namespace) -> None:
         raise UsageError(f"--duration {options.duration:g} is no time")
     data = load(data=options.data).data
     _compile(data)
+    from server.commands.record import RecordError, Wish, record
     from server.links.base import LinkError
-    from server.record import RecordError, Wish, record
 
     source, said = taken_from(options.source, _said(options))
     _known(said.protocol, ("auto", *_protocols()))
@@ -395,7 +396,7 @@ def _decode(options: argparse.Namespace) -> None:
         raise UsageError(_no_file(str(options.file)))
     said = _said(options)
     _compile(load(data=options.data).data)
-    from server.decode import DecodeError, decode_file
+    from server.commands.decode import DecodeError, decode_file
 
     _known(said.protocol, ("auto", *_protocols()))
     said = replace(said, protocol="" if said.protocol == "auto" else said.protocol)
@@ -414,7 +415,7 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     _compile(load(data=options.data).data)
-    from server import replaying
+    from server.commands import replaying
 
     def sink() -> replaying.Sink:
         if options.tcp is not None:
@@ -429,7 +430,7 @@ def _replay(options: argparse.Namespace) -> None:
 
 
 def _protocols() -> Collection[str]:
-    from server import speech
+    from server.live import speech
 
     return speech.protocols()
 

@@ -38,7 +38,7 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
-from server.reading import Reading, key_text, reading, schema_text
+from server.live.reading import Reading, key_text, reading, schema_text
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -77,7 +77,7 @@ class Config:
         sources: opened at start; none given: twins of all device families.
         protocol: of those sources; "" to guess.
         key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
-            vendor types; unverified: show Secure frames without a key, marked (see server/reading.py).
+            vendor types; unverified: show Secure frames without a key, marked (see server/live/reading.py).
         trial_s: how long a person has to keep settings that could have cut the line, before they go back.
         history_s, memory_mb: how far back the server remembers samples, whichever is less.
         view_token, control_token: "" means that one is made when it is needed.

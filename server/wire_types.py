@@ -1,8 +1,8 @@
 """How does the page know the wire and the forms? `python -m server.wire_types` writes their types for TypeScript.
 
     server/wire.py   ─> web/src/wire/types.ts    what the WebSocket carries
-    server/forms.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
-    server/recorded.py ─> web/src/recordings/types.ts   and that of the Recordings page
+    server/control/forms.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
+    server/library/recorded.py ─> web/src/recordings/types.ts   and that of the Recordings page
 
 These are the only places where a field is added. This file reads their *source*, so that what a reader sees there
 (the order, the docstrings, the comment behind a field) is what stands in the TypeScript, and turns
@@ -28,7 +28,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from server import forms, recorded, wire
+from server import wire
+from server.control import forms
+from server.library import recorded
 
 _PAGE = Path(__file__).resolve().parent.parent / "web" / "src"
 SCALARS = {"str": "string", "int": "number", "float": "number", "bool": "boolean", "None": "null", "Any": "unknown"}

@@ -5,21 +5,21 @@
     types    mypy --strict, tsc                            Python, TypeScript
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
-Every part runs, also after one has failed; the end shows each one's closing line, pytest's last, and the exit status
-is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more
-examples in the property tests; everything after `--` goes to pytest (`tests/check.py pytest -- -k clocks`).
+The tests of one file run one after the other, the files beside each other: they mostly wait. What failed beside other
+work is judged once more, alone. Every part runs, also after one has failed; the end shows each one's closing line,
+pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff
+pytest`); `--deep` draws many more examples in the property tests; everything after `--` goes to pytest
+(`tests/check.py pytest -- -k clocks`).
 """
 
 from __future__ import annotations
 
 import argparse
-import functools
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,6 +38,7 @@ class Part:
     name: str
     command: Callable[[argparse.Namespace], list[str]]
     closing: str = ""  # how the line begins that says how it ended; "" for the last one
+    alone: Callable[[argparse.Namespace], list[str]] | None = None  # judges again what failed beside other work
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,14 @@ def _tool(name: str, *arguments: str) -> Callable[[argparse.Namespace], list[str
     return lambda _: [PYTHON, "-m", name, *arguments]
 
 
-_PYTEST = (PYTHON, "-m", "pytest", "--color=no", "--durations=5")
+def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
+    return lambda options: [PYTHON, "-m", "pytest", "--color=no", "--durations=5", *arguments, *options.pytest]
+
+
+def _tests(name: str, workers: int, *arguments: str) -> Part:
+    beside = ("--numprocesses", str(workers), "--dist", "loadfile")
+    return Part(name, _pytest(*arguments, *beside), alone=_pytest(*arguments, "--last-failed"))
+
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
@@ -73,21 +81,27 @@ PARTS = (
     Part("mypy", _tool("mypy")),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
-    Part("browser", lambda options: [*_PYTEST, "tests/browser", *options.pytest]),
-    Part("pytest", lambda options: [*_PYTEST, "--ignore=tests/browser", *options.pytest]),
-)
-BESIDE = (
-    "browser"  # runs while pytest does: a browser mostly waits, and the two take half as long as one after the other
+    _tests("pytest", 4, "--ignore=tests/browser"),
+    _tests("browser", 2, "tests/browser"),  # a browser draws in software: more of them starve each other
 )
 
 
-def run(part: Part, options: argparse.Namespace, env: dict[str, str], say: Callable[[str], None]) -> Outcome:
-    """Run one part; what it prints is passed on to `say` as it comes."""
-    say(f"\n── {part.name} {'─' * (76 - len(part.name))}\n")
+def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
+    """Run one part, then alone what failed of it beside other work; what they print is passed on as it comes."""
+    outcome = _run(part, part.command(options), env)
+    if part.alone is None or outcome.status != 1:
+        return outcome
+    again = _run(part, part.alone(options), env)
+    closing = f"{outcome.closing}; alone: {again.closing}"
+    return Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
+
+
+def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
+    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
-        part.command(options),
+        command,
         cwd=ROOT,
         env=env,
         stdin=subprocess.DEVNULL,
@@ -98,33 +112,13 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str], say: Calla
     )
     assert process.stdout
     for line in process.stdout:
-        say(line)
+        print(line, end="", flush=True)
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
     closing = [line for line in lines if line.startswith(part.closing)] or lines
     closing = closing or [f"exit status {status}" if status else "no complaint"]
     return Outcome(part.name, status, time.monotonic() - began, closing[-1])
-
-
-def run_all(chosen: list[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
-    """One part after the other; the one that can runs beside the last, and what it printed follows."""
-    say = functools.partial(print, end="", flush=True)
-    beside = [part for part in chosen if part.name == BESIDE and chosen[-1].name == "pytest"]
-    outcomes = [run(part, options, env, say) for part in chosen if part not in beside and part is not chosen[-1]]
-    held: list[str] = []
-    with ThreadPoolExecutor(1) as aside:
-        waiting = [aside.submit(run, part, options, env, held.append) for part in beside]
-        last = run(chosen[-1], options, env, say)
-        beside_outcomes = [one.result() for one in waiting]
-    say("".join(held))
-    for part, outcome in zip(beside, beside_outcomes, strict=True):
-        if outcome.status == 1:  # what failed beside other work is judged by itself
-            alone = Part(part.name, lambda chosen: [*_PYTEST, "tests/browser", "--last-failed", *chosen.pytest])
-            again = run(alone, options, env, say)
-            outcome = Outcome(part.name, again.status, outcome.seconds + again.seconds, again.closing)
-        outcomes.append(outcome)
-    return [*outcomes, last]
 
 
 def main() -> int:
@@ -146,16 +140,16 @@ def main() -> int:
     if options.deep:
         env["HYPOTHESIS_PROFILE"] = "deep"
     chosen = [part for part in PARTS if part.name in (options.parts or names)]
-    if any(part.name == "pytest" for part in chosen) and (path := chromium.provide(print)):
+    if any(part.alone for part in chosen) and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
 
-    outcomes = run_all(chosen, options, env)
+    outcomes = [run(part, options, env) for part in chosen]
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"
         print(f"{word} {outcome.seconds:6.1f} s  {outcome.name:7} {outcome.closing}")
     for outcome in outcomes:
-        if outcome.name in (BESIDE, "pytest"):
+        if outcome.name in ("pytest", "browser"):
             print(outcome.closing)  # as pytest wrote it, last
     return 1 if any(outcome.status for outcome in outcomes) else 0
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request
 from pydantic import BaseModel
 
 from server.auth import Role
-from server.hub import Hub
+from server.live.hub import Hub
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
 

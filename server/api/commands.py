@@ -7,8 +7,8 @@ from functools import lru_cache
 
 from fastapi import APIRouter
 
-from server.forms import Forms
-from server.manual import every_form
+from server.commands.manual import every_form
+from server.control.forms import Forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 

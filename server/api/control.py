@@ -1,4 +1,4 @@
-"""What is done to a device: read it, write to it, run a command, keep or take back. The jobs of server/control.py.
+"""What is done to a device: read it, write to it, run a command, keep or take back. The jobs of server/control/desk.py.
 
 What could harm (a caution of the table, or a change that could cut the line) is answered with 409 and the consequence
 in words until it is sent again with `confirmed`.
@@ -12,10 +12,10 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from server import wire
 from server.api.errors import ApiError, responses
-from server.control import Desk
-from server.desks import Desks
-from server.forms import Apply, Raw, ReadWish, Run
-from server.wishes import Danger, Wish, changes_of, command_of
+from server.control.desk import Desk
+from server.control.desks import Desks
+from server.control.forms import Apply, Raw, ReadWish, Run
+from server.control.wishes import Danger, Wish, changes_of, command_of
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from protocols.registry import PROTOCOLS
 from server.api.devices import OneSession
 from server.api.errors import ApiError, responses
-from server.casters import CorrectionError
-from server.correction_desk import CorrectionDesk
-from server.forms import Corrections
+from server.control.casters import CorrectionError
+from server.control.correction_desk import CorrectionDesk
+from server.control.forms import Corrections
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 

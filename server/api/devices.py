@@ -9,10 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
-from server.reading import Reading, ReadingError, changed, taken_from
-from server.reading import reading as read_as
-from server.session import Session
-from server.sessions import Sessions
+from server.live.reading import Reading, ReadingError, changed, taken_from
+from server.live.reading import reading as read_as
+from server.live.session import Session
+from server.live.sessions import Sessions
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 

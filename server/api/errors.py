@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.control import DeskError
+from server.control.desk import DeskError
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.api")

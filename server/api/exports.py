@@ -11,8 +11,8 @@ from fastapi.responses import FileResponse
 from server import wire
 from server.api.errors import ApiError, responses
 from server.api.library import unknown
-from server.exports import Exports, ExportsError
-from server.recorded import Export
+from server.library.exports import Exports, ExportsError
+from server.library.recorded import Export
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 

@@ -11,10 +11,10 @@ from fastapi import APIRouter
 from protocols.layouts import EncodeError
 from server.api.control import OneDesk
 from server.api.errors import ApiError, responses
-from server.control import Desk
-from server.forms import Fit, FitAnswer, Forms, Preview, PreviewAnswer
-from server.forms_of import forms_of
-from server.preview import fit, preview_command, preview_setting
+from server.control.desk import Desk
+from server.control.forms import Fit, FitAnswer, Forms, Preview, PreviewAnswer
+from server.control.forms_of import forms_of
+from server.control.preview import fit, preview_command, preview_setting
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["forms"])
 

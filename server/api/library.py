@@ -18,8 +18,8 @@ from recordings.container import RecordingError
 from recordings.handover import original, whole
 from recordings.library import Entry
 from server.api.errors import ApiError, responses
-from server.library import Catalogue
-from server.recorded import Edit, Mark, Marker, RecordingInfo
+from server.library.catalogue import Catalogue
+from server.library.recorded import Edit, Mark, Marker, RecordingInfo
 from server.streams import streamed
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])

@@ -15,8 +15,8 @@ from typing import Any
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server import codec, wire
-from server.hub import Hub
-from server.outbox import Outbox
+from server.live.hub import Hub
+from server.live.outbox import Outbox
 
 log = logging.getLogger("imuscope.live")
 router = APIRouter()

@@ -9,8 +9,8 @@ from fastapi import APIRouter, Depends, Request
 from recordings.container import RecordingError
 from server import wire
 from server.api.errors import ApiError, responses
-from server.recorded import Mark, Start
-from server.recorder import Recorder, RecorderError
+from server.library.recorded import Mark, Start
+from server.library.recorder import Recorder, RecorderError
 
 router = APIRouter(tags=["recorder"])
 

@@ -17,11 +17,11 @@ from recordings.columns import Base, Columns
 from recordings.container import RecordingError
 from server import wire
 from server.api.errors import ApiError, responses
-from server.details import as_json, channels_of, detail
-from server.hub import Hub
-from server.recorded import OpeningState
-from server.shelf import Opening, Shelf
-from server.windows import Answer, arrow_of, frame_of, json_of, live, recorded
+from server.library.details import as_json, channels_of, detail
+from server.library.recorded import OpeningState
+from server.library.shelf import Opening, Shelf
+from server.library.windows import Answer, arrow_of, frame_of, json_of, live, recorded
+from server.live.hub import Hub
 
 router = APIRouter(tags=["recordings"])
 

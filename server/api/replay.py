@@ -14,8 +14,8 @@ from recordings.replay import extent
 from server import wire
 from server.api.devices import AllSessions
 from server.api.errors import ApiError, responses
+from server.library.recorded import Play
 from server.links.file import SPEEDS
-from server.recorded import Play
 
 router = APIRouter(tags=["recordings"])
 

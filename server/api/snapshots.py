@@ -13,12 +13,12 @@ from protocols.dialogues import Known
 from server.api.control import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
 from server.codec import plain
-from server.compare import NO_DEFAULT, SideValues, compare
-from server.control import Desk
-from server.desks import Desks
-from server.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
-from server.jobs import plain_values
-from server.snapshots import Snapshot, SnapshotError, from_text
+from server.control.compare import NO_DEFAULT, SideValues, compare
+from server.control.desk import Desk
+from server.control.desks import Desks
+from server.control.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
+from server.control.jobs import plain_values
+from server.control.snapshots import Snapshot, SnapshotError, from_text
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 

@@ -31,8 +31,8 @@ from pathlib import Path
 from typing import Any
 
 from server import codec, wire
-from server.hub import Hub
-from server.outbox import History, Outbox
+from server.live.hub import Hub
+from server.live.outbox import History, Outbox
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAD = struct.Struct("<IB")

@@ -18,7 +18,7 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
-from server.hub import Hub
+from server.live.hub import Hub
 from server.views.aside import Aside
 from server.views.proxy import ViewError
 

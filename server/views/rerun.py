@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from server.hub import Hub
+from server.live.hub import Hub
 from server.views.aside import Aside
 from server.views.proxy import ViewError
 

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from server.hub import Hub
+from server.live.hub import Hub
 from server.views.aside import Aside
 from server.views.proxy import ViewError
 from server.views.replayed import Replayed

@@ -90,8 +90,8 @@ def measure(path: Path, store: Path) -> dict[str, float]:
     from protocols.registry import warm
     from recordings.columns import Columns
     from recordings.parts import McapSource
-    from server.opening import decode
-    from server.speech import speech
+    from server.library.opening import decode
+    from server.live.speech import speech
 
     warm()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -111,8 +111,8 @@ def main() -> None:
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
         from recordings.parts import McapSource
-        from server.opening import decode
-        from server.speech import speech
+        from server.library.opening import decode
+        from server.live.speech import speech
 
         decode(McapSource(path), folder / "store", speech())
         out = folder / "hour.rrd"

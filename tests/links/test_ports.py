@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from server import ports
+from server.links import ports
 from tests.links.bench import device, pty
 
 

@@ -16,7 +16,7 @@ from server.config import Config
 from server.links import Link, LinkError, expanded, open_link
 from server.links.base import Chunk
 from server.links.replay import ReplayLink
-from server.speech import speech
+from server.live.speech import speech
 from tests.links.bench import fails, frame, joined, left_behind, opened, settings, xbus
 from tests.server.running import Running
 

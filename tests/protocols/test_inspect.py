@@ -15,8 +15,8 @@ from protocols.isb.device import IsbDevice
 from protocols.isb.frames import get_data, set_data, stop
 from protocols.xbus.frames import build
 from protocols.xbus.plain import frame_of
-from server.inspect import EXPLAINED, inspect_file
-from server.reading import Reading
+from server.commands.inspect import EXPLAINED, inspect_file
+from server.live.reading import Reading
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"

@@ -24,8 +24,8 @@ from recordings.parts import McapSource
 from recordings.rrd.chunks import name_of
 from recordings.rrd.file import Work, fill, stream_of, write_rrd
 from recordings.rrd.layout import devices_of
-from server import speech
-from server.opening import decode
+from server.library.opening import decode
+from server.live import speech
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there

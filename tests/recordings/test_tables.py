@@ -13,8 +13,8 @@ from recordings.columns import Columns
 from recordings.container import RecordingError
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
-from server import speech
-from server.opening import decode
+from server.library.opening import decode
+from server.live import speech
 from tests.recordings.stores import START, store
 
 

@@ -9,15 +9,15 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from protocols.xbus.device import XbusDevice
-from server.control import Desk, Task
-from server.desks import Desks
-from server.hub import Hub
+from server.control.desk import Desk, Task
+from server.control.desks import Desks
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.links.cable import Faults
 from server.links.twin import Bench, TwinOptions
-from server.sessions import Sessions
-from server.speech import speech
+from server.live.hub import Hub
+from server.live.sessions import Sessions
+from server.live.speech import speech
 from server.wire import Job
 
 PATIENCE_S = 30.0

@@ -11,9 +11,9 @@ import numpy as np
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
 from protocols.xbus.identity import identity
-from server.intake import About
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
-from server.recognition import Speech
+from server.live.intake import About
+from server.live.recognition import Speech
 
 NOW_NS = 1_700_000_000_000_000_000
 

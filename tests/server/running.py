@@ -15,8 +15,8 @@ from server import serving
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
-from server.recognition import Speech
-from server.sessions import OpenLink
+from server.live.recognition import Speech
+from server.live.sessions import OpenLink
 from tests.server.fakes import SPEECH
 
 

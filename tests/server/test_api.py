@@ -208,7 +208,7 @@ def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
 
 
 def test_a_fault_of_ours_has_the_shape_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.sessions.Sessions.infos", property(lambda self: 1 / 0))
+    monkeypatch.setattr("server.live.sessions.Sessions.infos", property(lambda self: 1 / 0))
     assert_problem(client.get("/api/devices"), 500, "fault")
 
 

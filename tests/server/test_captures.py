@@ -10,12 +10,12 @@ import pytest
 
 from protocols.xbus.decoder import XbusDecoder
 from server import wire
-from server.health import Figures
-from server.hub import Hub
-from server.intake import Line
 from server.links.base import Chunk
-from server.portrait import Portrait
-from server.senders import Reader, Senders
+from server.live.health import Figures
+from server.live.hub import Hub
+from server.live.intake import Line
+from server.live.portrait import Portrait
+from server.live.senders import Reader, Senders
 from tests.server.fakes import Clock
 
 RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture

@@ -17,9 +17,9 @@ from protocols.idtp.device import IdtpDevice
 from protocols.isb.device import IsbDevice
 from protocols.isb.writing import sentence
 from protocols.xbus.device import XbusDevice
-from server.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
-from server.inspect import inspect_file
-from server.reading import Reading
+from server.commands.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
+from server.commands.inspect import inspect_file
+from server.live.reading import Reading
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 KEY = bytes(range(32))

@@ -11,9 +11,9 @@ import pytest
 from protocols.dialogues import Expect, Known, Pause, Relink, Send, stop
 from protocols.events import Event
 from protocols.xbus.dialogues import XbusDriver
-from server.control import MOST_WAITING, Desk, DeskError
+from server.control.desk import MOST_WAITING, Desk, DeskError
+from server.control.runner import Runner
 from server.links.base import LinkError
-from server.runner import Runner
 from server.wire import ExchangeEntry
 from tests.server.desk import house, outputs, over, until
 

@@ -23,11 +23,11 @@ from protocols.isb.device import IsbDevice
 from protocols.rtcm import Splitter, epoch_ms
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
-from server.casters import Caster, CorrectionError, mounts
-from server.corrections import Forwarding, gga, source_of, without_password
-from server.forms import Corrections
+from server.control.casters import Caster, CorrectionError, mounts
+from server.control.corrections import Forwarding, gga, source_of, without_password
+from server.control.forms import Corrections
 from server.links.base import LinkError
-from server.whereabouts import Place
+from server.live.whereabouts import Place
 from server.wire import DeviceInfo
 
 pytestmark = pytest.mark.anyio

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from server.cli import main
-from server.decode import Bar
+from server.commands.decode import Bar
 from tests.recordings.test_importers import LOGS, NAME, needs_logs
 from tests.server.test_opening import drive
 

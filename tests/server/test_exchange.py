@@ -10,9 +10,9 @@ from protocols.events import Batch, Reply
 from protocols.registry import PROTOCOLS
 from protocols.schema import Message
 from protocols.xbus.frames import build
-from server.desks import decode
-from server.exchange import KEPT, MOST_A_SECOND, ExchangeLog, said
-from server.hub import Hub
+from server.control.desks import decode
+from server.control.exchange import KEPT, MOST_A_SECOND, ExchangeLog, said
+from server.live.hub import Hub
 from tests.server.fakes import Clock
 
 

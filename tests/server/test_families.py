@@ -19,11 +19,11 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Message
 from protocols.xbus.device import XbusDevice
 from server import codec, wire
-from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
-from server.reading import Reading, changed
-from server.session import Session
-from server.speech import speech
+from server.live.hub import Hub
+from server.live.reading import Reading, changed
+from server.live.session import Session
+from server.live.speech import speech
 from tests.server.fakes import Clock, FakeLink
 
 KEY = bytes(range(32))

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server import codec, wire
-from server.channels import Piece
-from server.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
-from server.outbox import Outbox
+from server.live.channels import Piece
+from server.live.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
+from server.live.outbox import Outbox
 from tests.server.fakes import Clock
 
 

@@ -8,7 +8,7 @@ from protocols.events import Reply
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
 from protocols.xbus.identity import identity as xbus_identity
-from server.intake import Identity
+from server.live.intake import Identity
 
 
 def said_by(product: str) -> list[Reply]:

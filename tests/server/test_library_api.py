@@ -194,7 +194,7 @@ def test_a_cancelled_export_leaves_nothing(running: Running, folder: Path) -> No
 
 
 def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
-    from server.exports import _one_file
+    from server.library.exports import _one_file
 
     files = [tmp_path / name for name in ("run_A.csv", "run_B.csv")]
     for file in files:

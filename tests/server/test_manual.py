@@ -6,8 +6,8 @@ import pytest
 
 from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
-from server.compose import ComposeError
-from server.manual import WIDTH, Row, every_form, manual
+from server.commands.compose import ComposeError
+from server.commands.manual import WIDTH, Row, every_form, manual
 
 
 def test_every_command_and_setting_is_listed_and_described() -> None:

@@ -12,9 +12,9 @@ from protocols.xbus.device import XbusDevice
 from recordings.container import Writer
 from recordings.packing import pack
 from recordings.parts import McapSource
-from server import speech
-from server.channels import Channels
-from server.opening import decode
+from server.library.opening import decode
+from server.live import speech
+from server.live.channels import Channels
 
 START = 1_760_000_000_000_000_000
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.codec import decode_samples, encode_samples
-from server.outbox import Frame, History, Outbox, Packet
-from server.ring import Ring
+from server.live.outbox import Frame, History, Outbox, Packet
+from server.live.ring import Ring
 
 NOTHING = History({})
 

@@ -12,9 +12,9 @@ from protocols.dialogues import Known
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
-from server.forms_of import field_form, forms_of
-from server.preview import Line, Present, fit, preview_command, preview_setting
-from server.values import numbers, words
+from server.control.forms_of import field_form, forms_of
+from server.control.preview import Line, Present, fit, preview_command, preview_setting
+from server.control.values import numbers, words
 from tests.server.desk import outputs
 
 XBUS = Present(PROTOCOLS["xbus"].driver, Known(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]

@@ -15,11 +15,11 @@ from protocols.schema import Field, Message
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build as xbus_frame
 from server import wire
-from server.hub import Hub
 from server.links.base import Chunk
-from server.portrait import Portrait
-from server.raws import MOST_BYTES, MOST_KINDS, Raws
-from server.senders import Reader, Senders
+from server.live.hub import Hub
+from server.live.portrait import Portrait
+from server.live.raws import MOST_BYTES, MOST_KINDS, Raws
+from server.live.senders import Reader, Senders
 from tests.server.fakes import Clock
 
 

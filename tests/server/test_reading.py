@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from server.config import ConfigError, load
-from server.reading import Reading, ReadingError, key_text, reading, schema_text, taken_from
+from server.live.reading import Reading, ReadingError, key_text, reading, schema_text, taken_from
 
 KEY = "00112233445566778899aabbccddeeff"
 SCHEMA = """

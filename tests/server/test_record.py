@@ -13,7 +13,7 @@ import pytest
 from recordings.blocks import Recording
 from recordings.importers import open_file
 from recordings.packing import is_loose
-from server.record import amount
+from server.commands.record import amount
 from tests.process import ROOT, tied
 from tests.server.line import Line
 from tests.server.test_recorder import chunks

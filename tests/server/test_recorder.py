@@ -27,10 +27,10 @@ from recordings.packing import is_loose, pack
 from recordings.parts import McapSource
 from recordings.tape import Limits
 from server.config import Config
+from server.library.packer import Packer, left_behind
+from server.library.recorded import Mark
+from server.library.recorder import Plan, Recorder, RecorderError
 from server.links.base import Link, LinkSettings
-from server.packer import Packer, left_behind
-from server.recorded import Mark
-from server.recorder import Plan, Recorder, RecorderError
 from server.wire import RecorderState
 from tests.process import ServerProcess
 from tests.server.desk import House, house, outputs, until

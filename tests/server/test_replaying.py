@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from server.cli import main
-from server.replaying import ReplayError, address
+from server.commands.replaying import ReplayError, address
 from tests.links.test_replay import of, recording
 from tests.process import ROOT, tied
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server.codec import decode_samples
-from server.ring import Ring
+from server.live.ring import Ring
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]
 

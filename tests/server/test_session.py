@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, Event, Reject, Reply
-from server import portrait, recognition
-from server.hub import Hub
 from server.links.base import LinkError, LinkSettings
-from server.reading import Reading
-from server.session import Session
-from server.sessions import Sessions
+from server.live import portrait, recognition
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.session import Session
+from server.live.sessions import Sessions
 from tests.server.fakes import SPEECH, Clock, FakeLink, sample
 
 

@@ -14,9 +14,9 @@ from protocols.isb.commands import settings_of
 from protocols.isb.dialogues import IsbDriver
 from protocols.schema import Field, Setting
 from protocols.xbus.dialogues import XbusDriver
-from server.compare import NO_DEFAULT, SideValues, compare
-from server.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
-from server.values import field_at, title_at, value_at
+from server.control.compare import NO_DEFAULT, SideValues, compare
+from server.control.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.control.values import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(Known(product="MTi-630"))}
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}

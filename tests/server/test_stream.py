@@ -16,9 +16,9 @@ from websockets.typing import Subprotocol
 
 from server import codec, wire
 from server.api import live
-from server.channels import Piece
 from server.config import Config
-from server.hub import Hub
+from server.live.channels import Piece
+from server.live.hub import Hub
 from tests.process import ServerProcess
 from tests.server.fakes import FakeLink
 from tests.server.running import Running

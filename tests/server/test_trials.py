@@ -12,10 +12,11 @@ import pytest
 from httpx import Client
 
 from protocols.xbus.device import XbusDevice
-from server import durable, trials
-from server.control import Desk, DeskError
+from server import durable
+from server.control import trials
+from server.control.desk import Desk, DeskError
+from server.control.trials import Record, Trials
 from server.links.twin import Bench, TwinLink
-from server.trials import Record, Trials
 from tests.process import ServerProcess
 from tests.server.desk import House, at_rate, bench, house, over, until
 

@@ -14,14 +14,15 @@ import pytest
 from recordings.columns import Buckets, Columns, Exact
 from recordings.container import RecordingError
 from recordings.parts import McapSource
-from server import codec, speech, wire
-from server.channels import Piece
-from server.details import channels_of, detail
-from server.hub import Hub
-from server.opening import decode
-from server.recorded import RecordingInfo
-from server.shelf import Opening, Shelf
-from server.windows import arrow_of, frame_of, json_of, live, recorded
+from server import codec, wire
+from server.library.details import channels_of, detail
+from server.library.opening import decode
+from server.library.recorded import RecordingInfo
+from server.library.shelf import Opening, Shelf
+from server.library.windows import arrow_of, frame_of, json_of, live, recorded
+from server.live import speech
+from server.live.channels import Piece
+from server.live.hub import Hub
 from tests.server.test_opening import drive
 
 

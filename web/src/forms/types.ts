@@ -1,4 +1,4 @@
-/** Types of the forms. Generated from server/forms.py by `python -m server.wire_types`; do not edit. */
+/** Types of the forms. Generated from server/control/forms.py by `python -m server.wire_types`; do not edit. */
 
 import type { BitsInfo } from "../wire/types";
 

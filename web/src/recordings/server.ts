@@ -1,4 +1,4 @@
-/** The routes of server/recorded.py, one function each. */
+/** The routes of server/library/recorded.py, one function each. */
 import { type Outcome, type Problem, request } from "../ui/api";
 import type { ExportJob, RecorderState } from "../wire/types";
 import type { Edit, Export, Mark, Marker, OpeningState, Play, RecordingDetail, RecordingInfo, Start } from "./types";

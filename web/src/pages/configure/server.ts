@@ -1,4 +1,4 @@
-/** The routes of server/forms.py, one function each. */
+/** The routes of server/control/forms.py, one function each. */
 import type { Apply, Compare, Corrections, Difference, FitAnswer, Forms, PreviewAnswer, SnapshotBody, SnapshotInfo } from "../../forms/types";
 import type { Values } from "../../forms/values";
 import { request } from "../../ui/api";

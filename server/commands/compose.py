@@ -1,0 +1,350 @@
+"""From words to a frame: `imuscope compose`, and what `imuscope send` sends.
+
+    imuscope compose SET_DID_FLASH_CONFIG startupNavDtMs=16        ──>  ef49250c06001000100000008f05
+    imuscope compose SetOutputConfiguration outputs.0.data_identifier=0x1020 outputs.0.output_frequency=100
+    imuscope inspect FILE --format jsonl | imuscope compose --jsonl -        the frames again, one hex line each
+
+FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names of flags (DisableAutoStore|EnableAhs)
+               a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
+               a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named
+
+A message is a command of a protocol, with what it is usually sent with filled in; or any message that `imuscope
+inspect` names, as it stands. Whose it is is found by its name. What is not known is answered with the nearest names.
+
+Lines of JSON are read one at a time and their frames written at once, so that the size of a file does not matter.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from protocols.dialogues import Driver, Known
+from protocols.idtp import messages as idtp_messages
+from protocols.idtp import plain as idtp_plain
+from protocols.idtp.commands import DATA, HEADER, readings
+from protocols.idtp.dialogues import IdtpDriver
+from protocols.isb import messages as isb_messages
+from protocols.isb import plain as isb_plain
+from protocols.layouts import EncodeError
+from protocols.registry import PROTOCOLS
+from protocols.schema import Command, Field
+from protocols.xbus import messages as xbus_messages
+from protocols.xbus import plain as xbus_plain
+from protocols.xbus.strings import EM1000, EM1000_HEAD
+from server.live.reading import Reading
+
+Record = Mapping[str, Any]
+FOREIGN = ("nmea", "ubx", "rtcm3", "tss2", "em1000")
+"""Messages that pass through any port; they are kept as they came."""
+
+
+class ComposeError(ValueError):
+    """What cannot be composed, in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tongue:
+    """What composing needs of a protocol.
+
+    Args:
+        driver: its commands.
+        messages: every other message that inspect names → its fields.
+        frame_of: the frame of a record, as its plain.py specifies them.
+        opaque: fields of a message that is only a number ("0x80").
+    """
+
+    name: str
+    driver: Driver
+    messages: Mapping[str, tuple[Field, ...]]
+    frame_of: Callable[[Record], bytes]
+    opaque: tuple[Field, ...] = (DATA,)
+
+    def command(self, name: str) -> Command | None:
+        """A command by name; the $ of a sentence may be left out."""
+        commands = {row.name: row for row in self.driver.commands(Known())}
+        return commands.get(name) or commands.get(name.removeprefix("$"))
+
+    def names(self) -> list[str]:
+        """Everything that it can compose."""
+        return [*(row.name for row in self.driver.commands(Known())), *self.messages]
+
+
+def tongues(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -> dict[str, Tongue]:
+    """All protocols, by name.
+
+    Args:
+        key: for Secure frames of IDTP.
+        schema: the vendor's own payload types, see protocols/idtp/vendor.py.
+    """
+    xbus = {name: rows[0].fields for name, rows in xbus_messages.BY_NAME.items()}
+    isb = {name: row.fields for name, row in isb_messages.BY_NAME.items()}
+    isb |= {row.name: row.fields for row in map(isb_messages.set_row, range(256))}
+    isb |= {row.name: row.fields for row in isb_messages.COMMANDS.values()}
+    rows = {**{row.name: row for row in idtp_messages.MESSAGES}, **{r.name: r for r in (schema or {}).values()}}
+    idtp = {name: (*HEADER, *readings(row)) for name, row in rows.items()}
+
+    def idtp_frame(record: Record) -> bytes:
+        return idtp_plain.frame_of(record, key, schema)
+
+    drivers = {name: row.driver for name, row in PROTOCOLS.items() if row.driver is not None}
+    made = (
+        Tongue("xbus", drivers["xbus"], xbus, xbus_plain.frame_of),
+        Tongue("isb", drivers["isb"], isb, isb_plain.packet_of),
+        Tongue("idtp", IdtpDriver(schema), idtp, idtp_frame, (*HEADER, DATA)),
+    )
+    return {one.name: one for one in made}
+
+
+def known_of(reading: Reading) -> Known:
+    """What is known of a device that is not there: the key."""
+    return Known(key=reading.key)
+
+
+# -- one message, in words ---------------------------------------------------------------------------------------------
+
+
+def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "") -> Tongue:
+    """Whose message this is.
+
+    Raises:
+        ComposeError: nobody's, or somebody else's; with the nearest names.
+    """
+    if protocol and protocol not in all_tongues:
+        raise ComposeError(f"there is no protocol {protocol!r}; there are: {', '.join(all_tongues)}.")
+    among = [all_tongues[protocol]] if protocol else list(all_tongues.values())
+    bare = message.removeprefix("$")
+    for tongue in among:
+        if message in tongue.messages or tongue.command(message) or bare in tongue.messages:
+            return tongue
+    if protocol and message.startswith("0x"):
+        return among[0]
+    names = {name: None for tongue in among for name in tongue.names()}
+    where = f" of {PROTOCOLS[protocol].title}" if protocol else ""
+    raise ComposeError(f"no message{where} is called {message!r}; {_nearest(message, list(names))}")
+
+
+def frame_of(
+    tongue: Tongue, message: str, pairs: Sequence[str], known: Known | None = None
+) -> tuple[bytes, dict[str, Any]]:
+    """The frame of a message and the values that went into it.
+
+    Args:
+        pairs: FIELD=VALUE.
+    Raises:
+        ComposeError: a name or value that cannot be used.
+    """
+    known = known or Known()
+    command = tongue.command(message)
+    fields = command.arguments if command else tongue.messages.get(message, tongue.opaque)
+    values = parse(pairs, fields)
+    try:
+        if command is None:
+            return tongue.frame_of({"message": message, "fields": values}), values
+        usual = {field.name: field.default for field in fields if field.default is not None}
+        values = {**usual, **values}
+        return tongue.driver.frame(command.name, values, known), values
+    except EncodeError as error:
+        raise ComposeError(f"{message}: {error}") from None
+
+
+def parse(pairs: Sequence[str], fields: Sequence[Field]) -> dict[str, Any]:
+    """FIELD=VALUE pairs as values by name.
+
+    Raises:
+        ComposeError: no field of that name, a value that is none, a path that leads nowhere.
+    """
+    values: dict[str, Any] = {}
+    for pair in pairs:
+        path, equals, text = pair.partition("=")
+        if not equals or not path:
+            raise ComposeError(f"{pair!r} is no FIELD=VALUE")
+        field, rest = _found(path, fields)
+        _put(values, field.name, field, rest, path, text)
+    return values
+
+
+def _found(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
+    """The field that a path begins with, and what follows: names may have points of their own."""
+    for field in sorted(fields, key=lambda one: len(one.name), reverse=True):
+        if path == field.name or path.startswith(f"{field.name}."):
+            return field, [part for part in path[len(field.name) + 1 :].split(".") if part]
+    names = [field.name for field in fields]
+    if not fields:
+        raise ComposeError(f"there is no field {path!r}; this message has none")
+    raise ComposeError(f"there is no field {path.split('.')[0]!r}; {_nearest(path, names)}")
+
+
+def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: str, text: str) -> None:
+    """Write a value where a path leads; lists grow as far as the next place."""
+    if not rest:
+        into[name] = value_of(text, field, path)
+        return
+    if not field.shape and not field.fields:
+        raise ComposeError(f"{path}: {field.name} has no parts")
+    if not field.shape:
+        part, deeper = _found(".".join(rest), field.fields)
+        _put(into.setdefault(name, {}), part.name, part, deeper, path, text)
+        return
+    if not rest[0].isdigit():
+        raise ComposeError(f"{path}: {field.name} is a list: {field.name}.0 is its first")
+    place, rows = int(rest[0]), into.setdefault(name, [])
+    if place > len(rows):
+        raise ComposeError(f"{path}: {field.name} has {len(rows)} entries so far; the next is {field.name}.{len(rows)}")
+    if place == len(rows):
+        usual = {part.name: part.default for part in field.fields if part.default is not None}
+        rows.append(usual if field.fields else 0)
+    if not field.fields:
+        if rest[1:]:
+            raise ComposeError(f"{path}: {field.name}.{place} has no parts")
+        rows[place] = value_of(text, _one(field), path)
+        return
+    if not rest[1:]:
+        rows[place] = value_of(text, _one(field), path)
+        return
+    part, deeper = _found(".".join(rest[1:]), field.fields)
+    _put(rows[place], part.name, part, deeper, path, text)
+
+
+def _one(field: Field) -> Field:
+    """One element of a list."""
+    return Field(field.name, field.dtype, choices=field.choices, bits=field.bits, fields=field.fields)
+
+
+def value_of(text: str, field: Field, path: str) -> Any:
+    """A value in words as a wire value.
+
+    Raises:
+        ComposeError: it is none.
+    """
+    if field.dtype == "ascii":
+        return text
+    if field.dtype == "bytes":
+        digits = text.removeprefix("0x").replace(" ", "")
+        try:
+            return bytes.fromhex(digits).hex()
+        except ValueError:
+            raise ComposeError(f"{path} is hex, given {text!r}") from None
+    if text[:1] in ("[", "{"):
+        try:
+            return _named(json.loads(text), field, path)
+        except json.JSONDecodeError as error:
+            raise ComposeError(f"{path} is no JSON: {error.msg}, at character {error.pos + 1}") from None
+    if field.shape and not field.fields:
+        return [_number(part.strip(), field, path) for part in text.split(",") if part.strip()]
+    return _number(text, field, path)
+
+
+def _named(value: Any, field: Field, path: str) -> Any:
+    """A value of JSON with the names of choices in it made numbers."""
+    if isinstance(value, list):
+        return [_named(one, field, path) for one in value]
+    if isinstance(value, Mapping) and field.fields:
+        parts = {part.name: part for part in field.fields}
+        return {
+            name: _named(one, parts[name], f"{path}.{name}") if name in parts else one for name, one in value.items()
+        }
+    if isinstance(value, str) and field.dtype not in ("ascii", "bytes"):
+        return _number(value, field, path)
+    return value
+
+
+def _number(text: str, field: Field, path: str) -> int | float:
+    """A number, or what a choice or flags stand for."""
+    for read in (lambda word: int(word, 0), float):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    words = {meaning.casefold(): number for number, meaning in field.choices.items()}
+    if text.casefold() in words:
+        return words[text.casefold()]
+    if text.casefold() in ("true", "false") and not words:
+        return int(text.casefold() == "true")
+    if field.bits:
+        return _flags(text, field, path)
+    if words:
+        raise ComposeError(f"{path} is none of its choices, given {text!r}; {_nearest(text, field.choices.values())}")
+    raise ComposeError(f"{path} is a number, given {text!r}")
+
+
+def _flags(text: str, field: Field, path: str) -> int:
+    """Names of flags, joined by |."""
+    word = 0
+    for name in (part.strip() for part in text.split("|")):
+        known = {bits.name.casefold(): bits for bits in field.bits} | {b.doc.casefold(): b for b in field.bits if b.doc}
+        bits = known.get(name.casefold())
+        if bits is None:
+            raise ComposeError(f"{path} has no flag {name!r}; {_nearest(name, [b.name for b in field.bits])}")
+        word |= 1 << bits.low
+    return word
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    """ "nearest are: …"; all, where they are few."""
+    names = list(names)
+    if len(names) <= 6:
+        return f"there are: {', '.join(names)}"
+    folded = {one.casefold(): one for one in names}
+    close = difflib.get_close_matches(name.casefold(), folded, 5, 0.4)
+    found = [folded[one] for one in close] or names[:5]
+    return f"nearest are: {', '.join(found)}"
+
+
+# -- what inspect printed ----------------------------------------------------------------------------------------------
+
+
+def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue]) -> Iterator[bytes]:
+    """One frame for each line that inspect printed; rejects have none.
+
+    Raises:
+        ComposeError: a line that is none of inspect's, with its number.
+    """
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            record = json.loads(line)
+            if not isinstance(record, dict):
+                raise ComposeError("it is no object")
+            if "reject" not in record:
+                yield frame_of_record(record, all_tongues)
+        except json.JSONDecodeError as error:
+            raise ComposeError(f"line {number} is no JSON: {error.msg}") from None
+        except (EncodeError, ComposeError) as error:
+            raise ComposeError(f"line {number}: {error}") from None
+
+
+def frame_of_record(record: Record, all_tongues: Mapping[str, Tongue]) -> bytes:
+    """The frame of one line."""
+    protocol = record.get("protocol")
+    if protocol in FOREIGN:
+        return _foreign(record)
+    tongue = all_tongues.get(str(protocol))
+    if tongue is None:
+        raise ComposeError(f"there is no protocol {protocol!r}; there are: {', '.join([*all_tongues, *FOREIGN])}")
+    try:
+        return tongue.frame_of(record)
+    except (EncodeError, ComposeError):
+        raise
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise ComposeError(f"{record.get('message')}: {error}") from None
+
+
+def _foreign(record: Record) -> bytes:
+    """A message that only passed through: its own bytes."""
+    wire, fields = record.get("wire", {}), record.get("fields", {})
+    line = wire.get("line")
+    if record["protocol"] == "em1000":
+        angles = (round(fields[name] * 100) for name in ("roll", "pitch", "heave", "heading"))
+        return EM1000_HEAD + EM1000.pack(*angles)[len(EM1000_HEAD) :]
+    if not isinstance(line, str):
+        raise ComposeError(f"a message of {record['protocol']} needs wire.line")
+    if record["protocol"] in ("ubx", "rtcm3"):
+        return bytes.fromhex(line)
+    raw = line.encode("latin-1", "replace")
+    ends = {0: b"", 1: b"\n", 2: b"\r\n"}
+    return raw + ends.get(int(record.get("size", len(raw) + 2)) - len(raw), b"\r\n")

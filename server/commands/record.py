@@ -1,0 +1,187 @@
+"""Record without a page: `imuscope record SOURCE -o FILE.mcap [--duration S]`.
+
+    $ imuscope record /dev/ttyUSB0 -o drive.mcap
+    12.3 s, 1.24 MB, MTi-630, 400 samples/s                      (one line that changes, on a terminal)
+    ^C
+    drive.mcap: 12.9 s, 1.30 MB of MTi-630, 0.9 MB on disk
+
+The same link, decoder and recorder as of the server; the decoder tells who the device is and how it fares, the file
+holds its bytes. Ctrl-C and SIGTERM end it; so does the end of a file that is played. Nothing came: no file, status 1.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from recordings.container import SUFFIX, RecordingError
+from recordings.packing import pack
+from server import wire
+from server.control.desks import Desks
+from server.library.recorder import Plan, Recorder
+from server.links import open_link
+from server.links.base import LinkSettings, steady_clock
+from server.live import speech
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.session import Session
+from server.live.sessions import Sessions
+
+LOOK_S = 0.25
+
+
+class RecordError(Exception):
+    """Why it came to nothing, or ended early, in one sentence."""
+
+
+@dataclass(slots=True)
+class Heard:
+    """What has come from the device."""
+
+    size: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def take(self, data: bytes, time_ns: int, way: str) -> None:
+        if way == "rx":
+            self.first_ns = self.first_ns or time_ns
+            self.last_ns = time_ns
+            self.size += len(data)
+
+    @property
+    def seconds(self) -> float:
+        return (self.last_ns - self.first_ns) / 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is to be recorded.
+
+    Args:
+        duration_s: of what comes; None until somebody ends it.
+        data: the data folder, for settings of the device that are known.
+    """
+
+    source: str
+    reading: Reading
+    path: Path
+    duration_s: float | None
+    data: Path
+
+
+def record(wish: Wish, notes: TextIO) -> str:
+    """Record until the end, then pack.
+
+    Returns:
+        What came of it, in a line.
+    Raises:
+        LinkError: the source is written wrongly.
+        RecordError: nothing was recorded, or it ended before its time.
+    """
+    if wish.path.suffix != SUFFIX:
+        raise RecordError(f"A recording is a file {SUFFIX}; {wish.path.name} is none.")
+    try:
+        heard, name = asyncio.run(_record(wish, notes))
+        tty = notes.isatty()
+        pack(wish.path, progress=(lambda share: _say(notes, f"packing {share:.0%}")) if tty else None)
+    except RecordingError as error:
+        raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
+    _say(notes, "")
+    size = wish.path.stat().st_size
+    return f"{wish.path}: {heard.seconds:.1f} s, {amount(heard.size)} of {name}, {amount(size)} on disk"
+
+
+async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
+    now_ns = steady_clock()
+    hub = Hub(lambda: now_ns() / 1e9, history_s=1)
+    sessions = Sessions(hub, open_link, speech.speech(), LinkSettings(now_ns=now_ns))
+    desks = Desks(hub, sessions, wish.data, 20)
+    recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent), None)
+    heard = Heard()
+    sessions.on_added(lambda session: _listen(session, heard))
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    sessions.start()
+    try:
+        await recorder.start(title="", path=wish.path)
+        try:
+            session = sessions.add(wish.source, wish.reading)
+            await _until_end(wish, recorder, session, heard, ended, notes)
+            name, why = session.info.name, f"{session.info.message} {session.info.hint}".strip()
+        finally:
+            if recorder.state.running:
+                await recorder.stop()
+            if not heard.size:
+                with contextlib.suppress(OSError):
+                    wish.path.unlink()
+    finally:
+        await recorder.close()
+        await sessions.close()
+    state = recorder.state
+    if state.message:
+        raise RecordError(f"{state.message} {state.hint}".rstrip())
+    if not heard.size:
+        raise RecordError(f"Nothing came, so nothing was recorded. {why}")
+    return heard, name
+
+
+def _listen(session: Session, heard: Heard) -> None:
+    session.chunks(heard.take)
+
+
+async def _until_end(
+    wish: Wish, recorder: Recorder, session: Session, heard: Heard, ended: asyncio.Event, notes: TextIO
+) -> None:
+    """Return when somebody ends it, its time is over, a file is, or the disk fails."""
+    say: Callable[[str], None] = (lambda text: _say(notes, text)) if notes.isatty() else (lambda text: None)
+    while not ended.is_set():
+        left = LOOK_S
+        if wish.duration_s is not None and heard.first_ns:
+            left = min(left, heard.first_ns / 1e9 + wish.duration_s - recorder.now())
+        if left <= 0:
+            return
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(ended.wait(), left)
+        if session.info.status in ("ended", "idle") or not recorder.state.running:
+            return
+        say(progress(session, heard, recorder.state))
+
+
+def progress(session: Session, heard: Heard, state: wire.RecorderState) -> str:
+    """How it goes, in a line."""
+    info = session.info
+    parts = [f"{heard.seconds:.1f} s", amount(state.bytes)]
+    if info.status == "live":
+        health = session.health(heard.last_ns / 1e9)
+        parts += [info.name, f"{health.rate:.0f} samples/s"]
+        if health.lost:
+            parts.append(f"{health.lost} lost")
+    else:
+        parts.append(info.message)
+    if state.behind_s > 1:
+        parts.append(f"the disk is {state.behind_s:.0f} s behind")
+    return ", ".join(part for part in parts if part)
+
+
+def amount(size: int) -> str:
+    """912 B, 1.24 MB."""
+    value, unit = float(size), "B"
+    for unit in ("B", "kB", "MB", "GB"):  # noqa: B007 - the last one holds
+        if value < 1000:
+            break
+        value /= 1000
+    return f"{size} B" if unit == "B" else f"{value:.2f} {unit}"
+
+
+def _say(notes: TextIO, text: str) -> None:
+    """One line that changes."""
+    if notes.isatty():
+        notes.write(f"\r\x1b[K{text}")
+        notes.flush()

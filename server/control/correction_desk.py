@@ -1,0 +1,73 @@
+"""Which device gets which stream of corrections? One each; a device that is removed loses its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from protocols.dialogues import Known
+from protocols.registry import PROTOCOLS
+from server.control.corrections import Forwarding
+from server.control.forms import Corrections
+from server.live.session import Session
+from server.live.sessions import Sessions
+
+FORWARDING_COMMAND = "ForwardGnssData"
+
+
+class CorrectionDesk:
+    """All streams of the server.
+
+    Args:
+        sessions: the devices that there are; a stream whose device is gone ends.
+    """
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+        self._streams: dict[str, Forwarding] = {}
+
+    def takes(self, session: Session) -> bool:
+        """Has the device a receiver that takes RTCM?"""
+        info = session.info
+        row = PROTOCOLS.get(info.protocol)
+        if row is None or row.driver is None:
+            return False
+        if info.protocol == "isb":
+            return True
+        commands = row.driver.commands(Known(product=info.product))
+        return bool(info.product) and any(command.name == FORWARDING_COMMAND for command in commands)
+
+    def state(self, session: Session) -> Corrections:
+        """How it goes; an empty source where nothing is forwarded."""
+        stream = self._streams.get(session.info.id)
+        return stream.state() if stream is not None else Corrections(source="")
+
+    async def begin(self, session: Session, source: str) -> None:
+        """Forward a stream in place of the one before.
+
+        Raises:
+            CorrectionError: the source is written wrongly; the one before goes on.
+        """
+        fresh = Forwarding(session, source, lambda: self._is_there(session))
+        await self.end(session)
+        self._streams[session.info.id] = fresh
+
+    def _is_there(self, session: Session) -> bool:
+        try:
+            return self._sessions.get(session.info.id) is session
+        except KeyError:
+            return False
+
+    async def end(self, session: Session) -> Corrections:
+        """Stop; the last state, not running."""
+        stream = self._streams.pop(session.info.id, None)
+        if stream is None:
+            return Corrections(source="")
+        state = stream.state()
+        await stream.close()
+        return replace(state, running=False, message="Stopped.", hint="")
+
+    async def close(self) -> None:
+        """End all."""
+        for stream in self._streams.values():
+            await stream.close()
+        self._streams.clear()

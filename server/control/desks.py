@@ -1,0 +1,98 @@
+"""The desks of all devices, and what they share: snapshots, trials, protocols' drivers.
+
+A desk is made with its session, so that its log begins with the device, and ends with it. When the server starts, what
+the one before it left on trial is taken up first.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from protocols.dialogues import Driver
+from server.control.desk import Desk
+from server.control.jobs import Jobs
+from server.control.snapshots import Snapshots
+from server.control.trials import Trials
+from server.links.base import LinkError
+from server.live.hub import Hub
+from server.live.session import Session
+from server.live.sessions import Sessions
+
+log = logging.getLogger("imuscope.desks")
+
+
+def driver_of(protocol: str) -> Driver | None:
+    """The driver of a protocol of the registry."""
+    from protocols.registry import PROTOCOLS
+
+    row = PROTOCOLS.get(protocol)
+    return row.driver if row is not None else None
+
+
+def decode(protocol: str, frame: bytes, session: Session) -> Mapping[str, Any] | None:
+    """The first frame of some bytes as plain values; None where there is none."""
+    from protocols.registry import PROTOCOLS
+
+    row = PROTOCOLS.get(protocol)
+    if row is None:
+        return None
+    listing = row.listing(**session.reading.settings(row.settings))
+    listing.feed(frame)
+    return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
+
+
+class Desks:
+    """All desks of the server.
+
+    Args:
+        data: the data folder.
+        trial_s: how long a person has to keep settings on trial.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        sessions: Sessions,
+        data: Path,
+        trial_s: float,
+        *,
+        drivers: Callable[[str], Driver | None] = driver_of,
+    ) -> None:
+        self._hub = hub
+        self._sessions = sessions
+        self._drivers = drivers
+        self.snapshots = Snapshots(data / "snapshots")
+        self.trials = Trials(data / "trials")
+        self.jobs = Jobs(self.snapshots, self.trials, trial_s)
+        self._desks: dict[str, Desk] = {}
+        sessions.on_added(self._added)
+
+    def _added(self, session: Session) -> None:
+        device = session.info.id
+        desk = self._desks[device] = Desk(session, self._hub, self._drivers, decode)
+
+        async def left() -> None:
+            self._desks.pop(device, None)
+
+        session.before_close(left)
+        desk.tell()
+
+    def get(self, device: str) -> Desk:
+        """KeyError when there is no such device. One that shares a link is commanded with the link's first."""
+        return self._desks[device.partition(".")[0]]
+
+    async def resume(self) -> None:
+        """Take up what the server before this one left on trial."""
+        for record in await asyncio.to_thread(self.trials.all):
+            desk = next((one for one in self._desks.values() if one.session.info.source == record.source), None)
+            if desk is None:
+                try:
+                    desk = self._desks[self._sessions.add(record.source).info.id]
+                except LinkError as error:
+                    log.error("%s is on trial and cannot be opened: %s", record.source, error)
+                    continue
+            desk.add("Go back to the settings before the trial", self.jobs.resume(desk, record), stoppable=False)

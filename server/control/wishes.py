@@ -1,0 +1,138 @@
+"""What does a person's wish mean, and what could it harm? Asked before it becomes a job.
+
+A caution of the tables, or a change that could cut the line, is a Danger with its consequence in words; flash that
+wears a little with each write is told in the form and not asked about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from protocols.layouts import EncodeError
+from protocols.schema import Setting
+from server.api.errors import ApiError
+from server.control.desk import Desk
+from server.control.preview import problems_of
+from server.control.values import numbers
+
+UNASKED = ("", "wears-flash")
+
+
+@dataclass(frozen=True, slots=True)
+class Danger:
+    """What something could cost."""
+
+    caution: str
+    consequence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What is to be done.
+
+    Args:
+        dangers: what has to be confirmed.
+        values: what is to be written, by setting; of a command, under its name.
+        setting: a command that writes this setting; "" for another.
+        changes: it writes something.
+    """
+
+    title: str
+    dangers: list[Danger] = field(default_factory=list)
+    values: dict[str, dict[str, Any]] = field(default_factory=dict)
+    setting: str = ""
+    changes: bool = False
+
+
+def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
+    """Settings to write.
+
+    Raises:
+        ApiError: a setting that there is not or that cannot be written, or a value that cannot be sent.
+    """
+    rows = desk.rows
+    dangers: list[Danger] = []
+    wanted: dict[str, dict[str, Any]] = {}
+    for name, given in changes.items():
+        row = rows.get(name)
+        if row is None or not row.write:
+            what = "has no setting" if row is None else "tells, and does not take,"
+            raise ApiError(
+                404, "not-found", f"{desk.session.info.name} {what} {name!r:.80}.", "GET …/forms lists them."
+            )
+        values = wanted[name] = numbers(row.fields, given)
+        _check(desk, row, values)
+        dangers += _dangers(desk, row, values)
+    titles = [rows[name].title or name for name in changes]
+    title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
+    return Wish(title, dangers, wanted, changes=True)
+
+
+def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
+    old = desk.values.get(row.name)
+    if old is not None and all(old.get(name) == value for name, value in values.items()):
+        return  # as the device has it; even what cannot be sent may stay
+    fields = [one for one in row.fields if not one.read_only]
+    names = {one.name for one in fields}
+    given = {name: value for name, value in values.items() if name in names or name not in _told(row)}
+    whole = not row.partial and row.name not in desk.values
+    found = problems_of(fields, given, partial=not whole)
+    if found:
+        raise ApiError(
+            422, "bad-value", f"{row.title or row.name}: {found[0].message}", "POST …/preview tells them all."
+        )
+
+
+def _told(row: Setting) -> set[str]:
+    return {one.name for one in row.fields if one.read_only}
+
+
+def _dangers(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
+    old = desk.values.get(row.name)
+    new = dict(values) if row.partial or old is None else {**old, **values}
+    if old is not None and not desk.driver.same(row.name, {name: old.get(name) for name in new}, new):
+        return []
+    found = []
+    if row.caution not in UNASKED:
+        found.append(Danger(row.caution, row.consequence))
+    try:
+        line = desk.driver.line_change(row.name, old, new, desk.known)
+    except (KeyError, EncodeError):
+        line = None  # of values that are not whole; the job asks again when it has read the rest
+    if line is not None:
+        found.append(Danger("cuts-line", line.words))
+    return found
+
+
+def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
+    """A command to run.
+
+    Raises:
+        ApiError: there is none of that name, or a value cannot be sent.
+    """
+    rows = {row.name: row for row in desk.driver.commands(desk.known)}
+    row = rows.get(name)
+    if row is None:
+        raise ApiError(404, "not-found", f"{desk.session.info.name} has no command {name!r:.80}.", "GET …/forms.")
+    values = numbers(row.arguments, values)
+    found = problems_of(row.arguments, values)
+    if found:
+        raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", "POST …/preview tells them all.")
+    setting = _written_by(desk, name, values)
+    if setting is not None:
+        title = f"Write {setting.title or setting.name}"
+        return Wish(title, _dangers(desk, setting, values), {setting.name: dict(values)}, setting.name, True)
+    dangers = [] if row.caution in UNASKED else [Danger(row.caution, row.consequence)]
+    changes = row.kind == "set" or row.caution in ("loses-settings", "wears-flash", "moves-frame")
+    return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes)
+
+
+def _written_by(desk: Desk, command: str, values: Mapping[str, Any]) -> Setting | None:
+    """The setting that a command writes, where its arguments are the setting's own fields."""
+    for row in desk.driver.settings(desk.known):
+        names = {one.name for one in row.fields if not one.read_only}
+        if row.write == command and values and (set(values) <= names if row.partial else set(values) == names):
+            return row
+    return None

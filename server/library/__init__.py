@@ -1,0 +1,1 @@
+"""Recordings: taken, kept, opened, and handed on."""

@@ -1,0 +1,181 @@
+"""The library as the page is told it: the folder's recordings, which are open, which is being recorded, what changed.
+
+    recordings/library.py     what lies in the folder
+    server/library/shelf.py   which of it has been decoded       ──> RecordingInfo, and the op `library` on every change
+    hub.recorder              what is being written now
+
+What the list wants to know of a recording beyond its file (motion, losses, counts) is kept when its columns are first
+found; one that was recorded here is opened for that as soon as it is packed. A file that somebody drops into the folder
+is told of within `LOOK_S` where somebody watches.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from recordings.container import RecordingError
+from recordings.library import Entry, Library
+from server.library.recorded import Marker, RecordedDevice, RecordingInfo
+from server.live.hub import Hub
+
+if TYPE_CHECKING:
+    from server.library.shelf import Shelf
+
+log = logging.getLogger("imuscope.library")
+
+FOLDER = "recordings"
+LOOK_S = 2.0
+
+
+class Catalogue:
+    """The library of one server.
+
+    Args:
+        data: the data folder.
+    Attributes:
+        shelf: set when it is there; without one nothing counts as opened.
+    """
+
+    def __init__(self, hub: Hub, data: Path) -> None:
+        self.library = Library(data / FOLDER)
+        self.shelf: Shelf | None = None
+        self._hub = hub
+        self._paths: dict[str, Path] = {}
+        self._stamp: object = None
+        self._watcher: asyncio.Task[None] | None = None
+        self._looking: set[asyncio.Task[None]] = set()
+
+    def path(self, recording: str) -> Path:
+        """The file of a recording. KeyError: there is none of that id."""
+        known = self._paths.get(recording)
+        if known is None or not known.exists():
+            known = self._paths[recording] = self.library.path(recording)
+        return known
+
+    async def all(self, search: str = "") -> list[RecordingInfo]:
+        """Newest first; then those in the bin."""
+        entries = await asyncio.to_thread(self.library.all, search)
+        self._paths.update({entry.id: entry.path for entry in entries if entry.deleted is None})
+        if await self._learn(entries):
+            entries = await asyncio.to_thread(self.library.all, search)
+        return [self.told(entry) for entry in entries]
+
+    def info(self, recording: str) -> RecordingInfo:
+        """One of them. KeyError: there is none of that id."""
+        return self.told(self.library.get(recording))
+
+    def markers(self, recording: str) -> list[Marker]:
+        """Those that were put in later. KeyError: there is none of that id."""
+        return [Marker(**asdict(marker)) for marker in self.library.get(recording).edits.markers]
+
+    def told(self, entry: Entry) -> RecordingInfo:
+        """An entry as the API tells it."""
+        found, edits = entry.peek, entry.edits
+        recording = self.is_recording(entry)
+        duration = found.duration
+        if recording and found.started is not None:
+            duration = max(0.0, self._hub.now() - found.started)
+        return RecordingInfo(
+            id=entry.id,
+            title=entry.title,
+            file=entry.path.name,
+            format=found.format,
+            size=entry.size,
+            started=found.started,
+            duration=duration,
+            devices=[RecordedDevice(**asdict(device)) for device in found.devices],
+            tags=list(edits.tags or ()),
+            notes=edits.notes or "",
+            pinned=bool(edits.pinned),
+            recording=recording,
+            opened=entry.deleted is None and not recording and self._is_open(entry),
+            damaged="" if recording else found.damaged,
+            markers=entry.markers,
+            thumbnail=entry.thumbnail,
+            losses=entry.losses,
+            deleted=entry.deleted,
+        )
+
+    def is_recording(self, entry: Entry) -> bool:
+        """Is it being written now?"""
+        now = self._hub.recorder
+        return now is not None and now.running and entry.deleted is None and entry.path.stem == now.id
+
+    def changed(self) -> None:
+        """Tell everybody."""
+        self._hub.library_changed()
+
+    def finished(self, path: Path) -> None:
+        """A recording of ours is packed: open it once, aside, so that the list shows its motion and losses."""
+        self.changed()
+        if self.shelf is not None:
+            work = asyncio.get_running_loop().create_task(self._look_at(path), name=f"looking at {path.name}")
+            self._looking.add(work)
+            work.add_done_callback(self._looking.discard)
+
+    async def _look_at(self, path: Path) -> None:
+        assert self.shelf is not None
+        try:
+            columns = await self.shelf.opened(path.stem)
+            await asyncio.to_thread(self.library.learn, path.stem, columns)
+        except (KeyError, OSError):
+            return  # it is gone by now
+        except RecordingError as error:
+            log.info("%s cannot be opened: %s", path.name, error)
+            return
+        self.changed()
+
+    # ── watching ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def start(self) -> None:
+        """Begin to look for what comes and goes."""
+        self._watcher = asyncio.get_running_loop().create_task(self._watch(), name="library")
+
+    async def close(self) -> None:
+        """Look no more."""
+        tasks = [*self._looking, *([self._watcher] if self._watcher is not None else [])]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _watch(self) -> None:
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if not self._hub.outboxes:
+                continue
+            try:
+                await self._look()
+            except Exception:
+                log.exception("looking into the library failed")
+
+    async def _look(self) -> None:
+        now = self._hub.recorder
+        written = now.id if now is not None and now.running else ""
+        stamp = await asyncio.to_thread(self.library.stamp, written)
+        entries = await asyncio.to_thread(self.library.all)
+        learned = await self._learn(entries)
+        if learned or (self._stamp is not None and stamp != self._stamp):
+            self.changed()
+        self._stamp = stamp
+
+    async def _learn(self, entries: list[Entry]) -> bool:
+        """Keep what is to be known of recordings that were opened since; whether there was one."""
+        learned = False
+        for entry in entries:
+            if entry.indexed or entry.deleted is not None or not self._is_open(entry) or self.shelf is None:
+                continue
+            columns = self.shelf.peek(entry.id)
+            if columns is not None:
+                await asyncio.to_thread(self.library.learn, entry.id, columns)
+                learned = True
+        return learned
+
+    def _is_open(self, entry: Entry) -> bool:
+        try:
+            return self.shelf is not None and self.shelf.store_of(entry.id).is_dir()
+        except (KeyError, OSError):
+            return False

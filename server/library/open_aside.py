@@ -1,0 +1,54 @@
+"""`python -m server.library.open_aside`: decodes one recording in a process of its own, for server/library/shelf.py.
+
+A wish comes on standard input, one JSON object: path, store, key (hex, never on a command line). What goes out are JSON
+lines: {"progress": 0..1} as it goes on, and {"message", "hint"} when it cannot.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from pathlib import Path
+
+from recordings.container import RecordingError
+from recordings.importers import open_file
+from server.library.opening import decode
+from server.live.reading import reading
+from server.live.speech import speech
+
+STEP = 0.005
+
+
+def main() -> int:
+    """Decode what standard input asks for; 0, or 1 when it could not be done and was told."""
+    with contextlib.suppress(OSError):
+        os.nice(5)  # live devices come first
+    wish = json.loads(sys.stdin.read())
+    told = 0.0
+
+    def progress(share: float) -> None:
+        nonlocal told
+        if share >= told + STEP:
+            told = share
+            _say(progress=round(share, 3))
+
+    try:
+        source = open_file(Path(wish["path"]))
+        decode(source, Path(wish["store"]), speech(), reading(key=wish.get("key", "")), progress)
+    except RecordingError as error:
+        _say(message=error.message, hint=error.hint)
+        return 1
+    except OSError as error:
+        _say(message=f"It cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint="")
+        return 1
+    return 0
+
+
+def _say(**words: object) -> None:
+    print(json.dumps(words), flush=True)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

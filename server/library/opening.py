@@ -1,0 +1,318 @@
+"""How does a recording become what a live device is: channels, events, figures?
+
+By the very same way. The recorded chunks, each with the time at which it arrived, go through decoder and intake as they
+did when they came, only as fast as the machine can; what would have gone to browsers goes into a store of columns:
+
+    Source.parts() ──> Reader of each device ──> Collector (in place of the hub) ──> ColumnsWriter ──> Columns
+                                                 events, devices, channels       ──> its manifest
+
+So an old file has what today's decoder makes of it, and a recording looks as it looked live. What was kept beside the
+bytes (markers, what a person did, how the link fared) is taken over; what follows from the bytes (gaps, rejects, steps
+of the clock, answers) is found anew.
+
+Memory is bounded by one part and the blocks that wait to be written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from recordings.columns import Columns, ColumnsWriter, Shape
+from recordings.container import EVENTS, NOTES, SNAPSHOT
+from recordings.derived import euler_columns
+from recordings.parts import Part, Source
+from recordings.tables import TableSource
+from server import codec, wire
+from server.library.opening_tables import decode_tables
+from server.links.base import LinkKind
+from server.live.channels import Piece
+from server.live.hub import Hub
+from server.live.intake import Line
+from server.live.portrait import Portrait, short
+from server.live.reading import Reading
+from server.live.recognition import GUESS_SCORE, Speech
+from server.live.senders import Reader, Senders
+
+DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
+FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
+MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
+GUESS_BYTES = 1 << 16
+
+
+class Collector(Hub):
+    """Takes what a hub takes, and writes samples to a store."""
+
+    tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
+
+    def __init__(self, writer: ColumnsWriter) -> None:
+        super().__init__(self._time, history_s=0)
+        self.time = 0.0  # arrival of what is decoded now, unix s
+        self.infos: dict[int, wire.ChannelInfo] = {}
+        self.events: list[wire.EventInfo] = []
+        self.left_out = 0
+        self._writer = writer
+        self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
+
+    def _time(self) -> float:
+        return self.time
+
+    def advertise(self, info: wire.ChannelInfo) -> int:
+        number = len(self.infos) + 1
+        self.infos[number] = replace(info, id=number)
+        status = tuple(info.kind == "status" and bool(column.bits) for column in info.columns)
+        self._writer.channel(number, Shape(tuple(column.dtype for column in info.columns), status))
+        return number
+
+    def publish(self, pieces: Iterable[Piece]) -> None:
+        for piece in pieces:
+            self._writer.append(piece.channel, piece.columns)
+            if self.infos[piece.channel].kind in ("quaternion", "matrix"):
+                self._angles(piece)
+
+    def _angles(self, piece: Piece) -> None:
+        """Euler angles of what is not sent as such (recordings/derived.py)."""
+        number = self._derived.get(piece.channel)
+        if number is None:
+            number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])
+        if number:
+            self._writer.append(number, [*piece.columns[:2], *euler_columns(piece.columns[2:])])
+
+    def _derive(self, source: wire.ChannelInfo) -> int:
+        """The channel of angles, as the page would call it; 0 where they would mean nothing: not against a level."""
+        if source.frame.startswith("ECEF") or len(source.columns) not in (4, 9):
+            return 0
+        turns = (("roll", "x", 360.0), ("pitch", "y", 0.0), ("yaw", "z", 360.0))
+        columns = [
+            wire.ColumnInfo(name, "f8", unit="°", label=name, axis=axis, decimals=2, period=period)  # type: ignore[arg-type]
+            for name, axis, period in turns
+        ]
+        words = f"Worked out from {source.title or source.name}; yaw, then pitch, then roll."
+        return self.advertise(
+            replace(
+                source, name="EulerAngles", title="Euler angles", kind="euler", unit="°", columns=columns, doc=words
+            )
+        )
+
+    def event(self, device: str, kind: wire.EventKind, level: wire.Level, text: str, **more: Any) -> wire.EventInfo:
+        event = super().event(device, kind, level, text, **more)
+        self._new_events.clear()  # nobody is told
+        if len(self.events) < MOST_EVENTS or kind == "gap":
+            self.events.append(event)
+        else:
+            self.left_out += 1
+        return event
+
+    def request_flush(self) -> None:
+        """There is nobody to flush to."""
+
+
+class _Device:
+    """One device of the file while it is decoded."""
+
+    def __init__(self, hub: Collector, name: str, source: Source, speech: Speech, reading: Reading) -> None:
+        told = source.devices.get(name)
+        about: Mapping[str, str] = told.about if told is not None else {}
+        self._hub = hub
+        self._speech = speech
+        self._reading = reading
+        self.protocol = reading.protocol or (told.protocol if told is not None else "")
+        link = about.get("link", "file")
+        info = wire.DeviceInfo(
+            id=name,
+            name=about.get("name") or short(about.get("source", "") or source.path.name),
+            source=about.get("source", "") or source.path.name,
+            link=link if link in get_args(LinkKind) else "file",  # type: ignore[arg-type]
+            status="ended",
+            protocol=self.protocol,
+            product=about.get("product", ""),
+            serial_number=about.get("serial_number", ""),
+            firmware=about.get("firmware", ""),
+            baud=int(about["baud"]) if about.get("baud", "").isdigit() else None,
+        )
+        self.portrait = Portrait(hub, info, speech.title)
+        self.senders = Senders(hub, self.portrait, speech.title)
+        self._link = info.link
+        self._baud = info.baud
+        self._reader: Reader | None = None
+        self._waiting: list[Part] = []
+        self._fed = 0
+        self._next_tick = 0.0
+        if self.protocol:
+            self._begin()
+
+    def _begin(self) -> None:
+        line = Line(10e9 / self._baud if self._baud else 0, self._link, self._baud / 10 if self._baud else None)
+        decoder = self._speech.decoder(self.protocol, self._reading, self._link)
+        about = self._speech.about(self.protocol)
+        self.portrait.set(protocol=self.protocol)
+        self._reader = Reader(self._hub, self.senders, decoder, line=line, about=about)
+
+    def take(self, part: Part) -> None:
+        """Bytes that came from it."""
+        if self._reader is None:
+            self._waiting.append(part)
+            if sum(len(one.data) for one in self._waiting) >= GUESS_BYTES:
+                self._recognise()
+            return
+        self._feed(self._reader, part)
+
+    def _recognise(self) -> None:
+        guesses = self._speech.guess(b"".join(part.data for part in self._waiting)[: 4 * GUESS_BYTES])
+        if guesses and guesses[0].score >= GUESS_SCORE:
+            self.protocol = guesses[0].protocol
+            self._begin()
+            assert self._reader is not None
+            for part in self._waiting:
+                self._feed(self._reader, part)
+            self._waiting.clear()
+
+    def _feed(self, reader: Reader, part: Part) -> None:
+        first = 0
+        while first < len(part.ends):
+            start = int(part.ends[first - 1]) if first else 0
+            past = max(int(np.searchsorted(part.ends, start + DRAIN_BYTES - self._fed, "right")), first + 1)
+            end = int(part.ends[past - 1])
+            reader.feed_many(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
+            self._fed += end - start
+            self._hub.time = float(part.times[past - 1]) / 1e9
+            if self._fed >= DRAIN_BYTES:
+                self._drain(reader)
+            first = past
+        self.senders.own.figures.heard(len(part.data), self._hub.time)
+
+    def _drain(self, reader: Reader) -> None:
+        self._fed = 0
+        reader.drain()
+        if self._hub.time >= self._next_tick:
+            self._next_tick = self._hub.time + 1.0
+            for sender in self.senders.all:
+                sender.incidents.tick(self._hub.time)
+
+    def end(self) -> None:
+        """The file is over."""
+        if self._reader is None and self._waiting:
+            self._recognise()
+        if self._reader is not None:
+            self._reader.drain(stalled=True)
+        for sender in self.senders.all:
+            sender.incidents.tick(self._hub.time + 3600.0)
+            sender.portrait.set(status="ended", message="", hint="", next_try=None)
+
+
+def decode(
+    source: Source,
+    folder: Path,
+    speech: Speech,
+    reading: Reading = Reading(),  # noqa: B008 - frozen
+    progress: Callable[[float], None] = lambda share: None,
+) -> Columns:
+    """Decode a file into a store.
+
+    Args:
+        folder: of the store.
+        reading: what a person said about it; a protocol named here is that of every device.
+        progress: called with 0..1, from the thread that decodes.
+    Raises:
+        RecordingError, OSError: the file cannot be read, or the store not be written; nothing is left behind.
+    """
+    writer = ColumnsWriter(folder)
+    try:
+        if isinstance(source, TableSource):
+            return decode_tables(source, writer, progress)
+        hub = Collector(writer)
+        devices = {name: _Device(hub, name, source, speech, reading) for name in source.devices}
+        spans: dict[str, list[int]] = {}
+        for part in source.parts():
+            if part.way == "rx":
+                if part.device not in devices:
+                    devices[part.device] = _Device(hub, part.device, source, speech, reading)
+                devices[part.device].take(part)
+            span = spans.setdefault(part.device, [int(part.times[0]), int(part.times[-1])])
+            span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))
+            progress(min(part.done, 0.99))
+        for device in devices.values():
+            device.end()
+        manifest: dict[str, Any] = codec.plain(_manifest(source, hub, devices, spans))
+        return writer.finish(manifest)
+    except BaseException:
+        writer.abandon()
+        raise
+
+
+def _manifest(
+    source: Source, hub: Collector, devices: Mapping[str, _Device], spans: Mapping[str, list[int]]
+) -> dict[str, Any]:
+    events = list(hub.events)
+    markers: list[dict[str, Any]] = []
+    snapshots: dict[str, Any] = {}
+    for channel, time_ns, body in source.said():
+        if channel == EVENTS and body.get("kind") not in FOUND_ANEW:
+            events.append(_event(body, time_ns))
+        elif channel == NOTES:
+            markers.append({"time": time_ns / 1e9, "id": len(markers) + 1, **_note(body)})
+        elif channel.startswith(SNAPSHOT):
+            snapshots[channel.removeprefix(SNAPSHOT)] = dict(body)
+    events.sort(key=lambda event: event.time)
+    for number, event in enumerate(events):
+        event.seq = number
+    infos = [info for device in devices.values() for info in device.senders.infos]
+    figures = {sender.portrait.info.id: sender for device in devices.values() for sender in device.senders.all}
+    starts = [first for first, _ in spans.values()]
+    stops = [last for _, last in spans.values()]
+    return {
+        "format": source.format,
+        "timed": source.timed,
+        "about": dict(source.about),
+        "started": min(starts) / 1e9 if starts else None,
+        "ended": max(stops) / 1e9 if stops else None,
+        "devices": [asdict(info) for info in infos],
+        "channels": [asdict(info) for info in hub.infos.values()],
+        "events": [asdict(event) for event in events],
+        "events_left_out": hub.left_out,
+        "markers": markers,
+        "snapshots": snapshots,
+        "damage": [asdict(damage) for damage in source.damage],
+        "figures": {
+            device: {
+                "bytes": sender.figures.bytes.total,
+                "lost": sender.figures.lost,
+                "gaps": sender.figures.gaps,
+                "rejects": sender.figures.rejects,
+                "messages": {name: meter.total for name, meter in sender.figures.messages.items()},
+            }
+            for device, sender in figures.items()
+        },
+    }
+
+
+def _event(body: Mapping[str, Any], time_ns: int) -> wire.EventInfo:
+    kind, level = body.get("kind"), body.get("level")
+    return wire.EventInfo(
+        0,
+        float(body.get("time") or time_ns / 1e9),
+        str(body.get("device", "")),
+        kind if kind in get_args(wire.EventKind) else "device",  # type: ignore[arg-type]
+        level if level in ("info", "caution", "fault") else "info",
+        str(body.get("text", "")),
+        data=dict(body.get("data") or {}),
+    )
+
+
+def _note(body: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "kind": "note" if body.get("kind") == "note" else "marker",
+        "text": str(body.get("text", "")),
+        "device": str(body.get("device", "")),
+    }
+
+
+def usual_interval(columns: Columns, channel: int) -> float:
+    """The usual time between two samples of a channel, s; 0 while it has fewer than two."""
+    rows = columns.exact(channel, 0, 4096, columns=[])
+    steps = np.diff(np.where(np.isnan(rows.time), rows.arrival, rows.time))
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

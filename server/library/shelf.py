@@ -1,0 +1,212 @@
+"""Which recordings are open? A recording is decoded once, aside, and its columns are kept until something changes.
+
+    open(id) ── columns there? ──> Columns                      milliseconds, whatever the length
+                └─ no ──> a process of its own decodes ──> progress 0..1 ──> Columns
+
+A process of its own, because decoding an hour takes seconds of a core: live devices must not feel it, and a decoder
+that falls over takes nothing with it. A store is named after everything that it follows from (the file's name, size and
+time, the decoder's sources, what a person said about how to read it): what is stale is never found, and is swept when
+the folder has grown too large.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import shutil
+import sys
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import protocols
+from recordings.columns import VERSION, Columns
+from recordings.container import RecordingError
+
+log = logging.getLogger("imuscope.shelf")
+
+KEPT_OPEN = 16
+CACHE_BYTES = 20 << 30
+TRIES = 3  # a file may be packed while it is opened: then it is another file
+FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
+DECODED_BY = ("library/opening", "live/channels", "live/intake", "live/incidents", "live/senders", "live/raws")
+RECORDINGS, CACHE = "recordings", "cache"
+
+
+@dataclass(slots=True)
+class Opening:
+    """A recording that is being decoded."""
+
+    progress: float = 0.0
+    error: RecordingError | None = None
+    task: asyncio.Task[None] | None = None
+    failed_at: float = 0.0
+
+
+class Shelf:
+    """The opened recordings of one data folder.
+
+    Args:
+        data: the data folder.
+        path_of: file of a recording's id; KeyError when there is none.
+        key_of: the key of Secure frames, hex, for a recording; "" for none.
+    """
+
+    def __init__(
+        self, data: Path, path_of: Callable[[str], Path], key_of: Callable[[str], str] = lambda id: ""
+    ) -> None:
+        self._cache = data / CACHE / "columns"
+        self._path_of = path_of
+        self._key_of = key_of
+        self._open: OrderedDict[Path, Columns] = OrderedDict()
+        self._opening: dict[Path, Opening] = {}
+
+    def store_of(self, recording: str) -> Path:
+        """The folder in which the columns of a recording are, or would be.
+
+        Raises:
+            KeyError: there is no such recording.
+        """
+        path = self._path_of(recording)
+        stamp = path.stat()
+        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, _mark(), self._key_of(recording))
+        return self._cache / hashlib.sha256(repr(told).encode()).hexdigest()[:24]
+
+    def peek(self, recording: str) -> Columns | None:
+        """The columns, if they are there."""
+        return self._columns(self.store_of(recording))
+
+    def open(self, recording: str) -> Columns | Opening:
+        """The columns, or how far their making is; making begins with this call.
+
+        Raises:
+            KeyError: there is no such recording.
+        """
+        store = self.store_of(recording)
+        found = self._columns(store)
+        if found is not None:
+            return found
+        opening = self._opening.get(store)
+        if opening is not None and opening.error is not None and time.monotonic() - opening.failed_at > FAILED_FOR_S:
+            opening = None
+        if opening is None:
+            opening = self._opening[store] = Opening()
+            work = self._decode(recording, store, opening)
+            opening.task = asyncio.get_running_loop().create_task(work, name=f"opening {recording}")
+        return opening
+
+    async def opened(self, recording: str) -> Columns:
+        """The columns, waited for.
+
+        Raises:
+            KeyError: there is no such recording.
+            RecordingError: it cannot be opened.
+        """
+        for _ in range(TRIES):
+            found = self.open(recording)
+            if isinstance(found, Columns):
+                return found
+            if found.task is not None:
+                await asyncio.shield(found.task)
+            if found.error is not None:
+                raise found.error
+            made = self.peek(recording)
+            if made is not None:
+                return made
+        raise RecordingError("The recording changed while it was opened.", "Open it again.")
+
+    async def close(self) -> None:
+        """Stop what is being decoded."""
+        tasks = [opening.task for opening in self._opening.values() if opening.task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _columns(self, store: Path) -> Columns | None:
+        found = self._open.get(store)
+        if found is None:
+            try:
+                found = Columns(store)
+            except (OSError, ValueError, KeyError):
+                return None
+            self._open[store] = found
+            self._opening.pop(store, None)
+            with contextlib.suppress(OSError):
+                os.utime(store)  # when it was last used
+        self._open.move_to_end(store)
+        while len(self._open) > KEPT_OPEN:
+            self._open.popitem(last=False)
+        return found
+
+    async def _decode(self, recording: str, store: Path, opening: Opening) -> None:
+        try:
+            self._cache.mkdir(parents=True, exist_ok=True)
+            await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES)
+            await self._run(recording, store, opening)
+        except RecordingError as error:
+            opening.error, opening.failed_at = error, time.monotonic()
+        except OSError as error:
+            words = (error.strerror or "it cannot be written").lower()
+            hint = "Free some space, or choose another folder with --data."
+            opening.error = RecordingError(f"Its columns cannot be kept: {words}.", hint)
+            opening.failed_at = time.monotonic()
+        opening.task = None
+
+    async def _run(self, recording: str, store: Path, opening: Opening) -> None:
+        wish = {"path": str(self._path_of(recording)), "store": str(store), "key": self._key_of(recording)}
+        process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "server.library.open_aside"),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            cwd=Path(__file__).parents[2],
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(json.dumps(wish).encode())
+            process.stdin.close()
+            async for line in process.stdout:
+                told = json.loads(line)
+                if "progress" in told:
+                    opening.progress = told["progress"]
+                else:
+                    opening.error = RecordingError(told["message"], told["hint"])
+                    opening.failed_at = time.monotonic()
+            if await process.wait() != 0 and opening.error is None:
+                raise RecordingError("Opening it failed.", "The log has details.")
+        finally:
+            if process.returncode is None:
+                process.kill()
+                await process.wait()
+
+
+@cache
+def _mark() -> str:
+    """Names the sources of everything that decides what a store holds."""
+    digest = hashlib.sha256()
+    root = Path(protocols.__file__).parent
+    for source in sorted(root.rglob("*.*")):
+        if source.suffix in (".py", ".txt"):
+            digest.update(source.read_bytes())
+    for name in DECODED_BY:
+        digest.update((Path(__file__).parents[1] / f"{name}.py").read_bytes())
+    return digest.hexdigest()
+
+
+def _sweep(cache: Path, budget: int) -> None:
+    """Delete what was not used for longest until the rest is within the budget."""
+    stores = [(folder.stat().st_mtime, folder) for folder in cache.iterdir() if folder.is_dir()]
+    sizes = {folder: sum(file.stat().st_size for file in folder.iterdir()) for _, folder in stores}
+    total = sum(sizes.values())
+    for _, folder in sorted(stores):
+        if total <= budget:
+            return
+        shutil.rmtree(folder, ignore_errors=True)
+        total -= sizes[folder]

@@ -1,0 +1,383 @@
+"""How does what one device sent become channels, events and figures?
+
+    server/live/senders.py ─take─> Batch ──> device time → host time ──> channels ──> hub
+                              Text  ──> its numbers are a channel too (an NMEA sentence)
+                              Reply ──> an event, and who the device is
+                              Gap, Step, Reject ──> sentences (server/live/incidents.py) and counts
+                              bytes that nobody has described ──> server/live/raws.py
+
+All batches of a drain are mapped to host time together. A gap lies between the frame before and the frame
+after it *in the stream*, whichever layouts those two have, so their times are looked up by offset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.clocks import HostClock
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.schema import Field, Message
+from protocols.sentences import Sentences
+from server.live.channels import Channels
+from server.live.health import Figures
+from server.live.hub import Hub
+from server.live.incidents import Blame, Incidents
+from server.live.raws import Raws
+
+FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
+SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
+SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
+ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
+TOLD_ONCE = ("no_key",)  # by server/live/advice.py: that every frame is refused again is no news
+MOST_PROTECTIONS = 8  # named of one device
+HEARD = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
+"""What sends nothing but messages of that kind, the most telling kind first: any device may speak NMEA."""
+_WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
+_ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
+
+
+def _nothing(reply: Reply) -> Mapping[str, str]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What an intake and a session know of a protocol beside its decoder; see registry.ProtocolInfo."""
+
+    greeting: bytes = b""
+    identity: Callable[[Reply], Mapping[str, str]] = _nothing
+    protection: Callable[[Batch], str] | None = None
+    sender: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Some rows of a batch that has a clock."""
+
+    index: int  # of the batch in its drain
+    batch: Batch
+    rows: slice
+
+    @property
+    def device(self) -> NDArray[np.int64]:
+        assert self.batch.time_ns is not None
+        return self.batch.time_ns[self.rows]
+
+    @property
+    def arrival(self) -> NDArray[np.int64]:
+        return self.batch.arrival_ns[self.rows]
+
+
+@dataclass(slots=True)
+class Identity:
+    """Who a device said it is; "" while unknown.
+
+    Args:
+        read: what an answer tells.
+        sender: what to call who sends, where a stream names its senders.
+        speaks: what to call it while it speaks only what passes through any port; "" to go by the protocol.
+    """
+
+    read: Callable[[Reply], Mapping[str, str]] = _nothing
+    sender: str = ""
+    product: str = ""
+    serial_number: str = ""
+    firmware: str = ""
+    protection: str = ""
+    speaks: str = ""
+    _protections: dict[str, None] = field(default_factory=dict)  # in the order in which they were met
+
+    def learn(self, reply: Reply) -> bool:
+        """Take what an answer tells; True when something is new."""
+        told = self.read(reply)
+        if not told:
+            return False
+        before = (self.product, self.serial_number, self.firmware)
+        self.product = told.get("product", self.product or told.get("series", ""))
+        self.serial_number = told.get("serial_number", self.serial_number)
+        self.firmware = told.get("firmware", self.firmware)
+        return before != (self.product, self.serial_number, self.firmware)
+
+    def heard(self, sender: str, protection: str) -> bool:
+        """It sent frames that are protected in some way; True when something is new."""
+        if self.serial_number == sender and (protection == "" or protection in self._protections):
+            return False
+        if protection and len(self._protections) < MOST_PROTECTIONS:
+            self._protections[protection] = None
+        before = (self.serial_number, self.product, self.protection)
+        self.protection = "; ".join(self._protections)
+        if self.sender:
+            self.serial_number, self.product = sender, self.sender
+        return before != (self.serial_number, self.product, self.protection)
+
+    @property
+    def name(self) -> str:
+        """What to call it; "" to go by the product."""
+        return f"{self.product} {self.serial_number}" if self.sender and self.product else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What is known of the link that a device is on.
+
+    Args:
+        byte_time_ns: how long a byte takes on it, 0 where that is not known.
+        kind: of the link (wire.DeviceInfo.link).
+        capacity: bytes/s that it can carry, None where that is not known.
+    """
+
+    byte_time_ns: float = 0
+    kind: str = ""
+    capacity: float | None = None
+
+
+class Intake:
+    """One device during one connection.
+
+    Args:
+        hub: where samples and events go.
+        figures, channels, incidents, raws: of the device; they go on over reconnections.
+        identify: called when an answer told who the device is, or its frames how they are protected.
+        line, about: what is known of its link and of its protocol.
+        counts_rejects: it answers for what was refused on the link; nobody knows who sent that.
+    """
+
+    def __init__(
+        self,
+        hub: Hub,
+        *,
+        figures: Figures,
+        channels: Channels,
+        incidents: Incidents,
+        raws: Raws,
+        identify: Callable[[Identity], None] = lambda identity: None,
+        line: Line = Line(),
+        about: About = About(),
+        counts_rejects: bool = True,
+    ) -> None:
+        self._hub = hub
+        self._figures = figures
+        self._channels = channels
+        self._incidents = incidents
+        self._raws = raws
+        self._identify = identify
+        self._line = line
+        self._counts_rejects = counts_rejects
+        self._sizes: dict[int, tuple[Message, int]] = {}
+        self._sentences = Sentences()
+        self._last_time: float | None = None  # host time of the last frame of the previous drain
+        self._rejects_before = 0  # since the last frame that was good
+        self.clock = HostClock(line.byte_time_ns)
+        self._restarts = 0  # of the clock's mapping, as far as they have been told
+        self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
+        self._about = about
+        self.identity = Identity(about.identity, about.sender)
+        self._kinds: set[str] | None = set()  # of foreign messages, while nothing of the protocol's own was heard
+        self.samples = 0
+
+    def take(self, events: Sequence[Event]) -> None:
+        """What the decoder gave of this device, in the order of the stream."""
+        batches = [event for event in events if isinstance(event, Batch) and len(event)]
+        times = self._host_times(batches)
+        texts = [event for event in events if isinstance(event, Text)]
+        if self._kinds is not None:
+            self._hear(events, self._kinds)
+        said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
+        self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
+        for batch in batches:
+            self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
+            self.samples += len(batch)
+            self._raws.batch(batch)
+        self.samples += len(texts)  # a device that speaks in sentences alone is alive as well
+        if self._about.protection is not None:
+            self._trust(batches, self._about.protection)
+        self._tell(events, batches, times)
+
+    def _hear(self, events: Sequence[Event], kinds: set[str]) -> None:
+        """A device is called by its protocol once it has said something in it, and by what it does say until then."""
+        if any(isinstance(event, Batch) or (isinstance(event, Reply) and event.message.id >= 0) for event in events):
+            heard, self._kinds = "", None
+        else:
+            kinds.update(event.protocol for event in events if isinstance(event, Text))
+            heard = next((name for kind, name in HEARD.items() if kind in kinds), "")
+        if heard != self.identity.speaks:
+            self.identity.speaks = heard
+            self._identify(self.identity)
+
+    def _trust(self, batches: Sequence[Batch], protection: Callable[[Batch], str]) -> None:
+        """Count what is verified; who sends, and how well that is protected, is told when it changes."""
+        for batch in batches:
+            self._figures.trusted(len(batch), batch.verified)
+            if self.identity.heard(batch.device, protection(batch)):
+                self._identify(self.identity)
+
+    # ── time ──
+
+    def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
+        """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
+
+        A drain of a recording may hold many seconds, in which the clock steps and its mapping begins anew: rows are
+        mapped a second at a time, by what was known then, as they were live.
+        """
+        out = [np.full(len(batch), np.nan) for batch in batches]
+        timed = [i for i, batch in enumerate(batches) if batch.time_ns is not None]
+        if not timed:
+            return out
+        first = min(int(batches[i].arrival_ns[0]) for i in timed)
+        last = max(int(batches[i].arrival_ns[-1]) for i in timed)
+        for edge in range(first + SLICE_NS, last + SLICE_NS + 1, SLICE_NS):
+            rows = []
+            for i in timed:
+                arrival = batches[i].arrival_ns
+                lo, hi = (
+                    (0, len(arrival)) if last - first < SLICE_NS else np.searchsorted(arrival, (edge - SLICE_NS, edge))
+                )
+                if lo < hi:
+                    rows.append(_Rows(i, batches[i], slice(lo, hi)))
+            self._learn(rows)
+            for part in rows:
+                out[part.index][part.rows] = self.clock.host(part.device)
+        return out
+
+    def _learn(self, timed: list[_Rows]) -> None:
+        """Show the clock rows, in the order of the stream."""
+        clock = self.clock
+        if len(timed) == 1:
+            (part,) = timed
+            clock.add(part.device, part.arrival, self._frame_size(part.batch.message))
+        elif timed:
+            size: Any = 0
+            if self._line.byte_time_ns:
+                sizes = [np.full(len(part.device), self._frame_size(part.batch.message)) for part in timed]
+                size = np.concatenate(sizes)
+            order = np.argsort(np.concatenate([part.batch.offset[part.rows] for part in timed]), kind="stable")
+            device = np.concatenate([part.device for part in timed])
+            arrival = np.concatenate([part.arrival for part in timed])
+            clock.add(device[order], arrival[order], size[order] if self._line.byte_time_ns else 0)
+
+    def _frame_size(self, message: Message) -> int:
+        """Bytes of a frame of this layout on the wire, 0 when the link's speed is unknown anyway."""
+        if not self._line.byte_time_ns:
+            return 0
+        known = self._sizes.get(id(message))
+        if known is None or known[0] is not message:
+            if len(self._sizes) > 256:
+                self._sizes.clear()
+            size = sum(_field_bytes(field) + _ITEM_OVERHEAD for field in message.fields) + _FRAME_OVERHEAD
+            known = self._sizes[id(message)] = (message, size)
+        return known[1]
+
+    # ── events ──
+
+    def _tell(self, events: Sequence[Event], batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> None:
+        offsets, hosts = _stream_order(batches, times)
+        if self._last_time is not None and len(hosts):
+            hosts = np.maximum(hosts, self._last_time)
+        rejects = []
+        for event in events:
+            if isinstance(event, Batch):
+                continue
+            if isinstance(event, Text):
+                self._figures.samples(f"{event.protocol} {event.name}", 1, self._hub.now())
+                self._incidents.text(event)
+            elif isinstance(event, Reject):
+                rejects.append(event)
+            elif isinstance(event, Gap):
+                self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
+            elif isinstance(event, Step):
+                self._quiet_until = max(self._quiet_until, event.arrival_ns / 1e9 + SETTLED_S)
+                self._incidents.step(event, _time_after(event, batches, times))
+            else:
+                self._reply(event)
+        self._mapped_anew()
+        if rejects:
+            self._refused(rejects)
+        if len(hosts):
+            self._last_time = float(hosts[-1])
+            self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
+        else:
+            self._rejects_before += len(rejects)
+
+    def _refused(self, rejects: list[Reject]) -> None:
+        if self._counts_rejects:
+            self._figures.rejected(reject.reason for reject in rejects)
+            self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
+
+    def _mapped_anew(self) -> None:
+        """A clock that ran ahead without a word of the decoder: only its mapping to host time noticed."""
+        if self.clock.restarts <= self._restarts:
+            return
+        self._restarts = self.clock.restarts
+        now = self._hub.now()
+        if now > self._quiet_until:
+            self._quiet_until = now + ANEW_S
+            text = "The device's clock jumped: its times are mapped to this host's anew from here on."
+            self._incidents.say("clock", "caution", text, data={"kind": "jump"})
+
+    def _reply(self, reply: Reply) -> None:
+        self._figures.samples(reply.message.name, 1, self._hub.now())
+        if not self._raws.reply(reply):
+            self._incidents.reply(reply)
+        if self.identity.learn(reply):
+            self._identify(self.identity)
+
+    def _gap(self, gap: Gap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
+        self._figures.gaps += 1
+        self._figures.lost += gap.missing
+        at = int(np.searchsorted(offsets, gap.offset))
+        before = float(hosts[at - 1]) if 0 < at <= len(hosts) else self._last_time
+        # The first frame after the hole may carry an older time (a GNSS solution): it ends at the first newer one.
+        newer = hosts[at:] if before is None else hosts[at:][hosts[at:] > before]
+        after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
+        self._incidents.gap(gap, after if before is None else min(before, after), after, self._blame(rejects))
+
+    def _blame(self, rejects: int) -> Blame:
+        """Who lost samples, as far as this end can tell."""
+        if rejects:
+            frames = f"{rejects} damaged frame{'s' if rejects > 1 else ''}"
+            return Blame("wire", f"{frames} came in between, so bytes were damaged on the wire.")
+        if self._line.kind == "udp":
+            return Blame("network", "the network did not deliver them.")
+        capacity = self._line.capacity
+        if capacity and self._figures.bytes.rate(self._hub.now()) >= FULL * capacity:
+            return Blame("link", "the link is full, so the device could not send them. Lower a rate or raise the baud.")
+        words = "no damaged bytes came, so they were lost before this host: in the device, the adapter or the cable."
+        return Blame("device", words)
+
+
+def _stream_order(
+    batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Offset and host time (arrival where there is no device time) reached by then, of every sample in stream order."""
+    if not batches:
+        return np.zeros(0, np.int64), np.zeros(0)
+    arrivals = [batch.arrival_ns / 1e9 for batch in batches]
+    hosts = [np.where(np.isnan(time), arrival, time) for time, arrival in zip(times, arrivals, strict=True)]
+    if len(batches) == 1:
+        return batches[0].offset, np.maximum.accumulate(hosts[0])
+    offsets = np.concatenate([batch.offset for batch in batches])
+    order = np.argsort(offsets, kind="stable")
+    return offsets[order], np.maximum.accumulate(np.concatenate(hosts)[order])
+
+
+def _time_after(step: Step, batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> float:
+    """Host time of the first sample that follows a step of the clock: there a page breaks its lines."""
+    offset, time = np.inf, math.nan
+    for batch, hosts in zip(batches, times, strict=True):
+        at = int(np.searchsorted(batch.offset, step.offset))
+        if at < len(batch) and batch.offset[at] < offset and not math.isnan(hosts[at]):
+            offset, time = float(batch.offset[at]), float(hosts[at])
+    return step.arrival_ns / 1e9 if math.isnan(time) else time
+
+
+def _field_bytes(field: Field) -> int:
+    if field.fields:
+        return sum(_field_bytes(sub) for sub in field.fields)
+    size = _WIRE_BYTES.get(field.dtype) or (np.dtype(field.dtype).itemsize if field.dtype else 0)
+    return size * math.prod(max(extent, 1) for extent in field.shape)

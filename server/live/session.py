@@ -1,0 +1,497 @@
+"""One link and one decoder: what is the life of a device?
+
+            open fails                    bytes                     silent, or the link died
+    connecting ───────> (try again) ──> live ────────────────────────────> lost ──> (try again) ──> live …
+        │ no permission ──> denied            │ a file is over ──> ended
+        │ bytes, but nothing known in them: stays connecting and says what they look like
+
+Retries wait 0.5 s, then twice as long each time up to 10 s, and say when the next one is; a person may ask for one now.
+Whatever the link does, the page knows within a second: a link that dies says so itself, a link that stays open but
+silent is called lost after a second without bytes (or three usual intervals of a slow device). Nothing else in the
+server waits for a session.
+
+The protocol is named by the user or guessed from the first bytes; until then chunks are kept, so nothing is lost by
+guessing. Each connection has a fresh decoder and a fresh clock mapping; channels and counts go on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
+from typing import Literal
+
+from protocols.events import Event
+from server import wire
+from server.links.base import Chunk, Link, LinkError
+from server.listeners import Listeners
+from server.live.advice import Advice
+from server.live.hub import Hub
+from server.live.intake import Line
+from server.live.patience import SILENT_S, Patience
+from server.live.portrait import Portrait, short
+from server.live.reading import Reading
+from server.live.recognition import Speech, Unknown
+from server.live.senders import Reader, Senders
+
+log = logging.getLogger("imuscope.session")
+
+FIRST_RETRY_S = 0.5
+LAST_RETRY_S = 10.0
+IDLE_LOOK_S = 0.05
+STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
+
+Direction = Literal["rx", "tx"]
+
+
+class Session:
+    """One device.
+
+    Args:
+        device: DeviceInfo.id, unique in this run.
+        link: closed; it is opened again after each loss.
+        reading: how to read it; its protocol is guessed where it says none.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        link: Link,
+        hub: Hub,
+        speech: Speech,
+        reading: Reading = Reading(),  # noqa: B008 - frozen
+    ) -> None:
+        info = wire.DeviceInfo(
+            id=device,
+            name=short(link.source),
+            source=link.source,
+            link=link.kind,
+            status="connecting",
+            protocol=reading.protocol,
+            message=f"Opening {link.source}.",
+        )
+        self._portrait = Portrait(hub, info, speech.title)
+        self._set = self._portrait.set
+        self._link = link
+        self._hub = hub
+        self._speech = speech
+        self._reading = reading
+        self._greeted = False
+        self._greeting: asyncio.Task[None] | None = None
+        self._senders = Senders(hub, self._portrait, speech.title)
+        self._figures = self._senders.own.figures
+        self._incidents = self._senders.own.incidents
+        self._advice = Advice(self._incidents, speech.messages_in, speech.title)
+        self._intake: Reader | None = None
+        self._unknown = Unknown(speech.guess)
+        self._opened_at: float | None = None
+        self._died_at: float | None = None  # last arrival before the link went while it was live
+        self._patience = Patience()
+        self._stalled = False
+        self._dirty = False
+        self._retry_s = FIRST_RETRY_S
+        self._retry_now = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+        self._off_flush = hub.on_flush(self._drain)
+        self._events: Listeners[[Event]] = Listeners()
+        self._chunk_listeners: Listeners[[bytes, int, Direction]] = Listeners()
+        self._sent: Listeners[[bytes, int]] = Listeners()
+        self._sending = asyncio.Lock()
+        self._closing: list[Callable[[], Awaitable[None]]] = []
+
+    @property
+    def info(self) -> wire.DeviceInfo:
+        """The device as the page knows it; where several are on its link, the first that was heard."""
+        return self._portrait.info
+
+    @property
+    def reading(self) -> Reading:
+        """How its bytes are read."""
+        return self._reading
+
+    @property
+    def infos(self) -> list[wire.DeviceInfo]:
+        """Every device on the link, as the page knows them."""
+        return self._senders.infos
+
+    # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        self._start()
+
+    def _start(self, *, opened: bool = False) -> None:
+        task = self._run(opened=opened)
+        self._task = asyncio.get_running_loop().create_task(task, name=f"session {self.info.source}")
+
+    async def close(self) -> None:
+        """Stop, close the link, leave the hub."""
+        for last in self._closing:
+            await last()
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            self._task = None
+        if self._greeting is not None:
+            self._greeting.cancel()
+            await asyncio.gather(self._greeting, return_exceptions=True)
+        await self._link.close()
+        self._off_flush()
+        self._senders.leave()
+
+    def retry(self) -> None:
+        """Try now instead of at `next_try`; play an ended file again."""
+        self._retry_s = FIRST_RETRY_S
+        self._retry_now.set()
+
+    async def read_as(self, reading: Reading) -> None:
+        """Read what comes from now on in another way: with a key, as another protocol. Id, channels and history stay.
+
+        A twin has the key that its source has, so it is powered anew; any other link stays open.
+        """
+        rekeyed = self._task is not None and self._link.kind == "twin" and reading.key != self._reading.key
+        if rekeyed and self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+            await self._link.close()
+            self._link.settings = replace(self._link.settings, key=reading.key)
+        self._drain(final=True)
+        self._reading = reading
+        self._senders.read_anew()
+        self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
+        self._intake, self._unknown = None, Unknown(self._speech.guess)
+        if protocol := reading.protocol or self.info.protocol:
+            self._begin(protocol)
+        self._set(message="", hint="", notices=self._notices)
+        if rekeyed:
+            self.start()
+
+    async def _run(self, *, opened: bool = False) -> None:
+        while True:
+            self._retry_now.clear()
+            try:
+                if not opened:
+                    self._set(next_try=None)  # what went wrong before stays readable while it is tried again
+                    await self._link.open(self._portrait.tried)
+                opened = False
+                self._connected()
+                while True:
+                    self._take(await self._link.read())
+            except LinkError as error:
+                await self._link.close()
+                wait = self._explain(error)
+            except Exception:  # the top of this task: one device's fault must not become silence
+                log.exception("session %s failed", self.info.source)
+                await self._link.close()
+                wait = self._explain(LinkError("gone", "A fault in imuscope ended this link.", "The log has details."))
+            await self._pause(wait)
+
+    def _connected(self) -> None:
+        self._opened_at = self._hub.now()
+        self._unknown = Unknown(self._speech.guess)
+        self._intake = None
+        self._greeted = False
+        if self._reading.protocol:
+            self._begin(self._reading.protocol)
+        message = f"{self._link.source} is open, no byte yet."
+        self._set(message=message, hint="", baud=self._link.baud, notices=self._notices)
+
+    def _explain(self, error: LinkError) -> float | None:
+        """Show why the link is not there; how long to wait before the next try, None for as long as nobody asks."""
+        self._drain(final=True)
+        was_live = self.info.status == "live"
+        self._opened_at = None
+        if self.info.status in ("live", "lost") and self._died_at is None:
+            self._died_at = self._figures.last_arrival
+        if error.kind in ("ended", "bad-source"):
+            status: wire.DeviceStatus = "ended" if error.kind == "ended" else "idle"
+            self._set(status=status, message=error.message, hint=error.hint, next_try=None)
+            self._incidents.say("link", "info", error.message, data={"kind": error.kind})
+            return None
+        wait, self._retry_s = self._retry_s, min(2 * self._retry_s, LAST_RETRY_S)
+        status = "denied" if error.kind == "denied" else "lost"
+        if self.info.status == "connecting" and status == "lost" and self._figures.last_arrival is None:
+            status = "connecting"  # it never was there: "lost" would be wrong
+        changed = was_live or status != self.info.status or error.message != self.info.message
+        if changed:
+            level: wire.Level = "caution" if status == "connecting" else "fault"
+            self._incidents.say("link", level, error.message, data={"kind": error.kind, "hint": error.hint})
+        self._portrait.tried(wire.Try(self._link.source, error.message, self._hub.now()))
+        self._set(status=status, message=error.message, hint=error.hint, next_try=self._hub.now() + wait)
+        return wait
+
+    async def _pause(self, seconds: float | None) -> None:
+        try:
+            await asyncio.wait_for(self._retry_now.wait(), seconds)
+        except TimeoutError:
+            return
+
+    # ── for others in the server ─────────────────────────────────────────────────────────────────────────────────────
+
+    async def send(self, data: bytes) -> None:
+        """Write to the device, one caller after another, and tell who listens what was sent.
+
+        Raises:
+            LinkError: it could not be sent whole, or the link has no way back (a file).
+        """
+        async with self._sending:
+            began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its question
+            await self._link.write(data)
+            self._sent.tell(data, began_ns)
+            self._chunk_listeners.tell(data, began_ns, "tx")
+
+    async def relink(self, baud: int | None = None) -> None:
+        """Close the link and open it again, at another rate where one is given; what arrives then is decoded anew.
+
+        Raises:
+            LinkError: it could not be opened; it goes on being tried, as after any loss.
+        """
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+        self._drain(final=True)
+        self._opened_at = None
+        at = f" at {baud} Bd" if baud else ""
+        self._set(status="connecting", message=f"Opening {self._link.source}{at}.", hint="", next_try=None)
+        try:
+            await self._link.relink(baud)
+        except BaseException:
+            self._start()
+            raise
+        self._start(opened=True)
+        await asyncio.sleep(0)  # it has begun to read when this returns
+
+    async def check_rate(self, baud: int) -> None:
+        """Can this end of the link do that rate? For a moment it does; bytes that arrive meanwhile may be lost.
+
+        Raises:
+            LinkError: no, in words.
+        """
+        await self._link.check_rate(baud)
+
+    @property
+    def capacity(self) -> float | None:
+        """Bytes/s that the link carries, None where that is not known."""
+        return self._link.capacity
+
+    @property
+    def baud(self) -> int | None:
+        """The rate of the link now."""
+        return self._link.baud
+
+    def hush(self, on: bool) -> None:
+        """Silence is meant (a device that is being configured does not measure): it is not called lost for it."""
+        self._patience.hush(on, self._hub.now())
+
+    async def idle(self) -> None:
+        """Wait until nobody configures the device: what is sent then cannot come between a request and its answer."""
+        while self._patience.hushed:
+            await asyncio.sleep(IDLE_LOOK_S)
+
+    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
+        """Have something done before the link is closed for good."""
+        self._closing.append(last)
+
+    def decode(self) -> None:
+        """Decode what has come now instead of with the next flush."""
+        self._drain()
+
+    def bytes_at(self, offset: int, size: int) -> bytes:
+        """Bytes of this connection from an offset that the decoder told; b"" where they are gone."""
+        return self._intake.bytes_at(offset, size) if self._intake is not None else b""
+
+    def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
+        """Call `callback(data, time)` with all that is sent; returns what takes it off."""
+        return self._sent.add(callback)
+
+    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Call `callback` with every event of the decoder, in its order; returns what takes it off. It is called in the
+        event loop, so it must be quick. Goes on over reconnections, after which offsets count from 0 again."""
+        return self._events.add(callback)
+
+    def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
+        """Call `callback(data, time, direction)` with every chunk that came ("rx") or was sent ("tx"), once each;
+        time in ns since the Unix epoch. Returns what takes it off."""
+        return self._chunk_listeners.add(callback)
+
+    def _heard(self, events: Sequence[Event]) -> None:
+        if self._events:
+            for event in events:
+                self._events.tell(event)
+
+    # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _take(self, chunks: list[Chunk]) -> None:
+        """Bytes came: cheap, as this happens thousands of times a second."""
+        figures = self._figures
+        for chunk in chunks:
+            arrival = chunk.arrival_ns / 1e9
+            self._patience.heard(arrival, figures.last_arrival)
+            figures.heard(len(chunk.data), arrival)
+            self._advice.hear(chunk.data)
+            if self._chunk_listeners:
+                self._chunk_listeners.tell(chunk.data, chunk.arrival_ns, "rx")
+            if self._intake is None:
+                self._unknown.chunks.append(chunk)
+            else:
+                self._feed(chunk)
+        self._stalled = False
+        self._dirty = True
+        self._hub.request_flush()
+        if self._patience.hushed and self._intake is not None:
+            self._drain()  # somebody waits for an answer, and there are few bytes beside it
+
+    def _begin(self, protocol: str) -> None:
+        """The protocol is known: from here on bytes are decoded, those kept so far first."""
+        baud = self._link.baud
+        self._intake = Reader(
+            self._hub,
+            self._senders,
+            self._speech.decoder(protocol, self._reading, self._link.kind),
+            line=Line(10e9 / baud if baud else 0, self._link.kind, self._link.capacity),
+            about=self._speech.about(protocol),
+            on_events=self._heard,
+        )
+        self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol))
+        kept, self._unknown.chunks = self._unknown.chunks, []
+        for chunk in kept:
+            self._feed(chunk)
+
+    def _feed(self, chunk: Chunk) -> None:
+        """Have a chunk decoded; where a file is played again with it, by a decoder that knows nothing of the last turn:
+        it would take the jump back for a reset, a jump or a loss of the device."""
+        if chunk.anew:
+            self._drain(final=True)
+            self._begin(self.info.protocol)
+            self._incidents.again(f"{short(self.info.source)} starts again.", chunk.arrival_ns / 1e9)
+        assert self._intake is not None
+        self._intake.feed(chunk)
+
+    def _drain(self, *, final: bool = False) -> None:
+        """Decode what has come. Called by the hub before each flush; a fault here is this device's alone."""
+        if not (self._dirty or final):
+            return
+        self._dirty = False
+        try:
+            if self._intake is None:
+                self._recognise(final=final)
+            if self._intake is not None:
+                self._intake.drain(stalled=final)
+                if self._intake.samples and self.info.status != "live" and not final:
+                    self._came_alive()
+                self._advise(at_once=final)
+        except Exception:
+            log.exception("decoding %s failed", self.info.source)
+            text = "A fault in imuscope stopped the decoder of this device; it was started afresh. The log has details."
+            self._incidents.say("device", "fault", text)
+            self._intake = None
+            if self._reading.protocol:
+                self._begin(self._reading.protocol)
+
+    def _recognise(self, *, final: bool) -> None:
+        """Guess the protocol from what has been kept."""
+        if not self._unknown.chunks:
+            return
+        if not self._unknown.is_due(self._hub.now(), final=final):
+            self._dirty = True  # look again when the time is over
+            return
+        size = self._unknown.size
+        guess, why = self._unknown.look()
+        if guess is not None:
+            self._incidents.say("device", "info", f"{self.info.source}: {why}")
+            self._begin(guess.protocol)
+            return
+        words = f", at best: {why}" if why else ""
+        self._set(
+            message=f"{size} B from {self.info.source} look like no known protocol{words}.",
+            hint="Is the baud rate right? Give the protocol if you know it.",
+        )
+
+    def _came_alive(self) -> None:
+        back = self.info.status == "lost"
+        self._retry_s = FIRST_RETRY_S
+        hint = self._advice.hint
+        self._set(status="live", message="", hint=hint, next_try=None, last_arrival=self._figures.last_arrival)
+        self._greet()
+        text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
+        self._incidents.say("link", "info", text, data={"kind": "back" if back else "live"})
+        if self._died_at is not None and back and self._figures.last_arrival is not None:
+            # A new connection has a new decoder, which cannot know what its predecessor missed.
+            span = (self._died_at, self._figures.last_arrival)
+            text = f"Nothing came for {span[1] - span[0]:.1f} s: the link was down. How many samples is not known."
+            self._incidents.say("gap", "fault", text, span=span, data={"counter": "", "by": "link"})
+        self._died_at = None
+
+    def _advise(self, *, at_once: bool = False) -> None:
+        """Say what is to be done about a stream of which something is refused, or not read."""
+        assert self._intake is not None
+        live = self.info.status == "live"
+        samples = self._intake.samples
+        new = self._advice.refused(self._figures.rejects_by, live=live)
+        new |= self._advice.look(self._hub.now(), self.info.protocol, samples=samples, at_once=at_once)
+        if new:
+            self._set(notices=self._notices, hint=self._advice.hint)
+            if self.info.status == "connecting" and self._advice.message:
+                self._set(message=self._advice.message)
+
+    @property
+    def _notices(self) -> list[str]:
+        return [*self._link.notices, *self._advice.notices]
+
+    def _greet(self) -> None:
+        """Ask a device that has been heard who it is, once for each connection, unless it has said so."""
+        intake, link = self._intake, self._link
+        if self._greeted or intake is None or intake.identity.product or link.kind == "file":
+            return
+        self._greeted = True
+        greeting = self._speech.about(self.info.protocol).greeting
+
+        async def ask() -> None:
+            with contextlib.suppress(LinkError):  # no way back, or nobody there any more: reading finds that out
+                await self.send(greeting)
+
+        if greeting:
+            self._greeting = asyncio.get_running_loop().create_task(ask(), name=f"greeting {self.info.source}")
+
+    def tick(self, now: float) -> None:
+        """Ten times a second: stalls, silence, sums of what happened."""
+        last = self._figures.last_arrival
+        if self._opened_at is not None:
+            if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
+                self._set(notices=self._notices)
+            quiet = self._patience.quiet(now, max(last or 0.0, self._opened_at))
+            if self._intake is None and self._unknown.chunks:
+                self._dirty = True
+                self._hub.request_flush()
+            if quiet > STALL_S and not self._stalled and self._intake is not None and self._intake.buffered:
+                self._stalled = True
+                self._dirty = True
+                self._drain(final=True)
+            if self.info.status == "live" and quiet > self._patience.limit:
+                self._fell_silent(quiet)
+            elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
+                hint = "Is the device powered, connected and set to send?"
+                self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
+        self._senders.tick(now, None if self._opened_at is not None else self.info)
+
+    def _fell_silent(self, quiet: float) -> None:
+        text = f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open."
+        hint = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
+        self._incidents.say("link", "fault", text, data={"kind": "silent"})
+        self._set(status="lost", message=text, hint=hint, last_arrival=self._figures.last_arrival)
+        if self._intake is not None:
+            self._intake.samples = 0  # the next sample makes it live again
+
+    def health(self, now: float) -> wire.DeviceHealth:
+        """The figures for the page."""
+        return self.healths(now)[0]
+
+    def healths(self, now: float) -> list[wire.DeviceHealth]:
+        """The same of every device on the link."""
+        return self._senders.healths(now, self._link.capacity)
+
+    def raws(self, now: float) -> list[wire.RawPayload]:
+        """The payloads that nobody has described."""
+        return self._senders.raws(now)
