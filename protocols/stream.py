@@ -13,10 +13,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from protocols.events import Reject, Text
+from protocols.events import Decoder, Reject, Text
 from protocols.framing import OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, Scan, drop_failed, scan_all
 from protocols.nmea import Found
 
@@ -147,3 +148,46 @@ class Stream:
             return
         texts.append(Text(one.protocol, one.name, one.line, offset, one.size, arrival, one.fields))
         self._known += one.size
+
+
+class Cutter(Protocol):
+    """What a decoder hands its chunks to."""
+
+    def feed(self, data: bytes, arrival_ns: int) -> None: ...
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...
+    @property
+    def buffered(self) -> int: ...
+    @property
+    def skipped(self) -> int: ...
+
+
+S = TypeVar("S", bound=Cutter)
+
+
+class StreamDecoder(Decoder, Generic[S]):
+    """The side of a decoder that bytes go in; what comes out of `drain` is each protocol's own.
+
+    Args:
+        stream: cuts the bytes into frames.
+    """
+
+    def __init__(self, stream: S) -> None:
+        self._stream = stream
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their frame is incomplete."""
+        return self._stream.buffered
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame and no text."""
+        return self._stream.skipped
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._stream.feed(data, arrival_ns)
+
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._stream.feed_many(data, ends, arrival_ns)

@@ -31,7 +31,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import inertial_logs, sidecar
+from recordings import durable, inertial_logs, sidecar
 from recordings.columns import Columns
 from recordings.container import RecordingError, problem
 from recordings.importers import SUFFIXES, open_file
@@ -156,7 +156,7 @@ class Library:
         body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summary(columns)}
         with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
             (self.folder / INDEX).mkdir(exist_ok=True)
-            sidecar.write_text(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
+            durable.write(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
 
     def _live(self, only: str = "") -> list[Entry]:
         return [

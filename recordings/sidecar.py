@@ -17,11 +17,12 @@ import contextlib
 import json
 import math
 import os
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from recordings import durable
 
 SUFFIX = ".json"
 VERSION = 1
@@ -110,21 +111,7 @@ def write(path: Path, edits: Edits) -> None:
         body["markers"] = [_plain(marker) for marker in edits.markers]
     if target.exists() and not _load(target):
         os.replace(target, target.with_name(f".{target.name}.unreadable"))
-    write_text(target, json.dumps(body, ensure_ascii=False, indent=1))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Make `path` hold `text`, whole or not at all, also after a power cut."""
-    aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
-    try:
-        with aside.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, path)
-    except BaseException:
-        aside.unlink(missing_ok=True)
-        raise
+    durable.write(target, json.dumps(body, ensure_ascii=False, indent=1))
 
 
 def from_plain(body: Mapping[str, Any]) -> Edits:

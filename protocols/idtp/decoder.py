@@ -30,7 +30,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from protocols.clocks import Unwrap
-from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
 from protocols.idtp.frames import VERSION_AT
@@ -40,6 +40,7 @@ from protocols.idtp.stream import Cut, IdtpStream
 from protocols.idtp.vendor import Schema
 from protocols.jit import BYTES, INTS, NOTHING, ROWS, compiled, unsigned
 from protocols.schema import Direction, Message
+from protocols.stream import StreamDecoder
 
 WRAP = 2**32
 UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
@@ -68,7 +69,7 @@ class _Kind(NamedTuple):
     unverified: bool
 
 
-class IdtpDecoder(Decoder):
+class IdtpDecoder(StreamDecoder[IdtpStream]):
     """See events.Decoder.
 
     Args:
@@ -103,12 +104,14 @@ class IdtpDecoder(Decoder):
         if rotation not in get_args(Rotation):
             raise ValueError(f"rotation is one of {', '.join(get_args(Rotation))}, given {rotation!r}")
         self.direction = direction
-        self._stream = IdtpStream(
-            key=key,
-            min_mode=min_mode,
-            replay_check=replay_check,
-            show_unverified=show_unverified,
-            datagrams=datagrams,
+        super().__init__(
+            IdtpStream(
+                key=key,
+                min_mode=min_mode,
+                replay_check=replay_check,
+                show_unverified=show_unverified,
+                datagrams=datagrams,
+            )
         )
         self._tick_ns = UNITS[time_unit]
         self._rotation: Rotation = rotation
@@ -117,16 +120,6 @@ class IdtpDecoder(Decoder):
         self._kinds: dict[int, _Kind] = {}  # by KEY
         self._clocks: dict[int, Unwrap] = {}  # by source
         self._said: set[tuple[int, str]] = set()
-
-    @property
-    def buffered(self) -> int:
-        """Bytes held back because their frame is incomplete."""
-        return self._stream.buffered
-
-    @property
-    def skipped(self) -> int:
-        """Bytes so far that belong to no frame."""
-        return self._stream.skipped
 
     def rearm(self, device: str = "") -> None:
         """Accept whatever sequence number comes next, of one device or ("") of all; see sequence.py.
@@ -137,14 +130,6 @@ class IdtpDecoder(Decoder):
         if device and not (device.isdecimal() and int(device) <= 0xFFFF):
             raise ValueError(f"a device is a number from 0 to 65535, given {device!r}")
         self._stream.sequences.rearm(int(device) if device else None)
-
-    def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
-        self._stream.feed(data, arrival_ns)
-
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
-        self._stream.feed_many(data, ends, arrival_ns)
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Batch, Decoder, Event, Late, Reply, Step
+from protocols.events import Batch, Event, Late, Reply, Step
 from protocols.foreign import STARTS, find
 from protocols.framing import BODY, OFFSET, Ints, Room
 from protocols.grouping import group
@@ -49,7 +49,7 @@ from protocols.isb.sorting import (
 from protocols.isb.tables import VERSIONS
 from protocols.isb.timeline import NO_STEP, STEPS, remember
 from protocols.schema import Direction, Message
-from protocols.stream import Cut, Stream
+from protocols.stream import Cut, Stream, StreamDecoder
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()
@@ -57,7 +57,7 @@ _FORMS = 4096  # forms remembered; a device has some dozens
 _NOTHING = np.empty(0, np.uint8)
 
 
-class IsbDecoder(Decoder):
+class IsbDecoder(StreamDecoder[Stream]):
     """See events.Decoder. Packet types tell the directions apart, so one decoder reads either.
 
     Args:
@@ -66,31 +66,13 @@ class IsbDecoder(Decoder):
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
-        self._stream = Stream(scan, find, STARTS)
+        super().__init__(Stream(scan, find, STARTS))
         self._room = Room()
         self._forms: dict[int, messages.Form] = {}
         self._memory = np.array(remember(), np.int64)
         self._wholes = no_wholes()
         self._firmware = np.full(FAMILIES, UNTOLD, np.int64)
         self._whole: dict[int, bytes] = {}  # the last whole value of each set
-
-    @property
-    def buffered(self) -> int:
-        """Bytes held back because their packet is incomplete."""
-        return self._stream.buffered
-
-    @property
-    def skipped(self) -> int:
-        """Bytes so far that belong to no packet and no text."""
-        return self._stream.skipped
-
-    def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
-        self._stream.feed(data, arrival_ns)
-
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
-        self._stream.feed_many(data, ends, arrival_ns)
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first packet began."""

@@ -57,7 +57,6 @@ from protocols.isb.identity import identity
 from protocols.isb.line import line_change
 from protocols.isb.listening import as_wire
 from protocols.isb.messages import COMMANDS, SET_PREFIX
-from protocols.isb.plain import jsonable
 from protocols.isb.tables import CURRENT, SETS, VERSIONS
 from protocols.isb.writing import (
     NMEA_NAMES,
@@ -69,6 +68,7 @@ from protocols.isb.writing import (
     streams_frames,
     system_command,
 )
+from protocols.plain import jsonable
 from protocols.schema import Command, Setting
 
 T = TypeVar("T")

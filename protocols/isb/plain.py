@@ -42,7 +42,8 @@ from protocols.isb.messages import (
 from protocols.isb.sorting import variant_of
 from protocols.isb.tables import VERSIONS
 from protocols.layouts import EncodeError, pack, size_of, unpack
-from protocols.schema import Bits, Field
+from protocols.plain import flag_names, jsonable
+from protocols.schema import Field
 
 Plain = dict[str, Any]
 
@@ -89,7 +90,7 @@ def plain(packet: bytes, version: str | None = None) -> Plain:
     name = COMMANDS[kind].name if kind in COMMANDS else (set_row(did) if kind == SET_DATA else ROWS[did]).name
     fields = {field.name: unpack((field,), payload, at, exact=True)[field.name] for field, at in found}
     result: Plain = {"id": did, "message": name, "fields": jsonable(fields)}
-    flags = {path: names for field, _ in found for path, names in flag_names(field, fields[field.name], field.name)}
+    flags = {path: names for field, _ in found for path, names in _flags(field, fields[field.name])}
     if flags:
         result["flags"] = flags
     wire = _wire(kind, did, payload, offset, shifted, version, found, result["fields"])
@@ -133,33 +134,8 @@ def _wire(
     return wire
 
 
-def jsonable(value: Any) -> Any:
-    """Bytes as hex, wherever they are."""
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, Mapping):
-        return {name: jsonable(part) for name, part in value.items()}
-    if isinstance(value, list):
-        return [jsonable(part) for part in value]
-    return value
-
-
-def flag_names(field: Field, value: Any, path: str) -> Iterator[tuple[str, list[str]]]:
-    """The set bits of the flag words in `value`, with the path of each word."""
-    values = value if isinstance(value, list) else [value]
-    if not field.fields and not field.bits:
-        return
-    for k, one in enumerate(values):
-        here = f"{path}[{k}]" if isinstance(value, list) else path
-        for part in field.fields:
-            yield from flag_names(part, one[part.name], f"{here}.{part.name}")
-        if field.bits:
-            yield here, [_named(bits, bits.of(one)) for bits in field.bits if bits.of(one)]
-
-
-def _named(bits: Bits, value: int) -> str:
-    name = bits.doc or bits.name
-    return name if bits.width == 1 else f"{name}: {bits.choices.get(value, value)}"
+def _flags(field: Field, value: Any) -> Iterator[tuple[str, list[str]]]:
+    return flag_names(field, value, field.name, lambda bits: bits.doc or bits.name)
 
 
 # -- values → packet ---------------------------------------------------------------------------------------------------

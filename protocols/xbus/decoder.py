@@ -32,10 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.clocks import Counter, Unwrap
-from protocols.events import Batch, Decoder, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, ID, LENGTH, OFFSET, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
+from protocols.stream import StreamDecoder
 from protocols.xbus.frames import (
     COARSE,
     COUNTER,
@@ -110,7 +111,7 @@ def _joined(place: Place, at: int, length: int) -> Place:
     return replace(field, shape=(field.shape[0] + length,)), (*pieces, (at, length))
 
 
-class XbusDecoder(Decoder):
+class XbusDecoder(StreamDecoder[Stream]):
     """See events.Decoder. Message numbers are unique over both directions, so one decoder reads either.
 
     Args:
@@ -119,31 +120,13 @@ class XbusDecoder(Decoder):
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
-        self._stream = Stream()
+        super().__init__(Stream())
         self._layouts: dict[bytes, DataLayout] = {}
         self._newest: dict[int, DataLayout] = {}  # by the length of the payload
         self._counter = Counter(1 << 16)
         self._fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self._coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
         self._clock = 0  # the best clock shown so far
-
-    @property
-    def buffered(self) -> int:
-        """Bytes held back because their frame is incomplete."""
-        return self._stream.buffered
-
-    @property
-    def skipped(self) -> int:
-        """Bytes so far that belong to no frame and no text."""
-        return self._stream.skipped
-
-    def feed(self, data: bytes, arrival_ns: int) -> None:
-        """Append a chunk."""
-        self._stream.feed(data, arrival_ns)
-
-    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
-        """Append many chunks; see events.Decoder."""
-        self._stream.feed_many(data, ends, arrival_ns)
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""

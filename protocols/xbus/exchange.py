@@ -20,9 +20,9 @@ from typing import Any
 
 from protocols.dialogues import Dialogue, Expect, Pause, RefusedError, Send, SilentError
 from protocols.events import Batch, Event, Reply, Text
+from protocols.plain import jsonable
 from protocols.xbus import frames
 from protocols.xbus.messages import answers
-from protocols.xbus.plain import jsonable
 
 GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x30, 0x10, 0x40
 WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42

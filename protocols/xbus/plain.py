@@ -25,13 +25,14 @@ Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 from protocols.layouts import EncodeError, is_open, pack, size_of, unpack
-from protocols.schema import Bits, Field
+from protocols.plain import flag_names, jsonable
+from protocols.schema import Field
 from protocols.xbus.frames import EXTENDED, MASTER, MAX_ACCEPTED, MAX_STANDARD, MTDATA2, build, items
 from protocols.xbus.items import BY_NAME as ITEMS_BY_NAME
 from protocols.xbus.items import RAW_BLOB, item
@@ -67,7 +68,7 @@ def plain(frame: bytes) -> Plain:
         if not _leads_back(mid, name, jsonable(fields), payload[:covered]):
             wire["size"] = covered
     result: Plain = {"id": mid, "message": name, "fields": jsonable(fields)}
-    flags = {path: names for field in described for path, names in _flags(field, fields[field.name], field.name)}
+    flags = {path: names for field in described for path, names in flag_names(field, fields[field.name], field.name)}
     if flags:
         result["flags"] = flags
     if wire:
@@ -150,32 +151,6 @@ def _usual(name: str, size: int) -> tuple[int, int]:
     if is_open(inner[0]):
         return row.id, size
     return row.id, size_of(replace(row, dtype=">f4") if row.dtype == "real" else row)
-
-
-def jsonable(value: Any) -> Any:
-    """Bytes as hex, wherever they are."""
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, Mapping):
-        return {name: jsonable(part) for name, part in value.items()}
-    if isinstance(value, list):
-        return [jsonable(part) for part in value]
-    return value
-
-
-def _flags(field: Field, value: Any, path: str) -> Iterator[tuple[str, list[str]]]:
-    """The set bits of the flag words in `value`, with the path of each word."""
-    values = value if isinstance(value, list) else [value]
-    for k, one in enumerate(values):
-        here = f"{path}[{k}]" if isinstance(value, list) else path
-        for part in field.fields:
-            yield from _flags(part, one[part.name], f"{here}.{part.name}")
-        if field.bits:
-            yield here, [_named(bits, bits.of(one)) for bits in field.bits if bits.of(one)]
-
-
-def _named(bits: Bits, value: int) -> str:
-    return bits.name if bits.width == 1 else f"{bits.name}: {bits.choices.get(value, value)}"
 
 
 # -- values → frame ----------------------------------------------------------------------------------------------------

@@ -24,7 +24,8 @@
       CanConfig: "message unknown"
 
 Values are wire values by field name, as `imuscope inspect` prints them; what they mean is in the comments. A file is
-complete or says under `missing` what it could not hold and why. It is written whole or not at all (server/durable.py).
+complete or says under `missing` what it could not hold and why. It is written whole or not at all
+(recordings/durable.py).
 
 Names never become paths: a file is found among those that are there. Text from outside may have no anchors (a few lines
 of them unfold into gigabytes) and is bounded; what it holds is checked for shape here, and for meaning by the driver.
@@ -45,7 +46,7 @@ from typing import Any
 import yaml
 
 from protocols.schema import Field, Setting
-from server import durable
+from recordings import durable
 from server.control.forms import SnapshotBody, SnapshotInfo
 from server.control.values import comment, entry_comment
 

@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from protocols.dialogues import Driver, Known, RefusedError, SilentError, Values, Written
-from server import durable
+from recordings import durable
 from server.control import errands
 from server.control.desk import Desk, JobError, Task
 from server.control.runner import group

@@ -12,7 +12,7 @@ import pytest
 from httpx import Client
 
 from protocols.xbus.device import XbusDevice
-from server import durable
+from recordings import durable
 from server.control import trials
 from server.control.desk import Desk, DeskError
 from server.control.trials import Record, Trials

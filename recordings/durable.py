@@ -14,7 +14,7 @@ from pathlib import Path
 def write(path: Path, text: str) -> None:
     """Make `path` hold `text`. OSError: it could not; the old text is still there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")
     try:
         with aside.open("w", encoding="utf-8") as file:
             file.write(text)
