@@ -47,6 +47,7 @@ from server.live.hub import Hub
 from server.live.reading import Reading
 from server.live.recognition import Speech
 from server.live.sessions import OpenLink, Sessions
+from server.metrics import Metrics
 from server.version import VERSION
 from server.views.foxglove import Foxglove
 from server.views.rerun import Rerun
@@ -114,6 +115,7 @@ def create_app(
         responses=errors.responses(401, 403, 500),
     )
     app.state.hub = hub
+    app.state.metrics = Metrics(hub)
     app.state.sessions = sessions
     app.state.desks = desks
     app.state.corrections = CorrectionDesk(sessions)

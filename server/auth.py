@@ -38,7 +38,7 @@ from server.config import Config, is_loopback
 from server.wire import Problem
 
 Role = Literal["view", "control"]
-PROTECTED = ("/api", "/ws", "/openapi.json", "/viser", "/rerun", "/foxglove")
+PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/foxglove")
 FORWARDING = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "via")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_BODY = 1024 * 1024

@@ -1,4 +1,5 @@
-"""What is running here? Version for people and scripts, and a health check for whoever restarts containers."""
+"""What is running here, and how does it do? Version for people and scripts, a health check for whoever restarts
+containers, figures for Prometheus."""
 
 from __future__ import annotations
 
@@ -6,10 +7,13 @@ import platform
 from typing import Literal
 
 from fastapi import APIRouter, Request
+from fastapi.responses import Response
 from pydantic import BaseModel
 
 from server.auth import Role
+from server.exposition import CONTENT_TYPE
 from server.live.hub import Hub
+from server.metrics import Metrics, Sources
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
 
@@ -57,3 +61,13 @@ async def get_health(request: Request) -> Healthy:
     """Open to everybody; holds nothing of the devices but their number."""
     hub: Hub = request.app.state.hub
     return Healthy(devices=len(hub.devices), browsers=len(hub.outboxes))
+
+
+@router.get("/metrics", responses={200: {"content": {"text/plain": {}}}})
+async def get_metrics(request: Request) -> Response:
+    """Figures for Prometheus, in its text form (server/metrics.py). They tell of devices, so beyond this machine a
+    token is needed, as a bearer: a view token will do."""
+    state = request.app.state
+    metrics: Metrics = state.metrics
+    sources = Sources(state.hub, state.sessions.all, state.recorder.state, state.exports.jobs, state.data)
+    return Response(metrics.text(sources), media_type=CONTENT_TYPE, headers={"cache-control": "no-store"})

@@ -34,8 +34,8 @@ class Sender:
         self._wake = asyncio.Event()
         self.outbox = Outbox(self._wake.set)
         self._transport: asyncio.WriteTransport | None = socket.scope.get("extensions", {}).get("imuscope.transport")
-        self._sending_since: float | None = None
         self._waiting = 0
+        self._stuck_since: float | None = None
 
     async def run(self, pace: asyncio.Lock) -> None:
         """Send for ever. `pace` is shared: history is made for one browser at a time, so it never fills the loop."""
@@ -51,22 +51,23 @@ class Sender:
                     self._wake.clear()
                     await self._wake.wait()
                 continue
-            self._sending_since = self._hub.now()
+            outbox.sending_since = self._stuck_since = self._hub.now()
             if isinstance(message, str):
                 await self._socket.send_text(message)
             else:
                 await self._socket.send_bytes(message)
-            self._sending_since = None
+            outbox.sending_since = self._stuck_since = None
+            outbox.sent_bytes += len(message)
 
     def is_stuck(self, now: float) -> bool:
         """Has no byte moved for `STUCK_S`? To be asked about once a second."""
-        if self._sending_since is None:
+        if self._stuck_since is None:
             return False
         waiting = self._transport.get_write_buffer_size() if self._transport is not None else self._waiting
         if waiting < self._waiting:
-            self._sending_since = now
+            self._stuck_since = now
         self._waiting = waiting
-        return now - self._sending_since > STUCK_S
+        return now - self._stuck_since > STUCK_S
 
 
 async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:

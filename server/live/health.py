@@ -4,6 +4,8 @@ A meter keeps what came lately, with arrival times. Its rate is what came *betwe
 arrivals, over the time between them: 400 Hz in bursts of any size read 400, where counting what falls into a window
 would swing by a burst. It falls to 0 one second after the last arrival, when the page also calls a device lost; what
 comes seldom is given one and a half of its own intervals.
+
+Latency is from the arrival of the oldest byte that waited to the moment its samples were handed to the browsers.
 """
 
 from __future__ import annotations
@@ -11,11 +13,13 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterable
 
+from server.exposition import Histogram
 from server.wire import MessageHealth
 
 WINDOW_S = 2.0
 FRESH_S = 1.0
 SHORTEST_S = 0.2  # two arrivals closer than this say nothing about a rate
+LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # 8 and 16 ms are what a flush may wait
 
 
 class Meter:
@@ -65,11 +69,21 @@ class Figures:
         self.verified: int | None = None  # samples; None where a protocol has no such notion
         self.unverified: int | None = None
         self.last_arrival: float | None = None
+        self.latency = Histogram(LATENCIES_S)  # s
+        self._waiting_since: float | None = None
 
     def heard(self, size: int, arrival: float) -> None:
         """`size` bytes came."""
         self.bytes.add(size, arrival)
         self.last_arrival = arrival
+        if self._waiting_since is None:
+            self._waiting_since = arrival
+
+    def handed_on(self, now: float) -> None:
+        """What came has been decoded and is on its way to the browsers."""
+        if self._waiting_since is not None:
+            self.latency.add(max(0.0, now - self._waiting_since))
+            self._waiting_since = None
 
     def samples(self, message: str, count: int, now: float) -> None:
         """`count` samples of a message were decoded."""

@@ -5,8 +5,9 @@
             ──set_device(…)───>       devices, health
 
 The hub encodes what is new once per flush and hands the same bytes to every browser. A flush happens when something has
-come, at most every 8 ms for up to four browsers and every 16 ms beyond (two or one per frame of a 60 Hz screen), and
-sessions decode right before it (`on_flush`), so that a fast device is decoded in stretches and not sample by sample.
+come, at most every 8 ms for up to four browsers and every 16 ms beyond (two or one per frame of a 60 Hz screen), less
+often when whoever looks needs less (`Outbox.interval_s`), and sessions decode right before it (`on_flush`), so that a
+fast device is decoded in stretches and not sample by sample.
 
 Memory is bounded: a ring keeps at most `history_s`, all rings together at most `budget` bytes; when that is exceeded
 the oldest block of all goes first, so that every channel reaches about equally far back. The event log is bounded by
@@ -70,12 +71,15 @@ class Hub:
         self.raws: list[wire.RawPayload] = []
         self.log: deque[wire.EventInfo] = deque(maxlen=EVENTS_KEPT)
         self.outboxes: set[Outbox] = set()
+        self.connected = 0  # browsers, ever
+        self.gone_dropped = self.gone_bytes = 0  # of those that have gone
         self.recorder: wire.RecorderState | None = None
         self.exports: wire.Exports | None = None
         self.heard_event: Listeners[[wire.EventInfo]] = Listeners()  # who keeps what happens: a recording
         self.heard_device: Listeners[[wire.DeviceInfo]] = Listeners()
         self.heard_control: Listeners[[wire.ControlState]] = Listeners()
         self.heard_exchange: Listeners[[wire.ExchangeEntry]] = Listeners()
+        self.heard_recorder: Listeners[[wire.RecorderState]] = Listeners()
         self._next_channel = 1
         self._next_event = 0
         self.controls: dict[str, wire.ControlState] = {}
@@ -150,6 +154,7 @@ class Hub:
     def set_recorder(self, state: wire.RecorderState) -> None:
         """What is being recorded changed."""
         self.recorder = state
+        self.heard_recorder.tell(state)
         self._tell_latest("recorder", state)
 
     def set_exports(self, state: wire.Exports) -> None:
@@ -218,9 +223,8 @@ class Hub:
 
     @property
     def flush_interval(self) -> float:
-        if not self.outboxes:
-            return FLUSH_NOBODY_S
-        return FLUSH_S if len(self.outboxes) <= FEW_BROWSERS else FLUSH_MANY_S
+        wished = min((outbox.interval_s for outbox in self.outboxes), default=FLUSH_NOBODY_S)
+        return max(wished, FLUSH_S if len(self.outboxes) <= FEW_BROWSERS else FLUSH_MANY_S)
 
     def request_flush(self) -> None:
         """Flush as soon as the interval allows. To be called in the event loop; without one, call `flush` yourself."""
@@ -249,7 +253,7 @@ class Hub:
                 frames.append(Frame(number, n, data))
             channel.flushed = channel.ring.total
         if frames and self.outboxes:
-            packet = Packet.of(frames)
+            packet = Packet.of(frames, now)
             for outbox in self.outboxes:
                 outbox.offer(packet)
         if now >= self._next_trim:
@@ -304,6 +308,8 @@ class Hub:
     def attach(self, outbox: Outbox) -> None:
         """A browser connected: tell it all that is known. Samples begin with its `subscribe`."""
         self._flush_text()  # so that what is told now is not told again
+        self.connected += 1
+        outbox.number = self.connected
         self.outboxes.add(outbox)
         hello = wire.Hello(VERSION, self.now(), platform.node(), self.run, self.history_s)
         outbox.say(codec.encode_text(hello))
@@ -320,7 +326,10 @@ class Hub:
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""
-        self.outboxes.discard(outbox)
+        if outbox in self.outboxes:
+            self.outboxes.discard(outbox)
+            self.gone_dropped += outbox.dropped
+            self.gone_bytes += outbox.sent_bytes
 
     def subscribe(self, outbox: Outbox, request: wire.Subscribe) -> None:
         """Live samples from the next flush on, and history up to exactly there."""

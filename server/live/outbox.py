@@ -47,11 +47,12 @@ class Packet:
 
     frames: tuple[Frame, ...]
     data: bytes
+    at: float = 0.0  # unix s of the flush
 
     @staticmethod
-    def of(frames: Iterable[Frame]) -> Packet:
+    def of(frames: Iterable[Frame], at: float = 0.0) -> Packet:
         kept = tuple(frames)
-        return Packet(kept, b"".join([frame.data for frame in kept]))
+        return Packet(kept, b"".join([frame.data for frame in kept]), at)
 
 
 class History:
@@ -92,7 +93,11 @@ class Outbox:
     Args:
         on_ready: called when there is something to take where there was nothing.
         limit: bytes of live samples that may wait.
+    Attributes:
+        interval_s: there is no use in offering it samples sooner after the last ones than that.
     """
+
+    interval_s = 0.0
 
     def __init__(self, on_ready: Callable[[], None] = lambda: None, limit: int = LIVE_BYTES) -> None:
         self._on_ready = on_ready
@@ -106,6 +111,9 @@ class Outbox:
         self._history: History | None = None
         self._after_history = ""
         self.dropped_of: dict[int, int] = {}  # channel → dropped since the browser connected
+        self.number = 0  # of the browser in this run, given by the hub
+        self.sent_bytes = 0  # and since when the message in the sender's hands has been there, unix s: by who sends
+        self.sending_since: float | None = None
 
     # ── in ──
 
@@ -136,7 +144,7 @@ class Outbox:
             if not frames:
                 return
             if len(frames) != len(packet.frames):
-                packet = Packet.of(frames)
+                packet = Packet.of(frames, packet.at)
         self._live.append(packet)
         self._live_bytes += len(packet.data)
         while self._live_bytes > self._limit:
@@ -200,3 +208,13 @@ class Outbox:
     def live_bytes(self) -> int:
         """Bytes of live samples waiting."""
         return self._live_bytes
+
+    @property
+    def dropped(self) -> int:
+        """Samples dropped since the browser connected."""
+        return sum(self.dropped_of.values())
+
+    def lag(self, now: float) -> float:
+        """How far this browser is behind, s: the age of the oldest that has not been taken by its socket."""
+        since = self._live[0].at if self._live else now
+        return max(0.0, now - min(since, self.sending_since or now))

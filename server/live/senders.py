@@ -278,6 +278,7 @@ class Reader:
             self._own.take(events)
         else:
             self._hand_out(events)
+        own.figures.handed_on(self._hub.now())
         self._on_events(events)
 
     def _hand_out(self, events: Sequence[Event]) -> None:

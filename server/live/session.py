@@ -82,6 +82,7 @@ class Session:
         self._greeting: asyncio.Task[None] | None = None
         self._senders = Senders(hub, self._portrait, speech.title)
         self._figures = self._senders.own.figures
+        self.latency = self._figures.latency  # s, from the arrival of bytes until their samples are handed on
         self._incidents = self._senders.own.incidents
         self._advice = Advice(self._incidents, speech.messages_in, speech.title)
         self._intake: Reader | None = None
