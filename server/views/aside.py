@@ -8,7 +8,8 @@
 
 So it is told what a browser is told, in the same words, and what holds for a browser holds for it: what it does not
 take waits in an outbox of its own, where the oldest samples are dropped; nothing it does slows a device. Samples go out
-at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often.
+at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often. Nor are they decoded more often
+for it: what a hub does for a browser 125 times a second costs more than all that is done here.
 
 What it may say on standard output, besides what its view understands:
 
@@ -31,13 +32,14 @@ from pathlib import Path
 from typing import Any
 
 from server import codec, wire
-from server.live.hub import Hub
+from server.live.hub import FLUSH_NOBODY_S, Hub
 from server.live.outbox import History, Outbox
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2
 PER_S = 60.0
+FLUSH_S = 0.95 / PER_S  # a little sooner than they are sent, so that there is always something to send
 PATIENCE_S = 3.0  # from the end of its input to being killed
 MOST_LINE = 1024 * 1024
 LAST_WORDS = 6  # lines of its standard error that are told after a crash
@@ -67,6 +69,7 @@ class Aside:
         self._on_crash = on_crash
         self._wake = asyncio.Event()
         self._outbox = Outbox(self._wake.set)
+        self._outbox.interval_s = FLUSH_NOBODY_S
         self._ours: deque[bytes] = deque()
         self._process: asyncio.subprocess.Process | None = None
         self._tasks: list[asyncio.Task[None]] = []
@@ -182,6 +185,7 @@ class Aside:
             channel = self._hub.channels[number]
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
+        self._outbox.interval_s = FLUSH_S if channels else FLUSH_NOBODY_S
         self._outbox.subscribe(channels, History(spans), codec.encode_text(wire.Backfilled()))
 
     async def _overhear(self) -> None:

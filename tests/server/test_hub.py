@@ -248,6 +248,19 @@ def test_flushes_keep_their_distance(browsers: int, interval: float) -> None:
     asyncio.run(run())
 
 
+def test_who_draws_sixty_times_a_second_does_not_have_samples_decoded_more_often() -> None:
+    """A 3D scene costs no more than it shows; a browser beside it is served as soon as without it."""
+    hub = Hub(Clock())
+    scene, browser = Outbox(), Outbox()
+    scene.interval_s = 1 / 60
+    hub.attach(scene)
+    assert hub.flush_interval == 1 / 60
+    hub.attach(browser)
+    assert hub.flush_interval == FLUSH_S
+    hub.detach(browser)
+    assert hub.flush_interval == 1 / 60
+
+
 def test_the_first_sample_after_a_pause_does_not_wait() -> None:
     async def run() -> None:
         hub = Hub(Clock())
