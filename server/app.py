@@ -44,6 +44,7 @@ from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.live import speech as default_speech
 from server.live.hub import Hub
+from server.live.journal import Journal
 from server.live.reading import Reading
 from server.live.recognition import Speech
 from server.live.sessions import OpenLink, Sessions
@@ -116,6 +117,7 @@ def create_app(
     )
     app.state.hub = hub
     app.state.metrics = Metrics(hub)
+    app.state.journal = Journal(hub)
     app.state.sessions = sessions
     app.state.desks = desks
     app.state.corrections = CorrectionDesk(sessions)

@@ -24,6 +24,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import json
+import logging
 import platform
 import re
 import secrets
@@ -36,6 +37,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
 from server.wire import Problem
+
+log = logging.getLogger("imuscope.auth")
 
 Role = Literal["view", "control"]
 PROTECTED = ("/api", "/ws", "/metrics", "/openapi.json", "/viser", "/rerun", "/foxglove")
@@ -226,6 +229,7 @@ class Guard:
                 await self._remember(scope, send, token)
                 return
         except RefusedError as refusal:
+            _tell(scope, refusal)
             await refuse(scope, receive, send, refusal.status, refusal.problem)
             return
         await self._app(scope, receive, send)
@@ -249,6 +253,15 @@ class Guard:
         ]
         await send({"type": "http.response.start", "status": 303, "headers": headers})
         await send({"type": "http.response.body", "body": b""})
+
+
+def _tell(scope: Scope, refusal: RefusedError) -> None:
+    """Into the log: who wanted what, and why not. Never the query, which may hold a token."""
+    peer, way = (scope.get("client") or ("", 0))[0], scope.get("method", "WebSocket")
+    problem = refusal.problem
+    text = f"Refused {way} {scope['path'][:200]} of {peer or 'an unknown peer'}: {problem.message}"
+    data = {"kind": problem.kind, "status": refusal.status, "peer": peer, "path": scope["path"][:200]}
+    log.warning("%s", text, extra={"event": "refused", "data": data, "often": ("refused", problem.kind, peer)})
 
 
 async def refuse(scope: Scope, receive: Receive, send: Send, status: int, problem: Problem) -> None:

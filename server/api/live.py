@@ -34,6 +34,7 @@ class Sender:
         self._wake = asyncio.Event()
         self.outbox = Outbox(self._wake.set)
         self._transport: asyncio.WriteTransport | None = socket.scope.get("extensions", {}).get("imuscope.transport")
+        self.peer = socket.client.host if socket.client is not None else ""
         self._waiting = 0
         self._stuck_since: float | None = None
 
@@ -93,9 +94,21 @@ async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
 
 
 async def _watch(sender: Sender, hub: Hub) -> None:
-    """Return when the browser is stuck."""
+    """Return when the browser is stuck; tell the log when it begins to lag."""
+    told = 0
     while not sender.is_stuck(hub.now()):
+        dropped = sender.outbox.dropped
+        if dropped > told:
+            _log(sender, f"does not keep up: {dropped} samples dropped so far.", dropped=dropped)
+        told = dropped
         await asyncio.sleep(1.0)
+
+
+def _log(sender: Sender, words: str, level: int = logging.WARNING, **data: object) -> None:
+    number = sender.outbox.number
+    data = {"client": number, "peer": sender.peer, **data}
+    often = ("client", number) if level > logging.INFO else None
+    log.log(level, "Browser %d %s", number, words, extra={"event": "client", "data": data, "often": often})
 
 
 @router.websocket("/ws")
@@ -113,6 +126,7 @@ async def live(socket: WebSocket) -> None:
     await socket.accept(wire.SUBPROTOCOL)
     sender = Sender(socket, hub)
     hub.attach(sender.outbox)
+    _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)
     tasks = [
         asyncio.create_task(_listen(socket, hub, sender.outbox), name="browser listens"),
         asyncio.create_task(sender.run(pace), name="browser is sent"),
@@ -121,7 +135,7 @@ async def live(socket: WebSocket) -> None:
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         if tasks[2] in done:
-            log.warning("a browser took no byte for %g s and was disconnected", STUCK_S)
+            _log(sender, f"took no byte for {STUCK_S:g} s and was disconnected.")
             transport = socket.scope.get("extensions", {}).get("imuscope.transport")
             if transport is not None:
                 transport.abort()
@@ -130,6 +144,9 @@ async def live(socket: WebSocket) -> None:
                 task.result()
     finally:
         hub.detach(sender.outbox)
+        outbox = sender.outbox
+        figures = {"sent_bytes": outbox.sent_bytes, "dropped": outbox.dropped}
+        _log(sender, f"has gone; {outbox.sent_bytes / 1e6:.1f} MB sent.", logging.INFO, **figures)
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
