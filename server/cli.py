@@ -58,6 +58,9 @@ def parser() -> argparse.ArgumentParser:
     serve.add_argument("sources", nargs="*", metavar="SOURCE", help=SOURCES)
     serve.add_argument("--host", help="address to listen on (127.0.0.1; any other needs a token, which is printed)")
     serve.add_argument("--port", type=int, help="port to listen on (8080; 0: any free one)")
+    serve.add_argument("--tls", action="store_true", default=None, help="serve https, with a certificate made here")
+    serve.add_argument("--tls-cert", metavar="FILE", help="… or with this one (PEM); its key is --tls-key")
+    serve.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
     _add_reading(serve, "protocol of the sources (recognised when left out)")
     serve.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
     serve.add_argument(
@@ -202,12 +205,17 @@ def _serve(options: argparse.Namespace) -> None:
         schema=options.schema,
         unverified=options.unverified,
         sources=options.sources or None,
+        tls=options.tls,
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
         record=options.record,
         foxglove=options.foxglove,
         rerun_connect=options.rerun_connect,
     )
-    _compile(config.data)
     from server import serving
+
+    keeper = serving.keeper_of(config)
+    _compile(config.data)
     from server.app import create_app
     from server.auth import Access
     from server.links import LinkError, open_link
@@ -244,12 +252,14 @@ def _serve(options: argparse.Namespace) -> None:
             )
         else:
             print(url, flush=True)
+        if keeper is not None:
+            print(f"SHA-256 of its certificate: {keeper.tls.fingerprint}", flush=True)
         if not config.sources:
             words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
             print(f"{words} See `imuscope serve --help`.", file=sys.stderr)
 
     try:
-        serving.run(create_app(config, access), listener, ready)
+        serving.run(create_app(config, access), listener, ready, keeper)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
 
@@ -264,7 +274,7 @@ def _url(config: Config, port: int) -> str:
     import platform
 
     host = platform.node() if config.host in ("0.0.0.0", "::", "") else config.host
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
+    return f"{config.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
 def _compile(data: Path) -> None:

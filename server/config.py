@@ -8,6 +8,7 @@
     key = "@/etc/imuscope.key"  # of IDTP devices in Secure mode
     view_token = "…"            # may look
     control_token = "…"         # may also change things
+    tls = true                  # https with a certificate made here; or tls_cert and tls_key: files (server/tls.py)
     record = true               # from the start, all devices
     recordings_quota_gb = 20    # beyond that the oldest recordings go that nobody pinned; 0: no quota
     split_mb = 2000             # a recording goes on in a new file when it is so large
@@ -43,6 +44,7 @@ from server.live.reading import Reading, key_text, reading, schema_text
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MOST_MEMORY_MB = 65_536
+SECRETS = ("key", "view_token", "control_token")
 
 
 class ConfigError(ValueError):
@@ -81,6 +83,7 @@ class Config:
         trial_s: how long a person has to keep settings that could have cut the line, before they go back.
         history_s, memory_mb: how far back the server remembers samples, whichever is less.
         view_token, control_token: "" means that one is made when it is needed.
+        tls: serve https, with a certificate of our own; tls_cert, tls_key: PEM files of one that was given.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
         record: record all devices from the start.
@@ -105,8 +108,11 @@ class Config:
     trial_s: float = 20.0
     history_s: float = 600.0
     memory_mb: int = 256
-    view_token: str = ""
-    control_token: str = ""
+    view_token: str = field(default="", repr=False)
+    control_token: str = field(default="", repr=False)
+    tls: bool = False
+    tls_cert: str = ""
+    tls_key: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
     record: bool = False
@@ -128,6 +134,10 @@ class Config:
         key = key_text(self.key) if self.key else ""
         schema = schema_text(self.schema) if self.schema else ""
         return reading(self.protocol, key, self.min_mode, self.unverified, schema)
+
+    @property
+    def scheme(self) -> str:
+        return "https" if self.tls or self.tls_cert else "http"
 
     @property
     def is_loopback(self) -> bool:
@@ -195,6 +205,11 @@ def _checked(settings: Mapping[str, Any]) -> Config:
             raise ConfigError(f"{name} {value:g} is neither 0 (no limit) nor {least:g} … 1 000 000 {unit}.")
     if not 1 <= config.memory_mb <= MOST_MEMORY_MB:
         raise ConfigError(f"memory_mb {config.memory_mb} is outside 1 … {MOST_MEMORY_MB} MB.")
+    if bool(config.tls_cert) != bool(config.tls_key):
+        given, other = ("tls_cert", "tls_key") if config.tls_cert else ("tls_key", "tls_cert")
+        raise ConfigError(f"{given} needs {other}: the files of a certificate and of its key.")
+    if config.tls and config.tls_cert:
+        raise ConfigError("tls makes a certificate and tls_cert names one: give one of the two.")
     if not 0 < config.upload_gb <= 1e6:
         raise ConfigError(f"upload_gb {config.upload_gb:g} is outside 0 … 1 000 000.")
     for name in ("view_token", "control_token"):
@@ -219,7 +234,7 @@ def _converted(name: str, value: Any, default: Any) -> Any:
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not type(default):
-        shown = "…" if name == "key" else repr(value)  # a secret, however it is written
+        shown = "…" if name in SECRETS else repr(value)  # however it is written
         raise ConfigError(f"{name} must be {type(default).__name__}, not {shown}.")
     return value
 

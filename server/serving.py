@@ -4,6 +4,7 @@ permessage-deflate off     samples hardly compress, and it costs five times the 
 proxy headers off          who asks is the peer itself; a forwarded request needs a token (server/auth.py)
 little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken waits in its outbox, where the oldest
                            is dropped, and not in megabytes of kernel buffer, where it would only grow old
+TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart
 the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
 """
 
@@ -11,16 +12,25 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import logging
 import signal
 import socket
 from collections.abc import Callable
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 
+from server.config import Config
+
+if TYPE_CHECKING:
+    from server.tls import Keeper
+
+log = logging.getLogger("imuscope.serving")
+
+LOOK_S = 3600.0  # between two looks at the certificate on disk
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
@@ -45,16 +55,49 @@ class LiveProtocol(WebSocketsSansIOProtocol):
 
 
 class Server(uvicorn.Server):
-    """uvicorn's server, telling when it serves."""
+    """uvicorn's server, telling when it serves, and looking after its certificate."""
 
-    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: Keeper | None) -> None:
         super().__init__(config)
         self._on_ready = on_ready
+        self._keeper = keeper
+        self._looking: asyncio.Task[None] | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if not self.should_exit:
+            if self._keeper is not None:
+                self._looking = asyncio.create_task(look_after(self._keeper), name="certificate")
             self._on_ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        if self._looking is not None:
+            self._looking.cancel()
+        await super().shutdown(sockets)
+
+
+def keeper_of(config: Config) -> Keeper | None:
+    """Who holds the certificate, where there is to be one: it takes a library that takes a while to import.
+
+    Raises:
+        ConfigError: there is none that can be used.
+    """
+    if config.scheme == "http":
+        return None
+    from server.tls import Keeper
+
+    return Keeper(config)
+
+
+async def look_after(keeper: Keeper, every_s: float = LOOK_S) -> None:
+    """Take a certificate that was renewed into use, for as long as the server runs."""
+    while True:
+        await asyncio.sleep(every_s)
+        try:
+            if await asyncio.to_thread(keeper.look):
+                log.warning("the certificate is a new one now; its SHA-256 is %s", keeper.tls.fingerprint)
+        except ValueError as error:
+            log.warning("the certificate in use stays: %s", error)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -81,8 +124,8 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def server(app: ASGIApp, on_ready: Callable[[], None]) -> Server:
-    """uvicorn with our settings, not running yet."""
+def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = None) -> Server:
+    """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
     config = uvicorn.Config(
         app,
         ws=LiveProtocol,
@@ -97,17 +140,18 @@ def server(app: ASGIApp, on_ready: Callable[[], None]) -> Server:
         log_level="warning",
         lifespan="on",
         timeout_graceful_shutdown=2,
+        ssl_context_factory=None if keeper is None else lambda *_: keeper.context,
     )
-    return Server(config, on_ready)
+    return Server(config, on_ready, keeper)
 
 
-def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None]) -> None:
+def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], keeper: Keeper | None = None) -> None:
     """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
 
     Raises:
         RuntimeError: it did not start.
     """
-    serving = server(app, on_ready)
+    serving = server(app, on_ready, keeper)
     gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
     # uvicorn raises the signal that ended it again after it has shut down cleanly; that is then no failure.
     signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import ssl
 import subprocess
 import sys
 import threading
@@ -71,6 +72,10 @@ class ServerProcess:
             start_new_session=True,
         )
         self.lines: list[str] = []
+        self._certificate = data / "tls" / "certificate.pem"
+        if "--tls-cert" in arguments:
+            self._certificate = Path(arguments[arguments.index("--tls-cert") + 1])
+        self._is_beyond_loopback = "0.0.0.0" in arguments
         self._address = threading.Event()
         self.url = ""
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -80,6 +85,13 @@ class ServerProcess:
         except BaseException:
             self.stop()
             raise
+
+    @property
+    def trust(self) -> ssl.SSLContext | None:
+        """Who a client believes: the server's certificate and nobody else; None without TLS."""
+        if not self.url.startswith("https"):
+            return None
+        return ssl.create_default_context(cafile=self._certificate)
 
     @property
     def log(self) -> str:
@@ -113,7 +125,9 @@ class ServerProcess:
         for line in self.process.stdout:
             self.lines.append(line)
             if not self.url and (found := re.search(r"https?://[\w.:\[\]-]+", line)):
-                self.url = found[0].rstrip("/")
+                url = found[0].rstrip("/")
+                # The machine's own name is printed then, which not every machine can look up.
+                self.url = re.sub(r"//.*(?=:)", "//localhost", url) if self._is_beyond_loopback else url
                 self._address.set()
         self._address.set()
 
@@ -130,7 +144,7 @@ class ServerProcess:
 
     def _answers(self) -> bool:
         try:
-            with urllib.request.urlopen(f"{self.url}/healthz", timeout=2) as answer:
+            with urllib.request.urlopen(f"{self.url}/healthz", timeout=2, context=self.trust) as answer:
                 return bool(answer.status == 200)
         except OSError:
             return False

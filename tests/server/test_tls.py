@@ -1,0 +1,291 @@
+"""https: with a certificate that is made here, with one that is given, and what is said where neither will do."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import datetime
+import hashlib
+import json
+import ssl
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import viser
+from cryptography import x509
+from cryptography.hazmat.primitives import serialization
+from websockets.asyncio.client import connect
+
+from server import serving, tls
+from server.config import Config, ConfigError, load
+from tests.process import ROOT, ServerProcess
+
+PEM = serialization.Encoding.PEM
+DAY = datetime.timedelta(days=1)
+
+
+def days_on(monkeypatch: pytest.MonkeyPatch, days: float) -> None:
+    """Move the clock that certificates are judged by."""
+    now = datetime.datetime.now(datetime.UTC) + days * DAY
+    monkeypatch.setattr(tls, "_now", lambda: now)
+
+
+# ── a certificate of our own ──
+
+
+def test_a_made_certificate_says_who_it_is_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tls.platform, "node", lambda: "Robot.example")
+    monkeypatch.setattr(tls, "addresses", lambda: ["10.0.0.7", "fd00::7"])
+    config = Config(data=tmp_path, tls=True, host="192.0.2.9", allowed_hosts=("fleet.example",))
+    found = tls.tls_of(config)
+    certificate = x509.load_pem_x509_certificate(found.cert.read_bytes())
+    held = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    names = {"localhost", "robot.example", "robot", "robot.local", "fleet.example"}
+    assert set(held.get_values_for_type(x509.DNSName)) == names
+    there = {str(address) for address in held.get_values_for_type(x509.IPAddress)}
+    assert there == {"127.0.0.1", "::1", "10.0.0.7", "fd00::7", "192.0.2.9"}
+    assert certificate.extensions.get_extension_for_class(x509.BasicConstraints).value.ca is False
+    assert (
+        found.fingerprint == hashlib.sha256(ssl.PEM_cert_to_DER_cert(found.cert.read_text())).digest().hex(":").upper()
+    )
+    assert found.key.stat().st_mode & 0o777 == 0o600
+    assert found.key.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_it_is_made_once_and_anew_before_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = tls.made(tmp_path, ["localhost", "10.0.0.7"])
+    first.key.chmod(0o644)
+    assert tls.made(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
+    assert first.key.stat().st_mode & 0o777 == 0o600
+    days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS - 1)
+    assert tls.made(tmp_path, ["localhost"]) == first
+    days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS + 1)
+    second = tls.made(tmp_path, ["localhost"])
+    assert second.fingerprint != first.fingerprint
+    third = tls.made(tmp_path, ["localhost", "robot.local"])
+    assert third.fingerprint != second.fingerprint
+    third.cert.write_text("half a cert")  # a power cut, a disk
+    assert tls.made(tmp_path, ["localhost"]).fingerprint not in (second.fingerprint, third.fingerprint)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["certificate.pem", "key.pem"]
+
+
+def test_addresses_are_this_machines_own() -> None:
+    found = tls.addresses()
+    assert all(tls._address(one) is not None for one in found)
+    if sys.platform == "linux":
+        assert "127.0.0.1" in found
+
+
+# ── a certificate that is given ──
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tls.Tls:
+    return tls.made(tmp_path_factory.mktemp("pair"), ["localhost", "127.0.0.1"])
+
+
+def test_a_given_certificate_is_used(pair: tls.Tls) -> None:
+    found = tls.tls_of(Config(tls_cert=str(pair.cert), tls_key=str(pair.key)))
+    assert found == replace(pair, made=False)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("no certificate file", "tls_cert .*gone.pem cannot be read: No such file or directory."),
+        ("no key file", "tls_key .*gone.pem cannot be read: No such file or directory."),
+        ("a folder", "tls_cert .* cannot be read: Is a directory."),
+        ("no certificate", "holds no certificate in PEM form"),
+        ("no key", "holds no private key in PEM form"),
+        ("swapped", "holds no certificate in PEM form"),
+        ("another key", "is not the key of the certificate"),
+        ("passphrase", "has a passphrase; give one without"),
+        ("expired", "has expired on 20"),
+        ("not yet", "is valid from 20.*; it is 20.* here"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_a_sentence(
+    what: str, words: str, pair: tls.Tls, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cert, key, gone, text = pair.cert, pair.key, tmp_path / "gone.pem", tmp_path / "text.pem"
+    text.write_text("-----BEGIN NOTHING-----\n")
+    match what:
+        case "no certificate file":
+            cert = gone
+        case "no key file":
+            key = gone
+        case "a folder":
+            cert = tmp_path
+        case "no certificate":
+            cert = text
+        case "no key":
+            key = text
+        case "swapped":
+            cert, key = key, cert
+        case "another key":
+            key = tls.made(tmp_path / "other", ["localhost"]).key
+        case "passphrase":
+            secret = serialization.load_pem_private_key(key.read_bytes(), None)
+            key = tmp_path / "locked.pem"
+            lock = serialization.BestAvailableEncryption(b"secret")
+            key.write_bytes(secret.private_bytes(PEM, serialization.PrivateFormat.PKCS8, lock))
+        case "expired":
+            days_on(monkeypatch, tls.DAYS + 1)
+        case "not yet":
+            days_on(monkeypatch, -2)
+    with pytest.raises(ConfigError, match=words):
+        tls.given(cert, key)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"tls_cert": "a.pem"}, "tls_cert needs tls_key"),
+        ({"tls_key": "a.pem"}, "tls_key needs tls_cert"),
+        ({"tls": True, "tls_cert": "a.pem", "tls_key": "b.pem"}, "one of the two"),
+        ({"tls": "yes"}, "tls must be bool"),
+    ],
+)
+def test_settings_that_do_not_go_together(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load(None, **given)
+
+
+def test_the_command_says_it_in_one_line(tmp_path: Path) -> None:
+    """Before anything is compiled or opened."""
+    arguments = ["--tls-cert", str(tmp_path / "a.pem"), "--tls-key", "b.pem", "--port", "0", "--data", str(tmp_path)]
+    command = [sys.executable, "-m", "server.cli", "serve", "udp://127.0.0.1:0", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.splitlines()[-1] == (
+        f"imuscope: tls_cert {tmp_path / 'a.pem'} cannot be read: No such file or directory."
+    )
+    assert "Traceback" not in done.stderr
+
+
+# ── a server ──
+
+
+@contextlib.asynccontextmanager
+async def serving_with(keeper: tls.Keeper) -> AsyncIterator[int]:
+    """An application that does nothing, behind this certificate; its port."""
+
+    async def nothing(scope: Any, receive: Any, send: Any) -> None:
+        while scope["type"] == "lifespan":
+            message = await receive()
+            await send({"type": message["type"] + ".complete"})
+            if message["type"] == "lifespan.shutdown":
+                return
+
+    listener, ready = serving.listen("127.0.0.1", 0), asyncio.Event()
+    server = serving.server(nothing, ready.set, keeper)
+    task = asyncio.create_task(server.serve(sockets=[listener]))
+    await ready.wait()
+    try:
+        yield listener.getsockname()[1]
+    finally:
+        server.should_exit = True
+        await task
+        listener.close()
+
+
+async def shown(port: int, trust: Path) -> str:
+    """The fingerprint of the certificate that a client who trusts this one is shown."""
+    context = ssl.create_default_context(cafile=trust)
+    _, writer = await asyncio.open_connection("127.0.0.1", port, ssl=context, server_hostname="localhost")
+    connection: ssl.SSLObject = writer.get_extra_info("ssl_object")
+    der = connection.getpeercert(binary_form=True)
+    assert der is not None
+    assert connection.version() in ("TLSv1.2", "TLSv1.3")
+    writer.close()
+    await writer.wait_closed()
+    return hashlib.sha256(der).digest().hex(":").upper()
+
+
+def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    async def play() -> None:
+        old = tls.made(tmp_path / "old", ["localhost"])
+        new = tls.made(tmp_path / "new", ["localhost"])
+        config = Config(tls_cert=str(tmp_path / "cert.pem"), tls_key=str(tmp_path / "key.pem"))
+
+        def install(cert: Path, key: Path) -> None:
+            Path(config.tls_cert).write_bytes(cert.read_bytes())
+            Path(config.tls_key).write_bytes(key.read_bytes())
+
+        install(old.cert, old.key)
+        keeper = tls.Keeper(config)
+        looking = asyncio.create_task(serving.look_after(keeper, 0.02))
+        async with serving_with(keeper) as port:
+            assert await shown(port, old.cert) == old.fingerprint
+            install(new.cert, old.key)  # half way
+            async with asyncio.timeout(30):
+                while "stays" not in caplog.text:
+                    await asyncio.sleep(0.01)
+            assert await shown(port, old.cert) == old.fingerprint
+            install(new.cert, new.key)
+            async with asyncio.timeout(30):
+                while keeper.tls.fingerprint != new.fingerprint:
+                    await asyncio.sleep(0.01)
+            assert await shown(port, new.cert) == new.fingerprint
+        looking.cancel()
+
+    asyncio.run(play())
+
+
+def test_everything_is_served_over_tls(tmp_path: Path) -> None:
+    config = tmp_path / "imuscope.toml"
+    config.write_text('control_token = "control-token-of-this-test"\n')
+    arguments = ("--tls", "--foxglove", "0", "--config", str(config))
+    with ServerProcess("twin:isb", data=tmp_path / "data", arguments=arguments) as server:
+        assert server.trust is not None
+        assert server.url.startswith("https://127.0.0.1:")
+        certificate = (tmp_path / "data" / "tls" / "certificate.pem").read_text()
+        fingerprint = hashlib.sha256(ssl.PEM_cert_to_DER_cert(certificate)).digest().hex(":").upper()
+        assert f"SHA-256 of its certificate: {fingerprint}\n" in server.log
+        with httpx.Client(base_url=server.url, verify=server.trust, timeout=90) as client:
+            assert client.get("/").status_code == 200
+            assert client.get("/api/build").json()["role"] == "control"
+            let_in = client.get("/", params={"token": "control-token-of-this-test"})
+            assert let_in.status_code == 303
+            cookie = {part.strip() for part in let_in.headers["set-cookie"].split(";")}
+            assert {"Secure", "HttpOnly", "SameSite=Strict", "Path=/"} <= cookie
+            assert client.get("/viser/").status_code == 200
+            assert client.get("/rerun/").status_code == 200
+        with pytest.raises(httpx.ConnectError):
+            httpx.get(server.url, timeout=10)  # who trusts the world's authorities only
+        with pytest.raises(httpx.HTTPError):
+            httpx.get(server.url.replace("https", "http"), timeout=10)
+        asyncio.run(_talk(server))
+
+
+async def _talk(server: ServerProcess) -> None:
+    """Every WebSocket, as a page under https would open it."""
+    base, trust = server.url.replace("https", "wss"), server.trust
+
+    async def first(path: str, *subprotocols: Any) -> str | bytes:
+        async with connect(
+            base + path,
+            ssl=trust,
+            subprotocols=subprotocols or None,
+            origin=server.url,
+            max_size=None,  # type: ignore[arg-type]
+        ) as socket:
+            return await socket.recv()
+
+    async with asyncio.timeout(90):
+        said = await asyncio.gather(
+            first("/ws", "imuscope.v1"),
+            first("/viser", f"viser-v{viser.__version__}"),
+            first("/rerun/live"),
+            first("/foxglove", "foxglove.sdk.v1"),
+        )
+    assert json.loads(said[0])["op"] == "hello"
+    assert all(said[1:3])
+    assert json.loads(said[3])["op"] == "serverInfo"
