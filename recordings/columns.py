@@ -18,7 +18,8 @@ each bucket asked for: it touches a few hundred kilobytes, never the whole colum
 none, made non-decreasing, because a sample may carry a time older than its neighbours'. Quantities that come in one
 message have the same clocks, which are written once.
 
-Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time.
+Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time. One that is being made can be
+read already (`ColumnsWriter.show`): blocks are only ever added, and what names them is replaced whole.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ Floats = NDArray[np.float64]
 Base = Literal["device", "arrival"]
 Clock = Literal["key", "arrival", "time"]
 
-VERSION = 1
+VERSION = 2
 BLOCK_ROWS = 1 << 16
 LEVELS = (16, 256, 4096)
 PER_BUCKET = 8  # summaries that a bucket is at least made of
@@ -158,6 +159,20 @@ class ColumnsWriter:
         if self._rows[number] >= BLOCK_ROWS:
             self._write(number, everything=False)
 
+    @property
+    def aside(self) -> Path:
+        """The folder in which it is made: further files of the store are written there."""
+        return self._aside
+
+    def show(self, manifest: Mapping[str, Any]) -> Path:
+        """Let all that was appended so far be read while more comes: a folder for Columns, gone when this is finished.
+
+        Raises:
+            OSError: the disk failed.
+        """
+        self._name(manifest)
+        return self._aside
+
     def finish(self, manifest: Mapping[str, Any]) -> Columns:
         """Write what waits, and the manifest; the store is there afterwards.
 
@@ -165,14 +180,8 @@ class ColumnsWriter:
             OSError: the disk failed; nothing is left behind.
         """
         try:
-            for number in self._shapes:
-                self._write(number, everything=True)
+            self._name(manifest)
             self._file.close()
-            index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
-            np.save(self._aside / "blocks.npy", index)
-            shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
-            body = json.dumps({**manifest, "version": VERSION, "shapes": shapes}, ensure_ascii=False)
-            (self._aside / "manifest.json").write_text(body, encoding="utf-8")
             shutil.rmtree(self._folder, ignore_errors=True)
             os.replace(self._aside, self._folder)
         except OSError:
@@ -184,6 +193,19 @@ class ColumnsWriter:
         """Leave nothing behind."""
         self._file.close()
         shutil.rmtree(self._aside, ignore_errors=True)
+
+    def _name(self, manifest: Mapping[str, Any]) -> None:
+        """Write what waits, and name all that is written; who reads meanwhile has the names of before, or these."""
+        for number in self._shapes:
+            self._write(number, everything=True)
+        self._file.flush()
+        index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
+        shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
+        body = json.dumps({**manifest, "version": VERSION, "shapes": shapes}, ensure_ascii=False)
+        np.save(self._aside / "next.npy", index)
+        os.replace(self._aside / "next.npy", self._aside / "blocks.npy")
+        (self._aside / "next.json").write_text(body, encoding="utf-8")
+        os.replace(self._aside / "next.json", self._aside / "manifest.json")
 
     def _write(self, number: int, *, everything: bool) -> None:
         """Whole blocks of what waits; the rest, too, when it is everything."""

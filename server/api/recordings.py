@@ -5,6 +5,7 @@ The same question about what is live is `GET /api/devices/{device}/query`.
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -15,10 +16,12 @@ from fastapi.responses import JSONResponse, Response
 
 from recordings.columns import Base, Columns
 from recordings.container import RecordingError
+from recordings.fared import Fared, fared
 from server import wire
-from server.api.errors import ApiError, responses
+from server.api.errors import ApiError, bytes_of, responses
+from server.library.catalogue import Catalogue
 from server.library.details import as_json, channels_of, detail
-from server.library.recorded import OpeningState
+from server.library.recorded import OpeningState, RecordingDetail
 from server.library.shelf import Opening, Shelf
 from server.library.windows import Answer, arrow_of, frame_of, json_of, live, recorded
 from server.live.hub import Hub
@@ -26,14 +29,24 @@ from server.live.hub import Hub
 router = APIRouter(tags=["recordings"])
 
 MOST_WIDTH = 8000
+MOST_SECONDS = 7200
 MOST_ROWS = 5_000_000  # that one answer gives as they are; a longer stretch is asked for in pieces
 SAMPLES = "application/octet-stream"
 ARROW = "application/vnd.apache.arrow.stream"
+
+TABLE = {
+    200: {"content": {ARROW: {"schema": {"type": "string", "format": "binary"}}, "application/json": {"schema": {}}}},
+    **responses(404, 422),
+}
+    200: {"content": {**bytes_of(ARROW)[200]["content"], "application/json": {"schema": {"type": "object"}}}},
+    **responses(404, 422),
+}
 
 Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
 Width = Annotated[int, Query(ge=0, le=MOST_WIDTH, description="buckets wanted; 0 for every row")]
 Format = Annotated[Literal["arrow", "json"], Query()]
+Partial = Annotated[bool, Query(description="while it is decoded for the first time: of what is there so far")]
 
 
 def shelf_of(request: Request) -> Shelf:
@@ -59,12 +72,29 @@ async def columns_of(recording: str, shelf: OneShelf) -> Columns:
         raise ApiError(422, "cannot-open", error.message, error.hint) from None
 
 
+async def columns_so_far(recording: str, shelf: OneShelf, partial: Partial = False) -> Columns:
+    """The same, or where that is asked for as much of them as is decoded."""
+    if not partial:
+        return await columns_of(recording, shelf)
+    try:
+        return await shelf.so_far(recording)
+    except (KeyError, FileNotFoundError):
+        raise unknown(recording) from None
+    except RecordingError as error:
+        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+
+
 OneStore = Annotated[Columns, Depends(columns_of)]
+SoFar = Annotated[Columns, Depends(columns_so_far)]
 
 
-@router.get("/api/recordings/{recording}", responses=responses(404, 422))
-async def get_recording(recording: str, request: Request, shelf: OneShelf) -> Response:
-    """Everything but the samples (RecordingDetail); 202 and an OpeningState while it is decoded for the first time."""
+@router.get(
+    "/api/recordings/{recording}",
+    responses={200: {"model": RecordingDetail}, 202: {"model": OpeningState}, **responses(404, 422)},
+)
+async def get_recording(recording: str, request: Request, shelf: OneShelf, partial: Partial = False) -> Response:
+    """Everything but the samples (RecordingDetail); 202 and an OpeningState while it is decoded for the first time, or
+    with `partial` as soon as there is something the RecordingDetail of that, whose `progress` is less than 1."""
     try:
         found = shelf.open(recording)
     except (KeyError, FileNotFoundError):
@@ -72,15 +102,23 @@ async def get_recording(recording: str, request: Request, shelf: OneShelf) -> Re
     if isinstance(found, Opening):
         if found.error is not None:
             raise ApiError(422, "cannot-open", found.error.message, found.error.hint)
-        state = OpeningState(recording, found.progress, "Decoding it for the first time.")
-        return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
-    told = detail(request.app.state.library.info(recording), found, request.app.state.library.markers(recording))
+        if not partial or found.partial is None:
+            state = OpeningState(recording, found.progress, "Decoding it for the first time.")
+            return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
+    library: Catalogue = request.app.state.library
+    store = found if isinstance(found, Columns) else found.partial
+    assert store is not None
+    told = await asyncio.to_thread(lambda: detail(library.info(recording), store, library.markers(recording)))
     return JSONResponse(as_json(told), headers={"cache-control": "no-store"})
 
 
-@router.get("/api/recordings/{recording}/window", responses=responses(404, 422), response_class=Response)
+@router.get(
+    "/api/recordings/{recording}/window",
+    responses={**bytes_of(SAMPLES), **responses(404, 422)},
+    response_class=Response,
+)
 async def get_window(
-    store: OneStore,
+    store: SoFar,
     t0: float,
     t1: float,
     width: Annotated[int, Query(ge=1, le=MOST_WIDTH)] = 1000,
@@ -97,7 +135,26 @@ async def get_window(
     return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
 
 
-@router.get("/api/recordings/{recording}/query", responses=responses(404, 422), response_class=Response)
+@router.get("/api/recordings/{recording}/fared", responses=responses(404, 422))
+def get_fared(
+    store: SoFar,
+    device: str,
+    t0: Annotated[float, Query(description="unix seconds")],
+    t1: Annotated[float, Query(description="unix seconds")],
+) -> Fared:
+    """How a device fared, second by second: bytes, samples of each message, how late they came, its clock."""
+    t0, t1 = _span(t0, t1)
+    known = {told["id"]: told.get("parent", "") for told in store.manifest["devices"]}
+    if device not in known:
+        there = ", ".join(known)
+        raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {there:.400}.")
+    if t1 - t0 > MOST_SECONDS:
+        raise ApiError(422, "too-many", f"At most {MOST_SECONDS} seconds come at once.", "Ask for a shorter stretch.")
+    names = store.manifest.get("fared", {})
+    return fared(store.folder, names, device, known[device] or device, math.floor(t0), math.floor(t1))
+
+
+@router.get("/api/recordings/{recording}/query", responses=TABLE, response_class=Response)
 async def query_recording(
     store: OneStore,
     channel: Annotated[str, Query(description="id, or name")],
@@ -120,7 +177,7 @@ async def query_recording(
     return _table(recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base), format)
 
 
-@router.get("/api/devices/{device}/query", tags=["devices"], responses=responses(404, 422), response_class=Response)
+@router.get("/api/devices/{device}/query", tags=["devices"], responses=TABLE, response_class=Response)
 async def query_device(
     device: str,
     request: Request,

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Coroutine
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from recordings.container import RecordingError
 from recordings.library import Entry, Library
@@ -62,6 +63,8 @@ class Catalogue:
         self._paths.update({entry.id: entry.path for entry in entries if entry.deleted is None})
         if await self._learn(entries):
             entries = await asyncio.to_thread(self.library.all, search)
+        if self.shelf is not None and self._hub.outboxes:  # a person looks, and will open one
+            self._keep(self.shelf.prepare(), "preparing to open")
         return [self.told(entry) for entry in entries]
 
     def info(self, recording: str) -> RecordingInfo:
@@ -113,9 +116,12 @@ class Catalogue:
         """A recording of ours is packed: open it once, aside, so that the list shows its motion and losses."""
         self.changed()
         if self.shelf is not None:
-            work = asyncio.get_running_loop().create_task(self._look_at(path), name=f"looking at {path.name}")
-            self._looking.add(work)
-            work.add_done_callback(self._looking.discard)
+            self._keep(self._look_at(path), f"looking at {path.name}")
+
+    def _keep(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        task = asyncio.get_running_loop().create_task(work, name=name)
+        self._looking.add(task)
+        task.add_done_callback(self._looking.discard)
 
     async def _look_at(self, path: Path) -> None:
         assert self.shelf is not None

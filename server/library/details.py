@@ -55,17 +55,20 @@ def detail(info: RecordingInfo, store: Columns, markers: list[Marker] | None = N
     """
     told = store.manifest
     span = store.span() or (told["started"] or 0.0, told["ended"] or 0.0)
+    progress = told.get("progress", 1.0)
+    last = span[1] if progress == 1.0 else max(span[1], told["ended"] or 0.0)
     own = [Marker(**marker) for marker in told["markers"]]
     return RecordingDetail(
         info=info,
         t0=span[0],
-        t1=span[1],
+        t1=last,
         devices=[DeviceInfo(**device) for device in told["devices"]],
         channels=list(channels_of(store).values()),
         events=[EventInfo(**event) for event in told["events"]],
         markers=sorted([*own, *(markers or [])], key=lambda marker: marker.time),
         snapshots=told["snapshots"],
         longest_s={str(number): usual_interval(store, number) for number in store.shapes},
+        progress=progress,
     )
 
 

@@ -1,7 +1,8 @@
 """`python -m server.library.open_aside`: decodes one recording in a process of its own, for server/library/shelf.py.
 
 A wish comes on standard input, one JSON object: path, store, key (hex, never on a command line). What goes out are JSON
-lines: {"progress": 0..1} as it goes on, and {"message", "hint"} when it cannot.
+lines: {"progress": 0..1} as it goes on, {"shown": a folder} when what is decoded so far can be read there, and
+{"message", "hint"} when it cannot.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ def main() -> int:
     """Decode what standard input asks for; 0, or 1 when it could not be done and was told."""
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
-    wish = json.loads(sys.stdin.read())
+    words = sys.stdin.read()
+    if not words:
+        return 0  # it was started ahead, and nothing was opened
+    wish = json.loads(words)
     told = 0.0
 
     def progress(share: float) -> None:
@@ -36,7 +40,8 @@ def main() -> int:
 
     try:
         source = open_file(Path(wish["path"]))
-        decode(source, Path(wish["store"]), speech(), reading(key=wish.get("key", "")), progress)
+        spoken, said = speech(), reading(key=wish.get("key", ""))
+        decode(source, Path(wish["store"]), spoken, said, progress, lambda folder: _say(shown=str(folder)))
     except RecordingError as error:
         _say(message=error.message, hint=error.hint)
         return 1

@@ -5,16 +5,20 @@ did when they came, only as fast as the machine can; what would have gone to bro
 
     Source.parts() ──> Reader of each device ──> Collector (in place of the hub) ──> ColumnsWriter ──> Columns
                                                  events, devices, channels       ──> its manifest
+                                                 rates, delays, the clock        ──> fared.bin, second by second
 
 So an old file has what today's decoder makes of it, and a recording looks as it looked live. What was kept beside the
 bytes (markers, what a person did, how the link fared) is taken over; what follows from the bytes (gaps, rejects, steps
 of the clock, answers) is found anew.
+
+A long file is shown while it is decoded: again and again what is there so far can be read like the whole (`Showing`).
 
 Memory is bounded by one part and the blocks that wait to be written.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -25,7 +29,8 @@ import numpy as np
 from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
 from recordings.derived import euler_columns
-from recordings.parts import Part, Source
+from recordings.fared import FaredWriter
+from recordings.parts import McapSource, Part, Source
 from recordings.tables import TableSource
 from server import codec, wire
 from server.library.opening_tables import decode_tables
@@ -42,6 +47,8 @@ DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
 FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
+FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
+EVENTS_SHOWN = 2000  # while it is decoded: telling all of a very bad line again and again would take longer than it
 
 
 class Collector(Hub):
@@ -49,12 +56,13 @@ class Collector(Hub):
 
     tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
 
-    def __init__(self, writer: ColumnsWriter) -> None:
+    def __init__(self, writer: ColumnsWriter, fared: FaredWriter) -> None:
         super().__init__(self._time, history_s=0)
         self.time = 0.0  # arrival of what is decoded now, unix s
         self.infos: dict[int, wire.ChannelInfo] = {}
         self.events: list[wire.EventInfo] = []
         self.left_out = 0
+        self.fared = fared
         self._writer = writer
         self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
 
@@ -69,9 +77,13 @@ class Collector(Hub):
         return number
 
     def publish(self, pieces: Iterable[Piece]) -> None:
+        leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
         for piece in pieces:
+            info = self.infos[piece.channel]
             self._writer.append(piece.channel, piece.columns)
-            if self.infos[piece.channel].kind in ("quaternion", "matrix"):
+            if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
+                self.fared.samples(info.device, info.message, piece.columns[0], piece.columns[1])
+            if info.kind in ("quaternion", "matrix"):
                 self._angles(piece)
 
     def _angles(self, piece: Piece) -> None:
@@ -184,14 +196,23 @@ class _Device:
                 self._drain(reader)
             first = past
         self.senders.own.figures.heard(len(part.data), self._hub.time)
+        self._hub.fared.heard(self.portrait.info.id, part.ends, part.times)
 
     def _drain(self, reader: Reader) -> None:
         self._fed = 0
         reader.drain()
+        self._tell_clocks()
         if self._hub.time >= self._next_tick:
             self._next_tick = self._hub.time + 1.0
             for sender in self.senders.all:
                 sender.incidents.tick(self._hub.time)
+
+    def _tell_clocks(self) -> None:
+        for sender in self.senders.all:
+            clock = sender.intake.clock if sender.intake is not None else None
+            if clock is not None and clock.uncertainty_ns < float("inf"):
+                device = sender.portrait.info.id
+                self._hub.fared.clock(device, self._hub.time, clock.drift_ppm, clock.uncertainty_ns / 1e6)
 
     def end(self) -> None:
         """The file is over."""
@@ -199,9 +220,33 @@ class _Device:
             self._recognise()
         if self._reader is not None:
             self._reader.drain(stalled=True)
+            self._tell_clocks()
         for sender in self.senders.all:
             sender.incidents.tick(self._hub.time + 3600.0)
             sender.portrait.set(status="ended", message="", hint="", next_try=None)
+
+
+class Showing:
+    """Shows what is decoded so far, now and then: soon at first, and never so often that it takes longer.
+
+    Args:
+        shown: called with the folder from which it can be read.
+    """
+
+    def __init__(self, shown: Callable[[Path], None]) -> None:
+        self._shown = shown
+        self._wait = FIRST_SHOWN_S
+        self._next = time.monotonic() + self._wait
+
+    @property
+    def is_due(self) -> bool:
+        return time.monotonic() >= self._next
+
+    def show(self, folder: Path) -> None:
+        """It can be read there."""
+        self._shown(folder)
+        self._wait = min(2 * self._wait, LAST_SHOWN_S)
+        self._next = time.monotonic() + self._wait
 
 
 def decode(
@@ -210,6 +255,7 @@ def decode(
     speech: Speech,
     reading: Reading = Reading(),  # noqa: B008 - frozen
     progress: Callable[[float], None] = lambda share: None,
+    shown: Callable[[Path], None] = lambda folder: None,
 ) -> Columns:
     """Decode a file into a store.
 
@@ -217,6 +263,7 @@ def decode(
         folder: of the store.
         reading: what a person said about it; a protocol named here is that of every device.
         progress: called with 0..1, from the thread that decodes.
+        shown: called with a folder for Columns that has what is decoded so far, until the store itself is there.
     Raises:
         RecordingError, OSError: the file cannot be read, or the store not be written; nothing is left behind.
     """
@@ -224,7 +271,9 @@ def decode(
     try:
         if isinstance(source, TableSource):
             return decode_tables(source, writer, progress)
-        hub = Collector(writer)
+        fared = FaredWriter(writer.aside)
+        hub = Collector(writer, fared)
+        showing = Showing(shown)
         devices = {name: _Device(hub, name, source, speech, reading) for name in source.devices}
         spans: dict[str, list[int]] = {}
         for part in source.parts():
@@ -235,19 +284,33 @@ def decode(
             span = spans.setdefault(part.device, [int(part.times[0]), int(part.times[-1])])
             span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))
             progress(min(part.done, 0.99))
+            if showing.is_due and hub.infos:
+                fared.flush()
+                manifest = _manifest(source, hub, devices, spans, most_events=EVENTS_SHOWN)
+                manifest |= {"progress": part.done, "ended": max(manifest["ended"], _end(source))}
+                showing.show(writer.show(codec.plain(manifest)))
         for device in devices.values():
             device.end()
-        manifest: dict[str, Any] = codec.plain(_manifest(source, hub, devices, spans))
-        return writer.finish(manifest)
+        fared.close()
+        return writer.finish(codec.plain(_manifest(source, hub, devices, spans)))
     except BaseException:
         writer.abandon()
         raise
 
 
+def _end(source: Source) -> float:
+    """When a recording ends, unix s, as its index says before it is read; 0 where nothing does."""
+    return max(source.indexed, default=0) / 1e9 if isinstance(source, McapSource) else 0.0
+
+
 def _manifest(
-    source: Source, hub: Collector, devices: Mapping[str, _Device], spans: Mapping[str, list[int]]
+    source: Source,
+    hub: Collector,
+    devices: Mapping[str, _Device],
+    spans: Mapping[str, list[int]],
+    most_events: int | None = None,
 ) -> dict[str, Any]:
-    events = list(hub.events)
+    events = hub.events[:most_events]
     markers: list[dict[str, Any]] = []
     snapshots: dict[str, Any] = {}
     for channel, time_ns, body in source.said():
@@ -277,6 +340,7 @@ def _manifest(
         "markers": markers,
         "snapshots": snapshots,
         "damage": [asdict(damage) for damage in source.damage],
+        "fared": hub.fared.names,
         "figures": {
             device: {
                 "bytes": sender.figures.bytes.total,

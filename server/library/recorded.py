@@ -5,12 +5,14 @@
     POST   /api/recordings/stop    {}             RecorderState
     POST   /api/recordings/mark    Mark           drops a marker or a note into what is being recorded
     PUT    /api/recordings/upload?name=…          application/octet-stream, whatever can be imported: RecordingInfo
-    GET    /api/recordings/{id}                   RecordingDetail; opens it: until then 202 with an OpeningState
+    GET    /api/recordings/{id}?partial=0|1       RecordingDetail; opens it: until then 202 with an OpeningState,
+                                                  with partial=1 as soon as something is decoded a RecordingDetail of it
+    GET    /api/recordings/{id}/fared?device&t0&t1          Fared (recordings/fared.py): how a device fared, by seconds
     PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned
     DELETE /api/recordings/{id}                   into the bin: RecordingInfo
     POST   /api/recordings/{id}/undelete {}       and back, within 7 days
     POST   /api/recordings/{id}/markers  Mark     a marker or note put in later
-    GET    /api/recordings/{id}/window?t0&t1&width&base&channels
+    GET    /api/recordings/{id}/window?t0&t1&width&base&channels&partial
                                                   application/octet-stream: sample frames of the wire (server/wire.py);
                                                   where rows are summarised a bucket is two rows: least, then greatest
                                                   (of flags: of any, of all), and the answer says X-Exact: 0
@@ -106,6 +108,7 @@ class RecordingDetail:
     markers: list[Marker]
     snapshots: dict[str, dict[str, Any]] = field(default_factory=dict)  # device → configuration
     longest_s: dict[str, float] = field(default_factory=dict)  # channel id → usual time between samples
+    progress: float = 1.0  # less while it is decoded for the first time: as much of it is there
 
 
 @dataclass(slots=True)

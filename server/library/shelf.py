@@ -1,12 +1,13 @@
 """Which recordings are open? A recording is decoded once, aside, and its columns are kept until something changes.
 
     open(id) ── columns there? ──> Columns                      milliseconds, whatever the length
-                └─ no ──> a process of its own decodes ──> progress 0..1 ──> Columns
+                └─ no ──> a process of its own decodes ──> progress 0..1, and what is there so far ──> Columns
 
 A process of its own, because decoding an hour takes seconds of a core: live devices must not feel it, and a decoder
-that falls over takes nothing with it. A store is named after everything that it follows from (the file's name, size and
-time, the decoder's sources, what a person said about how to read it): what is stale is never found, and is swept when
-the folder has grown too large.
+that falls over takes nothing with it. It takes a second to start; where somebody looks at the library it is started
+ahead (`prepare`) and waits for what will be opened. A store is named after everything that it follows from (the file's
+name, size and time, the decoder's sources, what a person said about how to read it): what is stale is never found, and
+is swept when the folder has grown too large.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ log = logging.getLogger("imuscope.shelf")
 KEPT_OPEN = 16
 CACHE_BYTES = 20 << 30
 TRIES = 3  # a file may be packed while it is opened: then it is another file
+SPARE_S = 120.0  # a process that was started ahead waits so long
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
 DECODED_BY = ("library/opening", "live/channels", "live/intake", "live/incidents", "live/senders", "live/raws")
 RECORDINGS, CACHE = "recordings", "cache"
@@ -42,9 +44,10 @@ RECORDINGS, CACHE = "recordings", "cache"
 
 @dataclass(slots=True)
 class Opening:
-    """A recording that is being decoded."""
+    """A recording that is being decoded; `partial`: what is decoded so far, where that can be read."""
 
     progress: float = 0.0
+    partial: Columns | None = None
     error: RecordingError | None = None
     task: asyncio.Task[None] | None = None
     failed_at: float = 0.0
@@ -67,6 +70,9 @@ class Shelf:
         self._key_of = key_of
         self._open: OrderedDict[Path, Columns] = OrderedDict()
         self._opening: dict[Path, Opening] = {}
+        self._spare: asyncio.subprocess.Process | None = None
+        self._spare_ends: asyncio.TimerHandle | None = None
+        self._preparing = False
 
     def store_of(self, recording: str) -> Path:
         """The folder in which the columns of a recording are, or would be.
@@ -122,8 +128,48 @@ class Shelf:
                 return made
         raise RecordingError("The recording changed while it was opened.", "Open it again.")
 
+    async def so_far(self, recording: str) -> Columns:
+        """The columns, or as much of them as is decoded. Raises as `opened` does."""
+        found = self.open(recording)
+        if isinstance(found, Opening) and found.partial is not None and found.error is None:
+            return found.partial
+        return await self.opened(recording)
+
+    async def prepare(self) -> None:
+        """Somebody may open something soon: have a process ready for it, for a while."""
+        if self._spare is None and not self._preparing:
+            self._preparing = True
+            try:
+                self._spare = await _process()
+            finally:
+                self._preparing = False
+        if self._spare_ends is not None:
+            self._spare_ends.cancel()
+        self._spare_ends = asyncio.get_running_loop().call_later(SPARE_S, self._dismiss)
+
+    def _dismiss(self) -> None:
+        """Let the process go that waits for nothing: it ends when there is no wish to come."""
+        if self._spare is not None and self._spare.stdin is not None:
+            self._spare.stdin.close()
+        self._spare = None
+
+    async def _taken(self) -> asyncio.subprocess.Process:
+        """A process that waits for a wish."""
+        if self._spare_ends is not None:
+            self._spare_ends.cancel()
+        spare, self._spare = self._spare, None
+        if spare is not None and spare.returncode is None:
+            return spare
+        return await _process()
+
     async def close(self) -> None:
         """Stop what is being decoded."""
+        if self._spare_ends is not None:
+            self._spare_ends.cancel()
+        spare, self._spare = self._spare, None
+        if spare is not None and spare.returncode is None:
+            spare.kill()
+            await spare.wait()
         tasks = [opening.task for opening in self._opening.values() if opening.task is not None]
         for task in tasks:
             task.cancel()
@@ -161,12 +207,7 @@ class Shelf:
 
     async def _run(self, recording: str, store: Path, opening: Opening) -> None:
         wish = {"path": str(self._path_of(recording)), "store": str(store), "key": self._key_of(recording)}
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "server.library.open_aside"),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            cwd=Path(__file__).parents[2],
-        )
+        process = await self._taken()
         assert process.stdin is not None
         assert process.stdout is not None
         try:
@@ -176,6 +217,9 @@ class Shelf:
                 told = json.loads(line)
                 if "progress" in told:
                     opening.progress = told["progress"]
+                elif "shown" in told:
+                    with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
+                        opening.partial = Columns(Path(told["shown"]))
                 else:
                     opening.error = RecordingError(told["message"], told["hint"])
                     opening.failed_at = time.monotonic()
@@ -185,6 +229,15 @@ class Shelf:
             if process.returncode is None:
                 process.kill()
                 await process.wait()
+
+
+async def _process() -> asyncio.subprocess.Process:
+    return await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "server.library.open_aside"),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    )
 
 
 @cache

@@ -192,3 +192,31 @@ def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
     assert found.columns[2][-1] == inside[-1]
     assert (np.diff(np.searchsorted(columns[0], found.arrival)) > 0).all()
     assert len(store.thinned(7, key[100], key[200], 300)) == 101
+
+
+def test_what_is_written_can_be_read_before_it_is_finished_and_comes_out_the_same(tmp_path: Path) -> None:
+    columns = rows(20_000)
+    writer = ColumnsWriter(tmp_path / "a")
+    writer.channel(7, SHAPE)
+    for n, start in enumerate(range(0, 20_000, 997)):
+        writer.append(7, [column[start : start + 997] for column in columns])
+        if n in (0, 3, 11):
+            so_far = Columns(writer.show({"progress": n / 21}))
+            known = so_far.query(7, -np.inf, np.inf)
+            assert isinstance(known, Exact)
+            assert len(known) == min(start + 997, 20_000)
+            np.testing.assert_array_equal(known.columns[1], columns[3][: len(known)])
+            early = so_far
+    store = writer.finish({"title": "a drive"})
+    assert early.manifest["progress"] == 11 / 21
+    np.testing.assert_array_equal(early.exact(7, 0, 5).arrival, columns[0][:5])  # who read it then still can
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+    whole = store.exact(7, 0, 20_000)
+    for got, wanted in zip((whole.arrival, *whole.columns), (columns[0], *columns[2:]), strict=True):
+        np.testing.assert_array_equal(got, wanted)
+    plain = made(tmp_path / "b", columns)
+    t0, t1 = store.span(7) or (0.0, 0.0)
+    coarse, other = store.query(7, t0, t1, 20), plain.query(7, t0, t1, 20)
+    assert isinstance(coarse, Buckets)
+    assert isinstance(other, Buckets)
+    np.testing.assert_array_equal(coarse.low[1], other.low[1])  # a fault of one sample is in both

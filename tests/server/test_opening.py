@@ -10,6 +10,7 @@ import pytest
 from protocols.registry import PROTOCOLS
 from protocols.xbus.device import XbusDevice
 from recordings.container import Writer
+from recordings.fared import fared
 from recordings.packing import pack
 from recordings.parts import McapSource
 from server.library.opening import decode
@@ -136,3 +137,55 @@ def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None
     gaps = [event for event in manifest["events"] if event["kind"] == "gap"]
     assert len(gaps) == manifest["figures"]["1"]["gaps"] > 40
     assert max(event["t1"] - event["t0"] for event in gaps) < 0.1
+
+
+def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from recordings.columns import Columns
+    from server.library import opening
+    from server.library.details import channels_of
+
+    monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
+    monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)
+    monkeypatch.setattr(opening, "DRAIN_BYTES", 4096)
+    path = tmp_path / "a.mcap"
+    drive(path)
+    pack(path)
+    seen: list[tuple[float, int, float]] = []
+
+    def shown(folder: Path) -> None:
+        store = Columns(folder)
+        number = next(info.id for info in channels_of(store).values() if info.name == "Acceleration")
+        told = store.manifest
+        seen.append((told["progress"], store.rows(number), told["ended"]))
+
+    store = decode(McapSource(path), tmp_path / "store", speech.speech(), shown=shown)
+    number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
+    assert seen
+    assert seen == sorted(seen)
+    assert 0 < seen[0][1] <= store.rows(number)
+    assert all(ended == pytest.approx(store.manifest["ended"], abs=0.02) for _, _, ended in seen)  # known before
+    assert "progress" not in store.manifest
+
+
+def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    kept = drive(path)
+    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    second = START // 1_000_000_000
+    told = fared(store.folder, store.manifest["fared"], "1", "1", second - 1, second + 4)
+    assert told.bytes[0] == 0
+    assert sum(told.bytes) == len(kept)
+    (message,) = told.messages
+    counts = told.messages[message]
+    total = next(iter(store.manifest["figures"]["1"]["messages"].values()))
+    assert sum(counts) == total
+    assert counts[2] == pytest.approx(counts[4], abs=2)
+    assert counts[3] == pytest.approx(0.95 * counts[2], abs=2)  # a hole of 50 ms
+    late = told.jitter_ms[2]
+    assert late is not None
+    assert 0 < late <= 12  # chunks of 10 ms
+    assert told.uncertainty_ms[5] is not None
+    tail = fared(store.folder, store.manifest["fared"], "1", "1", second + 2, second + 2)
+    assert tail.before == sum(told.bytes[:3])
+    assert tail.counted[message] == sum(counts[:3])
+    assert fared(store.folder, {}, "1", "1", second, second).bytes == [0]  # a table has no such file

@@ -44,11 +44,15 @@ export function sampleAt(channel: Channel, at: Reading): number {
 /** Seconds since anything arrived from the device; undefined before the first byte. */
 export function ageOf(deps: Deps, device: string): number | undefined {
   let newest: number | undefined;
+  const now = deps.store.serverNow();
   for (const { info, ring } of deps.store.channels.value) {
     if (info.device !== device || ring.length === 0) continue;
-    const arrival = ring.arrival(ring.length - 1);
+    // Of a recording there are samples from after where it is read, too.
+    const at = ring.arrival(ring.length - 1) > now ? ring.indexAt(now, "arrival") : ring.length - 1;
+    if (at < 0) continue;
+    const arrival = ring.arrival(at);
     if (newest === undefined || arrival > newest) newest = arrival;
   }
   newest ??= deps.store.health.value.get(device)?.last_arrival ?? undefined;
-  return newest === undefined ? undefined : Math.max(0, deps.store.serverNow() - newest);
+  return newest === undefined ? undefined : Math.max(0, now - newest);
 }

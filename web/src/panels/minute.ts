@@ -39,6 +39,11 @@ export class Minute {
     this.#moments.set(health.device, list);
   }
 
+  /** What the last minute was, all of it: of a recording it is known at once, wherever it is read. */
+  put(device: string, moments: readonly Moment[]): void {
+    this.#moments.set(device, [...moments]);
+  }
+
   /** Reports of the last minute, oldest first. */
   of(device: string): readonly Moment[] {
     return this.#moments.get(device) ?? [];

@@ -1,11 +1,15 @@
 /**
- * How did a device fare up to a moment of a recording? The health panel's figures, counted from what was found when the recording was
- * opened. What only a live link can tell (its load, how late bytes came) is not made up.
+ * How did a device fare up to a moment of a recording? The health panel's figures: what was lost, counted from the events that were found
+ * when the recording was opened; rates, delays and the clock from its seconds (fared.ts). What neither tells is not made up.
  */
 import type { DeviceHealth, EventInfo } from "../wire/types";
+import { type Fared, figuresAt } from "./fared";
 import type { RecordingDetail } from "./types";
 
-export function healthAt(detail: Pick<RecordingDetail, "t0" | "channels" | "events" | "longest_s">, device: string, t: number): DeviceHealth {
+/** Bits on a serial line for each byte: start, eight, stop. */
+const BITS = 10;
+
+export function healthAt(detail: Pick<RecordingDetail, "t0" | "devices" | "channels" | "events" | "longest_s">, device: string, t: number, fared?: Fared): DeviceHealth {
   let [gaps, lost, rejects] = [0, 0, 0];
   const by: Record<string, number> = {};
   for (const event of until(detail.events, t)) {
@@ -25,9 +29,12 @@ export function healthAt(detail: Pick<RecordingDetail, "t0" | "channels" | "even
     if (of === device && usual > 0) rates.set(message, Math.max(rates.get(message) ?? 0, 1 / usual));
   }
   const messages = [...rates].map(([name, rate]) => ({ name, rate, count: Math.round(rate * (t - detail.t0)) }));
+  const about = detail.devices.find(({ id }) => id === device);
+  const capacity = about?.link === "serial" && about.baud !== null ? about.baud / BITS : null;
   return {
-    device, time: t, rate: Math.max(0, ...rates.values()), messages, gaps, lost, rejects, bytes: NaN, bytes_per_s: NaN, capacity: null,
+    device, time: t, rate: Math.max(0, ...rates.values()), messages, gaps, lost, rejects, bytes: NaN, bytes_per_s: NaN, capacity,
     jitter_ms: null, last_arrival: null, drift_ppm: null, uncertainty_ms: null, rejects_by: by, verified: null, unverified: null, dropped: 0,
+    ...(fared ? figuresAt(fared, t) : {}),
   };
 }
 

@@ -20,6 +20,7 @@ import type { App } from "../pages/app";
 import type { Problem } from "../ui/api";
 import type { PageState } from "../ui/state";
 import type { Place } from "./address";
+import { FaredFeed, minuteAt } from "./fared";
 import { Feed } from "./feed";
 import { healthAt, until } from "./figures";
 import { advance, begin, followed, type Playing } from "./player";
@@ -38,6 +39,9 @@ const NEAR_WIDTH = 8000;
 const PATIENCE_MS = 400;
 /** Played quickly, samples are asked for at most this far ahead, in seconds of a person's time. */
 const LONGEST_LEAD_S = 0.5;
+
+/** How often figures are told, as live. */
+const TOLD_PER_S = 2;
 
 interface Around {
   readonly near: Near;
@@ -60,11 +64,15 @@ export class Replay {
   readonly looping = signal(false);
   readonly follow = signal(true);
   readonly problem = signal<Problem | undefined>(undefined);
+  /** How much of it is decoded, 0..1. */
+  readonly progress = signal(1);
   /** Where it is read, unix s. Changes with every frame: not a signal. */
   head: number;
   /** Width of the plots, px. */
   pixels = USUAL_PX;
   readonly #window: Feed;
+  readonly #fared: FaredFeed;
+  readonly #minute = new Minute();
   #around: readonly Around[] = [];
   #aroundOf: string | undefined;
   #frame = NaN;
@@ -81,8 +89,10 @@ export class Replay {
     this.drawn = new ReplayStore(detail, () => this.bounds.last);
     this.near = new ReplayStore(detail, () => this.head);
     this.#window = new Feed(detail.info.id, this.drawn, (problem) => (this.problem.value = problem));
+    this.#fared = new FaredFeed(detail.info.id, this.bounds);
     this.markers.value = detail.markers;
-    this.app = appOf(this.near, (channel, from, to) => this.#every(channel, from, to));
+    this.progress.value = detail.progress;
+    this.app = appOf(this.near, this.#minute, (channel, from, to) => this.#every(channel, from, to));
     this.go(place);
   }
 
@@ -98,6 +108,28 @@ export class Replay {
     measure.value = undefined;
     view.value = { device, live: false, end: t1, span: Math.max(t1 - t0, 0.005), timeBase: place.base ?? "device" };
     this.#put(Math.min(Math.max(place.cursor ?? t0, first), last));
+  }
+
+  /** More of it is decoded. False where that is more than samples (a channel, a device, the end): then it is to be opened anew. */
+  grow({ devices, channels, t0, t1, progress }: RecordingDetail): boolean {
+    const now = this.detail;
+    if (progress === 1 || devices.length !== now.devices.length || channels.length !== now.channels.length || t0 !== now.t0 || t1 !== now.t1) return false;
+    this.progress.value = progress;
+    this.#window.held = undefined;
+    for (const { feed } of this.#around) feed.held = undefined;
+    this.#fared.refresh();
+    return true;
+  }
+
+  /** Opened anew: the same place, played on as this one was. */
+  reopened(detail: RecordingDetail): Replay {
+    const { t0, t1, ...rest } = this.place();
+    const whole = t0 !== undefined && t1 !== undefined && t0 <= this.bounds.first && t1 >= this.bounds.last;
+    const [playing, speed, follow] = [this.playing.peek(), this.speed.peek(), this.follow.peek()];
+    this.dispose();
+    const next = new Replay(detail, whole ? rest : { ...rest, ...(t0 !== undefined ? { t0 } : {}), ...(t1 !== undefined ? { t1 } : {}) });
+    [next.playing.value, next.speed.value, next.follow.value] = [playing, speed, follow];
+    return next;
   }
 
   /** What a link to what is on screen carries. */
@@ -166,6 +198,7 @@ export class Replay {
 
   dispose(): void {
     this.#window.dispose();
+    this.#fared.dispose();
     for (const { feed } of this.#around) feed.dispose();
     view.value = this.#before.view;
     cursor.value = this.#before.cursor?.kind === "pinned" ? this.#before.cursor : undefined;
@@ -275,11 +308,14 @@ export class Replay {
   #tell(): void {
     const { device } = view.peek();
     const happened = until(this.detail.events, this.head);
-    const state = `${happened.length} ${device}`;
+    const fared = device === undefined ? undefined : this.#fared.at(device, this.head);
+    const state = `${happened.length} ${device} ${this.#fared.version} ${Math.floor(this.head * TOLD_PER_S)}`;
     if (state === this.#told) return;
     this.#told = state;
-    this.near.events.value = happened;
-    if (device !== undefined) this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head)]]);
+    if (happened.length !== this.near.events.peek().length) this.near.events.value = happened;
+    if (device === undefined) return;
+    this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head, fared)]]);
+    if (fared) this.#minute.put(device, minuteAt(fared, happened, device, this.head));
   }
 }
 
@@ -292,8 +328,8 @@ function boundsOf({ t0, t1, info }: RecordingDetail): Bounds {
 }
 
 /** The recording as the panels know the page: always with something on screen, and never old. */
-function appOf(store: ReplayStore, everySample: NonNullable<App["everySample"]>): App {
+function appOf(store: ReplayStore, minute: Minute, everySample: NonNullable<App["everySample"]>): App {
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
   const state = signal<PageState>("live");
-  return { store, minute: new Minute(), device, state, held: () => false, everySample };
+  return { store, minute, device, state, held: () => false, everySample };
 }

@@ -1,6 +1,7 @@
 /** The routes of server/library/recorded.py, one function each. */
 import { type Outcome, type Problem, request } from "../ui/api";
 import type { ExportJob, RecorderState } from "../wire/types";
+import type { Fared } from "./fared";
 import type { Edit, Export, Mark, Marker, OpeningState, Play, RecordingDetail, RecordingInfo, Start } from "./types";
 
 const ROOT = "/api/recordings";
@@ -23,8 +24,8 @@ export const server = {
   recorder: () => request<RecorderState>("GET", "/api/recorder"),
   stop: () => request<RecorderState>("POST", `${ROOT}/stop`, {}),
   mark: (body: Mark) => request<unknown>("POST", `${ROOT}/mark`, body),
-  /** Opens it: until it is open the answer is how far that is. */
-  detail: (id: string) => request<RecordingDetail | OpeningState>("GET", of(id)),
+  /** Opens it: until something of it is there the answer is how far that is; `progress` tells how much is there. */
+  detail: (id: string) => request<RecordingDetail | OpeningState>("GET", of(id, "?partial=1")),
   edit: (id: string, edit: Partial<Edit>) => send<RecordingInfo>("PATCH", of(id), { title: null, tags: null, notes: null, pinned: null, ...edit }),
   remove: (id: string) => request<RecordingInfo>("DELETE", of(id)),
   undelete: (id: string) => request<RecordingInfo>("POST", of(id, "/undelete"), {}),
@@ -56,10 +57,22 @@ export interface WindowAnswer {
 export async function fetchWindow(id: string, query: WindowQuery, signal: AbortSignal): Promise<WindowAnswer | Problem> {
   const given = new URLSearchParams({ t0: String(query.t0), t1: String(query.t1), width: String(query.width), base: query.base });
   given.set("channels", query.channels.join(","));
+  given.set("partial", "1");
   const answer = await fetch(of(id, `/window?${given}`), { credentials: "same-origin", signal });
   if (answer.ok) return { buffer: await answer.arrayBuffer(), exact: answer.headers.get("x-exact") !== "0" };
   const told = (await answer.json().catch(() => ({}))) as Partial<Problem>;
   return { kind: told.kind ?? "http", message: told.message ?? `The server answered ${answer.status}.`, hint: told.hint ?? "", status: answer.status };
+}
+
+/** How a device fared, second by second; undefined where that cannot be had. */
+export async function fetchFared(id: string, device: string, t0: number, t1: number, signal: AbortSignal): Promise<Fared | undefined> {
+  const given = new URLSearchParams({ device, t0: String(t0), t1: String(t1), partial: "1" });
+  try {
+    const answer = await fetch(of(id, `/fared?${given}`), { credentials: "same-origin", signal });
+    return answer.ok ? ((await answer.json()) as Fared) : undefined;
+  } catch {
+    return undefined;
+  }
 }
 
 /** Hands a file over, telling how much of it has gone (0..1). */

@@ -79,6 +79,8 @@ export interface RecordingDetail {
   readonly snapshots: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
   /** channel id → usual time between samples */
   readonly longest_s: Readonly<Record<string, number>>;
+  /** less while it is decoded for the first time: as much of it is there */
+  readonly progress: number;
 }
 
 export interface Start {

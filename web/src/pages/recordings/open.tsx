@@ -15,8 +15,10 @@ import { ReplayPage } from "./replay";
 
 /** How often is asked how far it is, ms. */
 const ASK_MS = 120;
+/** And when some of it is on screen, whether there is more, ms. */
+const MORE_MS = 400;
 
-type State = { readonly kind: "opening"; readonly state: OpeningState | undefined } | { readonly kind: "failed"; readonly problem: Problem } | { readonly kind: "open"; readonly replay: Replay };
+type State = { readonly kind: "opening"; readonly state: OpeningState | undefined } | { readonly kind: "failed"; readonly problem: Problem } | { readonly kind: "open"; readonly replay: Replay; readonly times: number };
 
 /** The one that is open now; for the console and the tests, beside the live store. */
 declare global {
@@ -31,15 +33,19 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
     let replay: Replay | undefined;
     let timer: ReturnType<typeof setTimeout> | undefined;
     let over = false;
+    let times = 0;
     const opened = (detail: RecordingDetail): void => {
-      replay = new Replay(detail, readPlace(route.peek().query ?? ""));
+      if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
+      if (replay?.grow(detail)) return;
+      replay = replay?.reopened(detail) ?? new Replay(detail, readPlace(route.peek().query ?? ""));
       window.imuscopeReplay = replay;
-      now.value = { kind: "open", replay };
+      now.value = { kind: "open", replay, times: (times += 1) };
     };
     const ask = async (): Promise<void> => {
       const outcome = await server.detail(id);
       if (over) return;
-      if (!outcome.ok) {
+      if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
+      else if (!outcome.ok) {
         now.value = { kind: "failed", problem: outcome.problem };
         // A server that is away comes back; what cannot be opened stays so.
         if (outcome.problem.status === 0) timer = setTimeout(() => void ask(), 2000);
@@ -57,7 +63,7 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
     };
   }, [id]);
   const state = now.value;
-  if (state.kind === "open") return <ReplayPage replay={state.replay} app={app} />;
+  if (state.kind === "open") return <ReplayPage key={state.times} replay={state.replay} app={app} />;
   return (
     <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
       <Bar app={app} />

@@ -73,10 +73,12 @@ export function mountOverview(host: HTMLElement, replay: Replay): Panel {
     }
     version += 1;
   };
+  let decoded = NaN;
   const unwatch = effect(() => {
     const { device } = view.value;
-    if (device === undefined || device === of) return;
-    of = device;
+    const progress = replay.progress.value;
+    if (device === undefined || (device === of && progress === decoded)) return;
+    [of, decoded] = [device, progress];
     void load(device);
   });
 

@@ -124,8 +124,19 @@ function keepAddress(replay: Replay): () => void {
 function Trouble({ replay }: { readonly replay: Replay }) {
   const problem = replay.problem.value;
   const { damaged } = replay.detail.info;
+  const share = replay.progress.value;
   return (
     <>
+      {share < 1 && (
+        <div class="band calm decoding" role="status">
+          <b>
+            {Math.round(100 * share)}
+            <span class="u">%</span>
+          </b>
+          <progress value={share} max={1} aria-label="Decoded so far" />
+          <span class="mid">Decoding it for the first time. What is there can be looked at already.</span>
+        </div>
+      )}
       {problem && (
         <div class="band" role="alert">
           <span class="dot bad" />
