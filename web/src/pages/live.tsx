@@ -15,7 +15,7 @@ import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
 import { showsPlots } from "../ui/state";
-import { LiveScene } from "../views/viser";
+import { LiveScene, LiveViews } from "../views/viser";
 import { type App, describing, folded, keyFor, overlay, select, sheet } from "./app";
 import { Bar, Dock } from "./bar";
 import { Describe } from "./describe";
@@ -64,6 +64,7 @@ function Centre({ app }: { readonly app: App }) {
     <>
       <Mounted class="att" label="Attitude" mount={(host) => mountAttitude(host, app, () => (overlay.value = "track"))} />
       {state !== "live" && <HeldBand app={app} device={device} />}
+      <LiveViews />
       <LiveScene device={device} several={app.store.devices.value.length > 1} />
       <div class="plots" id="plots" tabIndex={-1}>
         <Mounted class="plothost" label="Plots" mount={(host) => mountStack(host, { store: app.store })} />

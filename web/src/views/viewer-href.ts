@@ -10,3 +10,8 @@ export function viewerHref(recording: string, range: readonly [number, number] |
   query.set("theme", theme);
   return `/rerun/?${query}`;
 }
+
+/** The address of what devices send now in the viewer: of one device, or of all without one. */
+export function liveHref(device: string | undefined, theme: "dark" | "light"): string {
+  return `/rerun/?${new URLSearchParams({ live: device ?? "", theme })}`;
+}

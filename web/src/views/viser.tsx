@@ -1,5 +1,6 @@
 /**
- * The 3D scene beside our own panels: viser's page in a frame, begun when a person asks for it and gone when it is closed.
+ * The 3D scene beside our own panels: viser's page in a frame, begun when a person asks for it and gone when it is closed. Live the
+ * same place holds Rerun's viewer, for who prefers that.
  *
  * Live it shows one device or all side by side. Of a recording it follows the player: the page says where it reads whenever that
  * changes otherwise than by playing on, and once a second, so that both stay together.
@@ -13,12 +14,15 @@ import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
 import { headNews, type Told } from "./head";
+import { liveHref } from "./viewer-href";
 import "./viser.css";
 
 /** Is the panel open? The same on every page. */
 export const sceneOpen = signal(false);
 /** All devices side by side instead of the selected one. */
 const together = signal(false);
+/** Whose viewer stands in the panel on Live. */
+const viewer = signal<"viser" | "rerun">("viser");
 
 /** Opens and closes the panel. */
 export function SceneButton() {
@@ -28,7 +32,7 @@ export function SceneButton() {
       type="button"
       class="btn icon desk"
       aria-label="3D scene"
-      title={open ? "Close the 3D scene" : "Show it in a 3D scene"}
+      title={open ? "Close the 3D scene" : "Show it in a 3D scene, or in Rerun"}
       aria-pressed={open}
       onClick={() => (sceneOpen.value = !open)}
     >
@@ -37,18 +41,65 @@ export function SceneButton() {
   );
 }
 
+/** The same on a phone, whose bar has no room for it: a line of its own, gone while the panel is open. */
+export function SceneLine({ children }: { readonly children?: preact.ComponentChildren }) {
+  return (
+    <div class="sceneline" role="group" aria-label="Other views">
+      {!sceneOpen.value && (
+        <button type="button" class="btn edge" onClick={() => (sceneOpen.value = true)}>
+          <Icon name="cube" />
+          3D scene
+        </button>
+      )}
+      {children}
+    </div>
+  );
+}
+
+/** On Live: the scene, or Rerun at once. */
+export function LiveViews() {
+  if (sceneOpen.value) return null;
+  const rerun = (): void => {
+    viewer.value = "rerun";
+    sceneOpen.value = true;
+  };
+  return (
+    <SceneLine>
+      <button type="button" class="btn edge" onClick={rerun}>
+        <Icon name="wave" />
+        Rerun
+      </button>
+    </SceneLine>
+  );
+}
+
 /** The panel on Live. */
 export function LiveScene({ device, several }: { readonly device: DeviceInfo; readonly several: boolean }) {
   if (!sceneOpen.value) return null;
   const all = several && together.value;
-  const choice = several && (
-    <button type="button" class="btn small" aria-pressed={all} onClick={() => (together.value = !all)}>
-      All side by side
-    </button>
+  const key = all ? "" : device.id;
+  const isRerun = viewer.value === "rerun";
+  const choices = (
+    <>
+      <span class="seg small" role="group" aria-label="Viewer">
+        <button type="button" aria-pressed={!isRerun} title="Body, axes, track: drawn by viser" onClick={() => (viewer.value = "viser")}>
+          Scene
+        </button>
+        <button type="button" aria-pressed={isRerun} title="Body and curves as they come, in the Rerun viewer" onClick={() => (viewer.value = "rerun")}>
+          Rerun
+        </button>
+      </span>
+      {several && (
+        <button type="button" class="btn small" aria-pressed={all} title={isRerun ? "All devices" : "All devices, side by side"} onClick={() => (together.value = !all)}>
+          All
+        </button>
+      )}
+    </>
   );
+  const address = isRerun ? liveHref(all ? undefined : device.id, theme.value) : key ? `/viser/${key}/` : "/viser/";
   return (
-    <Panel title={all ? "3D scene of all devices" : `3D scene of ${device.name}`} extra={choice}>
-      <Begun key={all ? "" : device.id} device={all ? "" : device.id} />
+    <Panel title={`${isRerun ? "Rerun" : "3D scene"} of ${all ? "all devices" : device.name}`} extra={choices} address={address}>
+      {isRerun ? <Frame key={address} address={address} title="Rerun viewer" /> : <Begun key={key} device={key} />}
     </Panel>
   );
 }
@@ -66,10 +117,12 @@ export function ReplayScene({ replay }: { readonly replay: Replay }) {
 interface PanelProps {
   readonly title: string;
   readonly extra?: preact.ComponentChildren;
+  /** Where the same is seen in a tab of its own. */
+  readonly address?: string;
   readonly children: preact.ComponentChildren;
 }
 
-function Panel({ title, extra, children }: PanelProps) {
+function Panel({ title, extra, address, children }: PanelProps) {
   const whole = useRef<HTMLElement>(null);
   const enlarge = (): void => {
     if (document.fullscreenElement) void document.exitFullscreen();
@@ -81,6 +134,11 @@ function Panel({ title, extra, children }: PanelProps) {
         <h2>{title}</h2>
         <span class="grow" />
         {extra}
+        {address && (
+          <a class="btn small owntab" href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
+            Own tab
+          </a>
+        )}
         <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
           <Icon name="fit" />
         </button>
@@ -93,9 +151,13 @@ function Panel({ title, extra, children }: PanelProps) {
   );
 }
 
-function Frame({ address }: { readonly address: string }) {
+function Frame({ address, title }: { readonly address: string; readonly title: string }) {
+  return <iframe src={address} title={title} allow="fullscreen" />;
+}
+
+function Scene({ address }: { readonly address: string }) {
   const dark = theme.value === "dark" ? "?darkMode" : "";
-  return <iframe src={address + dark} title="3D scene, by viser" allow="fullscreen" />;
+  return <Frame address={address + dark} title="3D scene, by viser" />;
 }
 
 function Waiting({ problem }: { readonly problem: Problem | undefined }) {
@@ -122,7 +184,7 @@ function Begun({ device }: { readonly device: string }) {
       wanted = false;
     };
   }, []);
-  return address === undefined ? <Waiting problem={problem} /> : <Frame address={address} />;
+  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
 }
 
 /** A scene that follows a player. */
@@ -152,5 +214,5 @@ function Following({ replay }: { readonly replay: Replay }) {
       socket.close();
     };
   }, []);
-  return address === undefined ? <Waiting problem={problem} /> : <Frame address={address} />;
+  return address === undefined ? <Waiting problem={problem} /> : <Scene address={address} />;
 }

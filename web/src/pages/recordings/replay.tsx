@@ -12,8 +12,8 @@ import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
 import { Mounted } from "../../ui/mounted";
-import { RerunPanel } from "../../views/rerun";
-import { ReplayScene } from "../../views/viser";
+import { RerunButton, RerunPanel } from "../../views/rerun";
+import { ReplayScene, SceneLine } from "../../views/viser";
 import { type App, folded, overlay, sheet } from "../app";
 import { Bar } from "../bar";
 import { Side } from "../live";
@@ -49,6 +49,9 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
         <h1 class="vh">{titleOf(info)}</h1>
         <ProblemBand />
         <Trouble replay={replay} />
+        <SceneLine>
+          <RerunButton replay={replay} />
+        </SceneLine>
         <ReplayScene replay={replay} />
         <Panels key={view.value.device} replay={replay} />
         <Transport replay={replay} />
