@@ -49,6 +49,11 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: {"model": ProblemBody} for status in statuses}
 
 
+def bytes_of(*kinds: str) -> dict[int | str, dict[str, Any]]:
+    """For OpenAPI: what is answered is a file, or samples, of one of these media types."""
+    return {200: {"content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in kinds}}}
+
+
 def install(app: FastAPI) -> None:
     """Have every error of the application answered in the one shape."""
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 
 from server import wire
-from server.api.errors import ApiError, responses
+from server.api.errors import ApiError, bytes_of, responses
 from server.api.library import unknown
 from server.library.exports import Exports, ExportsError
 from server.library.recorded import Export
@@ -51,7 +51,11 @@ async def list_exports(exports: TheExports) -> list[wire.ExportJob]:
     return exports.jobs
 
 
-@router.get("/exports/{job}/file", responses=responses(404, 409, 422), response_class=FileResponse)
+@router.get(
+    "/exports/{job}/file",
+    responses={**bytes_of("application/octet-stream"), **responses(404, 409, 422)},
+    response_class=FileResponse,
+)
 async def fetch_export(job: int, exports: TheExports) -> FileResponse:
     """What it made; a zip where it is several files."""
     try:

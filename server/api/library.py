@@ -17,7 +17,7 @@ from recordings import sidecar
 from recordings.container import RecordingError
 from recordings.handover import original, whole
 from recordings.library import Entry
-from server.api.errors import ApiError, responses
+from server.api.errors import ApiError, bytes_of, responses
 from server.library.catalogue import Catalogue
 from server.library.recorded import Edit, Mark, Marker, RecordingInfo
 from server.streams import streamed
@@ -26,6 +26,7 @@ router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
 MOST_TITLE, MOST_NOTES, MOST_TAGS, MOST_TAG, MOST_TEXT, MOST_MARKERS = 200, 20_000, 50, 60, 2000, 5000
 BUFFER = 1 << 20
+BYTES = "application/octet-stream"
 Changed = TypeVar("Changed")
 
 
@@ -67,7 +68,12 @@ async def list_recordings(
     return await library.all(q)
 
 
-@router.put("/upload", status_code=201, responses=responses(411, 413, 415, 422, 507))
+@router.put(
+    "/upload",
+    status_code=201,
+    responses=responses(400, 411, 413, 415, 422, 507),
+    openapi_extra={"requestBody": {"required": True, "content": bytes_of(BYTES)[200]["content"]}},
+)
 async def upload(
     request: Request, library: TheLibrary, name: Annotated[str, Query(min_length=1, max_length=400)]
 ) -> RecordingInfo:
@@ -164,7 +170,11 @@ async def undelete_recording(recording: str, library: TheLibrary) -> RecordingIn
     return library.told(entry)
 
 
-@router.get("/{recording}/download", responses=responses(404, 409, 422), response_class=StreamingResponse)
+@router.get(
+    "/{recording}/download",
+    responses={**bytes_of("application/x-mcap"), **responses(404, 409, 422)},
+    response_class=StreamingResponse,
+)
 async def download(recording: str, library: TheLibrary, entry: OneEntry) -> StreamingResponse:
     """One file with everything in it: bytes, times, events, markers, title, tags, notes (MCAP)."""
     if library.is_recording(entry):
@@ -172,7 +182,11 @@ async def download(recording: str, library: TheLibrary, entry: OneEntry) -> Stre
     return _file(f"{entry.path.stem}.mcap", "application/x-mcap", lambda out: whole(entry, out))
 
 
-@router.get("/{recording}/original", responses=responses(404, 409, 422), response_class=StreamingResponse)
+@router.get(
+    "/{recording}/original",
+    responses={**bytes_of(BYTES), **responses(404, 409, 422)},
+    response_class=StreamingResponse,
+)
 async def download_original(
     library: TheLibrary,
     entry: OneEntry,
@@ -189,7 +203,7 @@ async def download_original(
         raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {', '.join(devices)}.")
     name = f"{entry.path.stem}-{device}" if device else entry.path.stem
     chosen = device or (devices[0] if devices else "")
-    return _file(f"{name}.bin", "application/octet-stream", lambda out: original(entry.path, chosen, out))
+    return _file(f"{name}.bin", BYTES, lambda out: original(entry.path, chosen, out))
 
 
 def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:

@@ -20,7 +20,7 @@ from fastapi import APIRouter, Path, Request
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from server.api.errors import ApiError, responses
+from server.api.errors import ApiError, bytes_of, responses
 from server.config import MapTiles
 from server.version import VERSION
 
@@ -119,7 +119,7 @@ async def get_map(request: Request) -> MapInfo:
     return MapInfo(tiles=bool(source.settings.tiles), attribution=source.settings.attribution)
 
 
-@router.get("/tiles/{z}/{x}/{y}", response_class=Response, responses=responses(404, 422, 502))
+@router.get("/tiles/{z}/{x}/{y}", response_class=Response, responses={**bytes_of(*KINDS), **responses(404, 422, 502)})
 async def get_tile(
     request: Request,
     z: Annotated[int, Path(ge=0, le=DEEPEST)],

@@ -63,7 +63,17 @@ async def list_snapshots(desk: OneDesk, desks: AllDesks) -> list[SnapshotInfo]:
     return await asyncio.to_thread(desks.snapshots.all, *_who(desk))
 
 
-@router.get("/snapshots/{name}", responses=responses(404, 409, 422), response_model=None)
+YAML = "application/yaml"
+
+
+@router.get(
+    "/snapshots/{name}",
+    responses={
+        200: {"model": SnapshotBody, "content": {YAML: {"schema": {"type": "string"}}}},
+        **responses(404, 409, 422),
+    },
+    response_model=None,
+)
 async def get_snapshot(
     name: str, desk: OneDesk, desks: AllDesks, format: Annotated[Literal["yaml", "json"], Query()] = "yaml"
 ) -> Response | SnapshotBody:
@@ -75,7 +85,7 @@ async def get_snapshot(
     except KeyError:
         raise _none(name) from None
     file = f'attachment; filename="{name}.yaml"' if name.isascii() and '"' not in name else "attachment"
-    return Response(text, media_type="application/yaml", headers={"content-disposition": file})
+    return Response(text, media_type=YAML, headers={"content-disposition": file})
 
 
 @router.post("/snapshots", status_code=201, responses=responses(404, 409, 422))
