@@ -12,6 +12,8 @@ Three dangers, three checks, all before a route is reached:
 A view token sees, a control token also changes things. Three requests are POST only because they carry values (what
 would be sent, would it fit, in what do two sides differ): they change nothing, and a view token may ask them.
 
+Who tries tokens is slowed down: server/failures.py says how, and why a good one is not locked out by it.
+
 A token travels as `Authorization: Bearer …`, as `?token=…`, or as the cookie that `GET /?token=…` sets before it
 redirects to the bare address, so that it does not stay in the address bar, in the history or in a log. Loopback without
 a proxy needs none: who can open that port is on the machine.
@@ -25,6 +27,7 @@ import hmac
 import ipaddress
 import json
 import logging
+import math
 import platform
 import re
 import secrets
@@ -36,6 +39,7 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
+from server.failures import UNGUESSABLE, Failures
 from server.wire import Problem
 
 log = logging.getLogger("imuscope.auth")
@@ -54,9 +58,10 @@ COOKIE_AGE_S = 90 * 24 * 3600
 class RefusedError(Exception):
     """A request that is not served: status and problem."""
 
-    def __init__(self, status: int, kind: str, message: str, hint: str = "") -> None:
+    def __init__(self, status: int, kind: str, message: str, hint: str = "", retry_s: int = 0) -> None:
         super().__init__(message)
         self.status = status
+        self.retry_s = retry_s  # 0: not for a moment
         self.problem = Problem(kind, message, hint)
 
 
@@ -65,10 +70,12 @@ class Access:
 
     Args:
         config: addresses, tokens and allow-lists. Missing tokens are made up when the server listens beyond loopback.
+        failures: the wrong tokens that came.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, failures: Failures | None = None) -> None:
         self.config = config
+        self._failures = Failures() if failures is None else failures
         needed = not config.is_loopback
         self.control_token = config.control_token or (secrets.token_urlsafe(18) if needed else "")
         self.view_token = config.view_token or (secrets.token_urlsafe(18) if needed else "")
@@ -83,6 +90,23 @@ class Access:
             if right and hmac.compare_digest(token.encode(), right.encode()):
                 found = "control" if role == "control" else "view"
         return found
+
+    def judge(self, token: str, client: str, headers: Mapping[str, str]) -> Role | None:
+        """What a token allows; where one is needed, one that allows nothing is counted.
+
+        Raises:
+            RefusedError: too many wrong ones came from there: this one was not looked at.
+        """
+        role = self.role_of(token)
+        if self.is_open(client, headers) or (role is not None and len(token) >= UNGUESSABLE):
+            return role
+        wait = math.ceil(self._failures.wait_s(client))
+        if wait:
+            message = "Too many wrong tokens came from this address."
+            raise RefusedError(429, "too-many-tokens", message, f"Try again in {wait} s.", wait)
+        if role is None:
+            self._failures.count(client)
+        return role
 
     def check(
         self,
@@ -116,6 +140,10 @@ class Access:
                 )
         return role
 
+    def is_open(self, client: str, headers: Mapping[str, str]) -> bool:
+        """Does it need no token? It listens on loopback only, and whoever asks is on this machine."""
+        return self.config.is_loopback and is_loopback(client or "127.0.0.1") and not _is_forwarded(headers)
+
     def _check_host(self, host: str) -> None:
         name = _host_name(host)
         if name in self._hosts or _is_address(name):
@@ -134,16 +162,14 @@ class Access:
 
     def _check_token(self, headers: Mapping[str, str], client: str, query_token: str) -> Role:
         token = _bearer(headers) or query_token or self._cookie(headers)
-        if token:
-            role = self.role_of(token)
-            if role is not None:
-                return role
-        forwarded = [name for name in FORWARDING if name in headers]
-        if self.config.is_loopback and is_loopback(client or "127.0.0.1") and not forwarded:
+        role = self.judge(token, client, headers) if token else None
+        if role is not None:
+            return role
+        if self.is_open(client, headers):
             return "control"
         if token:
             raise RefusedError(401, "bad-token", "This token is not valid.", "Use the address that the server printed.")
-        if forwarded and not self.control_token:
+        if _is_forwarded(headers) and not self.control_token:
             hint = "Set control_token (and view_token) in the configuration file before putting a proxy in front."
             raise RefusedError(
                 401, "no-token", "A request through a proxy needs a token, and this server has none.", hint
@@ -185,6 +211,10 @@ def _bearer(headers: Mapping[str, str]) -> str:
     return token.strip() if scheme.lower() == "bearer" else ""
 
 
+def _is_forwarded(headers: Mapping[str, str]) -> bool:
+    return any(name in headers for name in FORWARDING)
+
+
 def _host_name(host: str) -> str:
     """robot.local:8080 → robot.local; [::1]:8080 → ::1."""
     if host.startswith("["):
@@ -219,18 +249,18 @@ class Guard:
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
         path, method = scope["path"], scope.get("method", "GET")
+        client = (scope.get("client") or ("", 0))[0]
         try:
             if is_protected(path):
-                client = (scope.get("client") or ("", 0))[0]
                 socket = scope["type"] == "websocket"
                 role = self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
                 scope.setdefault("state", {})["role"] = role
-            elif token and method == "GET" and self._access.role_of(token):
+            elif token and method == "GET" and self._access.judge(token, client, headers):
                 await self._remember(scope, send, token)
                 return
         except RefusedError as refusal:
             _tell(scope, refusal)
-            await refuse(scope, receive, send, refusal.status, refusal.problem)
+            await refuse(scope, receive, send, refusal.status, refusal.problem, refusal.retry_s)
             return
         await self._app(scope, receive, send)
 
@@ -240,7 +270,8 @@ class Guard:
         del query["token"]
         rest = "?" + urlencode(query, doseq=True) if query else ""
         path = "/" + scope["path"].lstrip("/")  # "//elsewhere" would be another host
-        secure = "; Secure" if scope.get("scheme") == "https" else ""
+        over_tls = scope.get("scheme") == "https" or (b"x-forwarded-proto", b"https") in scope["headers"]
+        secure = "; Secure" if over_tls else ""
         cookie = (
             f"{self._access.cookie_name}={token}; Path=/; HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
         )
@@ -264,7 +295,7 @@ def _tell(scope: Scope, refusal: RefusedError) -> None:
     log.warning("%s", text, extra={"event": "refused", "data": data, "often": ("refused", problem.kind, peer)})
 
 
-async def refuse(scope: Scope, receive: Receive, send: Send, status: int, problem: Problem) -> None:
+async def refuse(scope: Scope, receive: Receive, send: Send, status: int, problem: Problem, retry_s: int = 0) -> None:
     """Answer with the one shape of errors, also before a WebSocket is accepted."""
     body = json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}).encode()
     prefix = "websocket." if scope["type"] == "websocket" else ""
@@ -280,5 +311,7 @@ async def refuse(scope: Scope, receive: Receive, send: Send, status: int, proble
     ]
     if status == 401:
         headers.append((b"www-authenticate", b"Bearer"))
+    if retry_s:
+        headers.append((b"retry-after", str(retry_s).encode()))
     await send({"type": prefix + "http.response.start", "status": status, "headers": headers})
     await send({"type": prefix + "http.response.body", "body": body})

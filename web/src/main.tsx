@@ -45,7 +45,9 @@ effect(() => {
     return;
   }
   void api.probe().then((outcome) => {
-    if (!outcome.ok && isRefusal(outcome.problem) && store.connection.peek() !== "open") refusal.value = outcome.problem;
+    if (outcome.ok) return;
+    const refused = isRefusal(outcome.problem) || outcome.problem.kind === "too-many-tokens";
+    if (refused && store.connection.peek() !== "open") refusal.value = outcome.problem;
   });
 });
 
