@@ -38,9 +38,6 @@ TABLE = {
     200: {"content": {ARROW: {"schema": {"type": "string", "format": "binary"}}, "application/json": {"schema": {}}}},
     **responses(404, 422),
 }
-    200: {"content": {**bytes_of(ARROW)[200]["content"], "application/json": {"schema": {"type": "object"}}}},
-    **responses(404, 422),
-}
 
 Recording = Annotated[str, "id of a recording"]
 Time = Annotated[float | None, Query(description="unix seconds")]
