@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
+from server import logs
 from server.compiled import prepare_cache
 from server.config import Config, ConfigError, default_data, load
 from server.live.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
@@ -72,6 +73,8 @@ def parser() -> argparse.ArgumentParser:
         help="speak the Foxglove protocol, on this port of this machine (8765) and at /foxglove of the page's",
     )
     serve.add_argument("--rerun-connect", metavar="URL", help="stream to a Rerun viewer: rerun+http://host:9876/proxy")
+    serve.add_argument("--log-format", choices=logs.STYLES, help="of what happens, on standard error (text)")
+    serve.add_argument("--log-level", choices=logs.LEVELS, help="the least that is told (info)")
     serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
     _add_data(serve)
 
@@ -211,18 +214,22 @@ def _serve(options: argparse.Namespace) -> None:
         record=options.record,
         foxglove=options.foxglove,
         rerun_connect=options.rerun_connect,
+        log_format=options.log_format,
+        log_level=options.log_level,
     )
     from server import serving
+    from server.auth import Access
 
+    given, access = config.reading(), Access(config)
+    keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
+    logs.install(config.log_format, config.log_level, logs.secrets_of(*keys))
     keeper = serving.keeper_of(config)
     _compile(config.data)
     from server.app import create_app
-    from server.auth import Access
     from server.links import LinkError, open_link
     from server.links.file import FileLink
     from server.live import speech
 
-    given = config.reading()
     known = speech.protocols()
     for source in config.sources:
         try:
@@ -240,11 +247,10 @@ def _serve(options: argparse.Namespace) -> None:
     except OSError as error:
         hint = "Give another with --port, or 0 for any free one."
         raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
-    access = Access(config)
     url = _url(config, listener.getsockname()[1])
 
     def ready() -> None:
-        print(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)", file=sys.stderr)
+        logs.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
         if access.control_token and not config.is_loopback:
             print(
                 f"to look:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
@@ -256,7 +262,7 @@ def _serve(options: argparse.Namespace) -> None:
             print(f"SHA-256 of its certificate: {keeper.tls.fingerprint}", flush=True)
         if not config.sources:
             words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
-            print(f"{words} See `imuscope serve --help`.", file=sys.stderr)
+            logs.say(f"{words} See `imuscope serve --help`.")
 
     try:
         serving.run(create_app(config, access), listener, ready, keeper)
@@ -281,16 +287,14 @@ def _compile(data: Path) -> None:
     """Import what is compiled, and say so when that takes a while."""
     first, words = prepare_cache(data)
     for sentence in words:
-        print(f"imuscope: {sentence}", file=sys.stderr, flush=True)
+        logs.say(f"imuscope: {sentence}")
     if first:
-        print(
-            "imuscope: compiling the decoders; this is done once and takes some seconds.", file=sys.stderr, flush=True
-        )
+        logs.say("imuscope: compiling the decoders; this is done once and takes some seconds.")
     from protocols import jit, registry
 
     registry.warm()
     if jit.uncached and not words:
-        print("imuscope: compiled code could not be kept; it is compiled again next time.", file=sys.stderr, flush=True)
+        logs.say("imuscope: compiled code could not be kept; it is compiled again next time.")
 
 
 def _ports(options: argparse.Namespace) -> None:

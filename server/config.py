@@ -15,6 +15,8 @@
     split_min = 60              # … or so old
     foxglove = 8765             # speak the Foxglove protocol, on this loopback port and at /foxglove
     rerun_connect = "rerun+http://desk.local:9876/proxy"  # stream to this Rerun viewer
+    log_format = "json"         # for programs; "text" for people
+    log_level = "info"          # debug, info, warning, error
     allowed_hosts = ["robot.example"]
     allowed_origins = ["https://fleet.example"]
 
@@ -40,6 +42,7 @@ from urllib.parse import urlsplit
 import platformdirs
 
 from server.live.reading import Reading, key_text, reading, schema_text
+from server.logs import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
@@ -93,6 +96,7 @@ class Config:
         upload_gb: how large an uploaded recording may be, 10⁹ bytes.
         foxglove: loopback port of the Foxglove protocol (server/views/foxglove.py); 0 for any free one, −1 for none.
         rerun_connect: address of a Rerun viewer on another machine that is streamed to; "" for none.
+        log_format, log_level: how what happens is told on standard error, and from which level on (server/logs.py).
         map: the tile server for a map under the track (server/api/map_tiles.py).
     """
 
@@ -123,6 +127,8 @@ class Config:
     upload_gb: float = 16.0
     foxglove: int = -1
     rerun_connect: str = ""
+    log_format: str = "text"
+    log_level: str = "info"
     map: MapTiles = MapTiles()
 
     def reading(self) -> Reading:
@@ -191,6 +197,9 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         raise ConfigError(f"foxglove {config.foxglove} is neither a port, 0 … 65535, nor −1 for none.")
     if config.rerun_connect and not re.fullmatch(r"rerun(\+https?)?://[^/\s]+/proxy", config.rerun_connect):
         raise ConfigError(f"rerun_connect {config.rerun_connect!r} is no address such as rerun+http://host:9876/proxy.")
+    for name, choices in (("log_format", STYLES), ("log_level", LEVELS)):
+        if getattr(config, name) not in choices:
+            raise ConfigError(f"{name} {getattr(config, name)!r} is none of {', '.join(choices)}.")
     if not 1 <= config.trial_s <= 600:
         raise ConfigError(f"trial_s {config.trial_s:g} is outside 1 … 600 s.")
     if not 0 < config.history_s <= 86_400:

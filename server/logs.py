@@ -9,7 +9,7 @@ imuscope; `extra` carries `event` (one word for programs), `device`, and `data` 
 
 Two promises are kept here, whoever writes the line. A secret (token, key) never gets into it: each is replaced wherever
 it stands. And nobody can forge a line or fill a disk with many: characters that are not printable are spelled, and of
-what may come often (`extra={"often": key}`) a few lines in ten seconds are written, the next one telling how many were not.
+what may come often (`extra={"often": key}`) a few lines in ten seconds are written; the next tells how many were not.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import os
 import sys
 import time
 from collections.abc import Collection, Mapping
-from typing import Any, Literal, TextIO
+from typing import Any, TextIO
 
-Style = Literal["text", "json"]
 STYLES = ("text", "json")
 LEVELS = ("debug", "info", "warning", "error")
 PERIOD_S = 10.0
 PER_PERIOD = 5
+SHORTEST = 8  # characters of a secret
 _MOST_KEYS = 256
 _PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERROR: 3, logging.CRITICAL: 2}
 _OURS = ("imuscope", "server")
@@ -119,12 +119,12 @@ class JsonFormatter(_Formatter):
         return json.dumps(told, ensure_ascii=False, default=str, separators=(",", ":"))
 
 
-def install(style: Style, level: str, secrets: Collection[str] = (), out: TextIO | None = None) -> None:
+def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO | None = None) -> None:
     """From here on the log is like that.
 
     Args:
-        style: for whom.
-        level: the least that is written of ours; of libraries, warnings. (At "debug" some would write headers.)
+        style: one of STYLES.
+        level: one of LEVELS: the least that is written of ours. Of libraries, warnings: at "debug" some write headers.
         secrets: what must never be in it.
         out: standard error, where nothing is given.
     """
@@ -138,6 +138,21 @@ def install(style: Style, level: str, secrets: Collection[str] = (), out: TextIO
     root.setLevel(logging.WARNING)
     for name in _OURS:
         logging.getLogger(name).setLevel(level.upper())
+
+
+def secrets_of(*given: str) -> list[str]:
+    """Those of these that are long enough to be secrets: two digits stand in every line."""
+    return [one for one in given if len(one) >= SHORTEST and not one.startswith("@")]
+
+
+def say(text: str) -> None:
+    """A sentence of the command line itself, before and beside what happens: as it is to a person, as a line of the
+    log to a program."""
+    handlers = logging.getLogger().handlers
+    if handlers and isinstance(handlers[0].formatter, JsonFormatter):
+        logging.getLogger("imuscope.start").info("%s", text)
+    else:
+        print(text, file=sys.stderr, flush=True)
 
 
 def _is_journal(out: TextIO) -> bool:
