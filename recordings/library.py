@@ -37,9 +37,10 @@ from recordings.container import RecordingError, problem
 from recordings.importers import SUFFIXES, open_file
 from recordings.peek import Device, Peek, peek
 from recordings.portrait import summary
+from recordings.quota import BIN
 from recordings.sidecar import Edits, Marker
 
-INDEX, BIN, INCOMING = ".index", ".bin", ".incoming"
+INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # an upload that nobody goes on with
 LONGEST_NAME = 120

@@ -1,14 +1,25 @@
-"""Which recordings have to go so that the folder stays within its quota? The oldest that nobody pinned."""
+"""Which recordings have to go so that the folder stays within its quota? The oldest that nobody pinned.
+
+    counted    recordings of ours with what is kept beside them, pinned or not; what lies in the bin
+    culled     first what lies in the bin, longest there first; then recordings of ours, oldest first
+    neither    what was put there and not recorded here: captures, logs, tables, another's MCAP
+
+What a person deleted goes before what a person kept, though it could have been had back for 7 days.
+"""
 
 from __future__ import annotations
 
 import logging
+import shutil
 from collections.abc import Collection
 from pathlib import Path
 
 from recordings import sidecar
-from recordings.blocks import Recording
-from recordings.container import EDIT, SUFFIX, RecordingError
+from recordings.blocks import MAGIC, Recording
+from recordings.container import EDIT, PROFILE, SUFFIX, RecordingError
+
+BIN = ".bin"
+_PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # behind the header's opcode, its length and that of the string
 
 log = logging.getLogger("imuscope.quota")
 
@@ -31,18 +42,19 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
     Args:
         spare: what is being recorded.
     Returns:
-        What was deleted, oldest first.
+        What was deleted, in that order; of the bin the recordings that lay there.
     """
-    found = []
-    for path in folder.glob(f"*{SUFFIX}"):
-        try:
-            stat = path.stat()
-        except OSError:
-            continue
-        found.append((stat.st_mtime_ns, path, stat.st_size))
-    excess = sum(size for _, _, size in found) - quota_bytes
+    deleted = sorted(_deleted(folder))
+    found = sorted(_recordings(folder))
+    excess = sum(size for _, _, size in (*deleted, *found)) - quota_bytes
     gone: list[Path] = []
-    for _, path, size in sorted(found):
+    for _, path, size in deleted:
+        if excess <= 0:
+            return gone
+        gone += [one for one in sorted(path.glob("*")) if one.suffix != sidecar.SUFFIX]
+        shutil.rmtree(path, ignore_errors=True)
+        excess -= size
+    for _, path, size in found:
         if excess <= 0:
             break
         if path in spare or is_pinned(path):
@@ -56,3 +68,42 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
         gone.append(path)
         excess -= size
     return gone
+
+
+def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
+    """Those that were made here: when they were last written, path, bytes with what is beside them."""
+    found = []
+    for path in folder.glob(f"*{SUFFIX}"):
+        try:
+            stat = path.stat()
+        except OSError:
+            continue
+        if _is_ours(path):
+            found.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.beside(path))))
+    return found
+
+
+def _deleted(folder: Path) -> list[tuple[int, Path, int]]:
+    """The folders of the bin: when each was deleted (ms), path, bytes."""
+    try:
+        folders = [one for one in (folder / BIN).iterdir() if one.name.isdigit()]
+        return [(int(one.name), one, sum(map(_size, one.iterdir()))) for one in folders]
+    except OSError:
+        return []
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _is_ours(path: Path) -> bool:
+    """Was it recorded by an imuscope? Its first bytes say so: they are there before anything else is."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_PROFILE_AT + len(PROFILE))
+    except OSError:
+        return False
+    return head.startswith(MAGIC) and head[_PROFILE_AT:] == PROFILE.encode()

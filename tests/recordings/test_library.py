@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import mcap.writer
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +14,7 @@ from recordings.container import RecordingError, Writer
 from recordings.importers import SUFFIXES
 from recordings.library import KEPT_S, Library, clean_name
 from recordings.packing import pack
-from recordings.quota import is_pinned
+from recordings.quota import cull, is_pinned
 from recordings.sidecar import Edits, Marker, beside
 from tests.recordings.stores import START, store
 
@@ -228,3 +229,34 @@ def test_an_id_from_outside_is_no_path(name: str, tmp_path: Path) -> None:
         library.path(name)
     with pytest.raises(KeyError):
         library.undelete(name)
+
+
+def test_the_quota_counts_what_may_go_and_takes_the_bin_first_and_nothing_that_was_put_there(tmp_path: Path) -> None:
+    """A folder of captures that somebody keeps here is not full of recordings, and is never thinned out."""
+    library = Library(tmp_path)
+
+    def record(name: str, age: int, pinned: bool = False) -> None:
+        path = tmp_path / f"{name}.mcap"
+        writer = Writer(path, {})
+        writer.chunk("1", "rx", os.urandom(100_000), 1)
+        writer.close()
+        os.utime(path, (1000 + age, 1000 + age))
+        if pinned:
+            library.edit(name, Edits(pinned=True))
+
+    for n, name in enumerate(("kept", "thrown", "oldest", "newest")):
+        record(name, n, pinned=name == "kept")
+    library.delete("thrown")
+    (tmp_path / "drive.bin").write_bytes(bytes(500_000))
+    with (tmp_path / "theirs.mcap").open("wb") as file:
+        theirs = mcap.writer.Writer(file)
+        theirs.start("ros2", "another")
+        theirs.add_attachment(1, 1, "a", "application/octet-stream", bytes(500_000))
+        theirs.finish()
+    assert cull(tmp_path, 450_000) == []  # what was put there is not counted
+    assert [path.stem for path in cull(tmp_path, 350_000)] == ["thrown"]
+    assert [path.stem for path in cull(tmp_path, 250_000)] == ["oldest"]
+    assert [path.stem for path in cull(tmp_path, 0, spare=[tmp_path / "newest.mcap"])] == []
+    assert [path.stem for path in cull(tmp_path, 0)] == ["newest"]
+    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
+    assert left == {"kept.mcap", "kept.mcap.json", "drive.bin", "theirs.mcap"}
