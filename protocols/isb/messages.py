@@ -33,7 +33,7 @@ import numpy as np
 from protocols.framing import Ints
 from protocols.isb import sorting
 from protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
-from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size
+from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size, title_of
 from protocols.isb.timeline import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
 from protocols.layouts import Layout, size_of
 from protocols.schema import Field, Message
@@ -96,10 +96,6 @@ def clock_field(dataset: DataSet) -> str:
     return dataset.clock.rpartition("+")[2]
 
 
-def _title(name: str) -> str:
-    return name.removeprefix("DID_").replace("_", " ")
-
-
 def _row(did: int) -> Message:
     dataset = SETS.get(did)
     if dataset is None:
@@ -113,7 +109,7 @@ def _row(did: int) -> Message:
         time=clock_field(dataset),
         tick_ns=_TICKS.get(clock, 0),
         kind=dataset.kind,  # type: ignore[arg-type]
-        title=_title(dataset.name),
+        title=title_of(dataset.name),
         doc=_UTC if clock in (WEEK_TOW, FIX, TOW) else "",
         source=SOURCE,
     )

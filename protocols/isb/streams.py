@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from protocols.isb.tables import SETS, TABLES
+from protocols.isb.tables import SETS, TABLES, title_of
 
 NAV, IMU, SLOW, GNSS, FAST, EVENT = "nav", "imu", "slow", "gnss", "fast", "event"
 DEFAULT_MS: Mapping[str, float] = {NAV: 7, IMU: 14, SLOW: 20, GNSS: 200, FAST: 1, EVENT: 0}
@@ -101,7 +101,7 @@ def _streams() -> Mapping[int, Stream]:
             continue
         size = row.struct.size if row.struct else -1
         counted = bool(row.struct and row.struct.counts)
-        title = row.name.removeprefix("DID_").replace("_", " ")
+        title = title_of(row.name)
         bit = bits.get(row.rmc, -1)
         pace = _pace(did, row.name)
         rows[did] = Stream(

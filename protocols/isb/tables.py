@@ -163,6 +163,26 @@ class Tables:
                 self.sets[int(did)].changes.append((what, tuple(rest)))
 
 
+_WORDS = """
+ACC accelerometer, BCAST broadcast, CAL calibration, CFG configuration, CMD command, CMP compassing, COEF coefficients,
+COMM communication, COMP compensation, CONFIG configuration, DEV device, INFO information, MAG magnetometer,
+MCAL motion calibrated, MISC details, MSG message, OBS observation, OPT options, PARAMS parameters, POS position,
+RCVR receiver, REF reference, REL relative, SAT satellites, SC self-calibration, SCOMP sensor compensation, SIG signals,
+SYS system, TCAL temperature calibrated, TEMP temperature, UCAL uncalibrated, UNCAL uncalibrated, VEL velocity
+"""
+_SHORT = dict(entry.split(maxsplit=1) for entry in _WORDS.split(","))
+_NAMES = re.compile(
+    r"(INS|INL\d|IMU\d?|PIMU|GPS\d?|GNSS|GPX|RTK|RTOS|ROS|NED|EVB|ADC|TC|BIT|G?RMC|NMEA|CAN|HDW|NVR|LD|G\d|SN|\d+)\Z"
+)
+
+
+def title_of(name: str) -> str:
+    """What a data set is called where a person reads it: DID_GPS1_POS → "GPS1 position"."""
+    words = name.removeprefix("DID_").split("_")
+    text = " ".join(word if _NAMES.match(word) else _SHORT.get(word, word.lower()) for word in words)
+    return text[:1].upper() + text[1:]
+
+
 def _found(rest: list[str]) -> list[tuple[str, str, str]]:
     return _ATTRIBUTE.findall(rest[0]) if rest else []
 

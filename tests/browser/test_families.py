@@ -290,7 +290,7 @@ def test_position_and_status_without_set_up(families: ServerProcess, open_page: 
     assert page.locator(".lanenames button").count() > before
     page.get_by_role("button", name="Fewer lanes").click()
     assert "Velocity" in page.locator(".leg b").all_inner_texts()[-1]
-    page.locator(".more summary", has_text="GPS1 POS").click()
+    page.locator(".more summary", has_text="GPS1 position").click()
     page.locator(".more").get_by_role("button", name="Height above sea level").click()
     until(page, "[...document.querySelectorAll('.leg b')].some(b => b.innerText.startsWith('Height above'))")
 
