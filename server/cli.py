@@ -1,5 +1,5 @@
-"""The command line: `imuscope`, `imuscope serve`, `ports`, `inspect`, `compose`, `send`, `commands`, `record`,
-`replay`, `decode`.
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`,
+`record`, `replay`, `decode`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
 needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
@@ -23,7 +23,7 @@ from server.config import Config, ConfigError, default_data, load
 from server.live.reading import MODES, Reading, ReadingError, key_text, reading, schema_text, taken_from
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "inspect", "compose", "send", "commands", "record", "replay", "decode")
+COMMANDS = ("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "record", "replay", "decode")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 OUTPUTS = (
     "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
@@ -80,6 +80,13 @@ def parser() -> argparse.ArgumentParser:
 
     ports = commands.add_parser("ports", help="serial ports, and what is heard on each")
     _add_data(ports)
+
+    doctor = commands.add_parser("doctor", help="is this machine fit: ports, rights, disk, clock; and what to do")
+    doctor.add_argument("--json", action="store_true", help="for programs")
+    doctor.add_argument("--udev-rule", action="store_true", help="print the rule for /etc/udev/rules.d instead")
+    doctor.add_argument("--systemd-unit", action="store_true", help="print the unit for /etc/systemd/system instead")
+    doctor.add_argument("--config", type=Path, metavar="FILE", help="the server's settings, for its folder and port")
+    _add_data(doctor)
 
     inspect = commands.add_parser("inspect", help="one line per frame of a file")
     inspect.add_argument("file", metavar="FILE", help="a raw capture")
@@ -169,6 +176,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 _serve(options)
             case "ports":
                 _ports(options)
+            case "doctor":
+                return _doctor(options)
             case "inspect":
                 _inspect(options)
             case "compose":
@@ -302,6 +311,17 @@ def _ports(options: argparse.Namespace) -> None:
     from server.links.ports import print_ports
 
     print_ports(sys.stdout)
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from server.commands import doctor
+    from server.host.checks import Machine, look
+
+    if options.udev_rule or options.systemd_unit:
+        sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
+        return 0
+    config = load(options.config, data=options.data)
+    return doctor.told(look(Machine(config.data, config.port)), sys.stdout, as_json=options.json)
 
 
 def _inspect(options: argparse.Namespace) -> None:

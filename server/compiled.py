@@ -59,6 +59,11 @@ def prepare_cache(data: Path) -> tuple[bool, list[str]]:
     return False, []
 
 
+def is_there(data: Path) -> bool:
+    """Is there compiled code of these sources, with this data folder? Looks only."""
+    return not _is_empty(Path(os.environ.get(VARIABLE) or data / "compiled" / _mark()))
+
+
 def _mark() -> str:
     """Names the sources of everything that is compiled, and the Python that runs them."""
     digest = hashlib.sha256(sys.version.encode())

@@ -1,0 +1,46 @@
+"""`imuscope doctor`: looks at the machine (server/host/checks.py) and says what to do about it.
+
+problem  /dev/ttyUSB0   pi may not open it: it belongs to the group dialout.
+                        → sudo usermod -aG dialout pi
+warning  /dev/ttyUSB0   Its adapter holds bytes back for up to 16 ms: samples come in bursts.
+                        → echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer
+ok       disk           23.1 GB free.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import resources
+from typing import TextIO
+
+from server.host.checks import RULES, Finding
+
+UNIT = "imuscope.service"
+_RANK = {"problem": 0, "warning": 1, "ok": 2}
+
+
+def told(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> int:
+    """Print them, the worst first; the exit status: 1 where there is a problem."""
+    ordered = sorted(findings, key=lambda one: _RANK[one.status])
+    if as_json:
+        json.dump([asdict(one) for one in ordered], out, indent=1, ensure_ascii=False)
+        out.write("\n")
+    else:
+        width = max((len(one.about) for one in ordered), default=0)
+        for one in ordered:
+            out.write(f"{one.status:<8} {one.about:<{width}}  {one.found}\n")
+            for step in one.todo:
+                out.write(f"{'':<8} {'':<{width}}  → {step}\n")
+    return int(any(one.status == "problem" for one in findings))
+
+
+def udev_rule() -> str:
+    """The rule for /etc/udev/rules.d."""
+    return resources.files("server.host").joinpath(RULES).read_text(encoding="utf-8")
+
+
+def systemd_unit() -> str:
+    """The unit for /etc/systemd/system."""
+    return resources.files("server.host").joinpath(UNIT).read_text(encoding="utf-8")

@@ -1,0 +1,415 @@
+"""Is this machine fit for sensors? One look at each thing that has ever kept samples away or made them late.
+
+    ports      present? may this user open them? does another program hold one? does an FTDI adapter hold bytes back?
+    programs   ModemManager and brltty take a new port for a modem or a braille display, and write to it
+    disk       can the data folder be written, how much is free, how long does it take to force something onto it?
+    clock      is it right (NTP), does it step, is the kernel's source a fast one?
+    machine    memory, load, a governor that keeps the processor slow; is there compiled code; is the page there?
+
+Each finding says what is so and, where it should be otherwise, what to do: commands that can be pasted. Nothing is
+changed, and no port is opened: a look must not disturb a device that somebody else is using.
+
+Everything is read below `Machine.root`, so that a test can build machines of any kind.
+
+Source: Linux Documentation/ABI (sysfs-bus-usb, sysfs-devices-system-cpu), proc(5), adjtimex(2); ModemManager and brltty
+udev rules.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import stat
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Literal
+
+Status = Literal["ok", "warning", "problem"]
+
+PORTS = re.compile(
+    r"tty(USB|ACM|AMA|THS|mxc|O|SC|HS|PS|LP)\d+\Z"
+)  # as server/links/ports.py, without 8250's empty ones
+RULES = "70-imuscope.rules"
+UDEV = f"imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULES}"
+RELOAD = "sudo udevadm control --reload && sudo udevadm trigger --action=add"
+LITTLE_FREE, SOME_FREE = 500e6, 5e9  # bytes; an hour of a 2 kHz device is 500 MB
+SLOW_SYNC_S, SYNCS = 0.2, 5  # the recorder forces its file once a second
+LITTLE_MEMORY = 700e6  # bytes: history (256 MB), the server itself, an export beside it
+STEP_S = 0.05
+OLD = 1_700_000_000  # unix s; a clock before that was never set
+SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
+VOLATILE = ("tmpfs", "ramfs", "overlay")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at.
+
+    Args:
+        about: what: "/dev/ttyUSB0", "data folder".
+        found: one sentence.
+        todo: what to do about it: commands, or sentences.
+    """
+
+    status: Status
+    about: str
+    found: str
+    todo: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """What is looked at.
+
+    Args:
+        data: the server's data folder.
+        port: where it will listen; 0: not looked at.
+        root: what stands for /.
+        uid, groups, name: of who asks.
+        synchronised: whether the kernel says that its clock is kept right; None where it does not say.
+        wall, steady: clocks, s.
+    """
+
+    data: Path
+    port: int = 0
+    root: Path = Path("/")
+    uid: int = field(default_factory=os.getuid)
+    groups: frozenset[int] = field(default_factory=lambda: frozenset({os.getegid(), *os.getgroups()}))
+    name: str = field(default_factory=lambda: _name_of(os.getuid()))
+    synchronised: Callable[[], bool | None] = lambda: kernel_clock()
+    wall: Callable[[], float] = time.time
+    steady: Callable[[], float] = time.monotonic
+
+    def path(self, path: str) -> Path:
+        return self.root / path.lstrip("/")
+
+    def text(self, path: str) -> str:
+        """What a file holds; "" where there is none that can be read."""
+        try:
+            return self.path(path).read_text(errors="replace").strip()
+        except OSError:
+            return ""
+
+
+def look(machine: Machine) -> list[Finding]:
+    """All findings, in the order of the head of this file."""
+    offset = machine.wall() - machine.steady()
+    found = [*ports(machine), *programs(machine), *disk(machine)]
+    return [*found, *clock(machine, offset), *memory(machine), *processor(machine), *program(machine)]
+
+
+# ── ports ────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def ports(machine: Machine) -> Iterator[Finding]:
+    """Every serial port."""
+    try:
+        names = sorted(one.name for one in machine.path("/sys/class/tty").iterdir() if PORTS.match(one.name))
+    except OSError:
+        names = []
+    names = [name for name in names if machine.path(f"/dev/{name}").exists()]
+    if not names:
+        todo = ("Plug the sensor in, then look at `sudo dmesg | tail`. A sensor in a network needs no port.",)
+        if machine.path("/.dockerenv").exists():
+            todo = ("Hand it into the container: --device /dev/ttyUSB0 (see the head of the Dockerfile).",)
+        yield Finding("warning", "serial ports", "There is none.", todo)
+    holders = _holders(machine) if names else {}
+    for name in names:
+        yield from _port(machine, name, holders)
+
+
+def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Finding]:
+    place = f"/dev/{name}"
+    try:
+        about = machine.path(place).stat()
+    except OSError as error:
+        yield Finding("problem", place, f"It cannot be looked at: {error.strerror}.")
+        return
+    needed = stat.S_IRUSR | stat.S_IWUSR
+    mode = about.st_mode
+    mine = mode if about.st_uid == machine.uid else mode << 3 if about.st_gid in machine.groups else mode << 6
+    group = _group(machine, about.st_gid)
+    if machine.uid == 0 or mine & needed == needed:
+        yield Finding("ok", place, f"{machine.name} may open it.")
+    elif about.st_gid and (mode << 3) & needed == needed:
+        words = f"{machine.name} may not open it: it belongs to the group {group}."
+        again = "log out and in again (a service: restart it)"
+        yield Finding("problem", place, words, (f"sudo usermod -aG {group} {machine.name}", again))
+    else:
+        yield Finding("problem", place, f"Only its owner may open it; its group is {group}.", (UDEV, RELOAD))
+    if place in holders:
+        who = holders[place]
+        status: Status = "ok" if who.startswith("imuscope") else "problem"
+        todo = () if status == "ok" else (f"Close it: {who}.",)
+        yield Finding(status, place, f"It is open in {who}.", todo)
+    timer = machine.text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
+    if timer.isdigit() and int(timer) > 1:
+        now = f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
+        words = f"Its adapter holds bytes back for up to {timer} ms: samples come in bursts."
+        yield Finding("warning", place, words, (now, f"for good: {UDEV}"))
+    elif timer.isdigit():
+        yield Finding("ok", place, f"Its adapter's latency timer is {timer} ms.")
+
+
+def _holders(machine: Machine) -> dict[str, str]:
+    """Which program has which port open, as far as this user may see."""
+    found = {}
+    for folder in _processes(machine):
+        try:
+            links = list((folder / "fd").iterdir())
+        except OSError:
+            continue
+        for link in links:
+            try:
+                place = os.readlink(link)
+            except OSError:
+                continue
+            if place.startswith("/dev/tty"):
+                found[place] = f"{_command(folder)} (process {folder.name})"
+    return found
+
+
+def _command(folder: Path) -> str:
+    try:
+        line = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+        name = (folder / "comm").read_text(errors="replace").strip()
+    except OSError:
+        return "another program"
+    return "imuscope" if "imuscope" in line or "server.cli" in line else name
+
+
+def _processes(machine: Machine) -> list[Path]:
+    try:
+        return [one for one in machine.path("/proc").iterdir() if one.name.isdigit()]
+    except OSError:
+        return []
+
+
+def _group(machine: Machine, number: int) -> str:
+    for line in machine.text("/etc/group").splitlines():
+        parts = line.split(":")
+        if len(parts) > 2 and parts[2] == str(number):
+            return parts[0]
+    return str(number)
+
+
+def programs(machine: Machine) -> Iterator[Finding]:
+    """Those that open ports that are not theirs."""
+    running = set()
+    for folder in _processes(machine):
+        try:
+            running.add((folder / "comm").read_text(errors="replace").strip())
+        except OSError:
+            continue
+    if "ModemManager" in running:
+        ignored = any(
+            "ID_MM_" in machine.text(f"/{place}/{RULES}") for place in ("etc/udev/rules.d", "lib/udev/rules.d")
+        )
+        words = "It is running, and asks a sensor that is plugged in whether it is a modem."
+        todo = (f"{UDEV} && {RELOAD}", "or, where there is no modem: sudo systemctl disable --now ModemManager")
+        if ignored:
+            yield Finding("ok", "ModemManager", "It is running, and is told to leave sensors alone.")
+        else:
+            yield Finding("warning", "ModemManager", words, todo)
+    else:
+        yield Finding("ok", "ModemManager", "It is not running.")
+    if "brltty" in running:
+        todo = ("sudo systemctl disable --now brltty-udev brltty", "or: sudo apt remove brltty")
+        yield Finding("warning", "brltty", "It is running, and takes some adapters for a braille display.", todo)
+
+
+# ── disk ─────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def disk(machine: Machine) -> Iterator[Finding]:
+    """The data folder, or where it will be."""
+    data = machine.data
+    place = next((one for one in (data, *data.parents) if one.is_dir()), data)
+    if not os.access(place, os.W_OK | os.X_OK):
+        words = f"{place} cannot be written by {machine.name}."
+        other = "or give another folder: imuscope serve --data DIR"
+        yield Finding("problem", "data folder", words, (f"sudo chown {machine.name} {place}", other))
+        return
+    kind = _file_system(machine, place)
+    if kind in VOLATILE:
+        words = f"{data} is on {kind}: recordings are gone after a restart."
+        yield Finding("warning", "data folder", words, ("imuscope serve --data DIR, on a disk",))
+    else:
+        yield Finding("ok", "data folder", f"{data} can be written{f' ({kind})' if kind else ''}.")
+    try:
+        free = shutil.disk_usage(place).free
+        took = _sync_time(place)
+    except OSError as error:
+        yield Finding("problem", "disk", f"It cannot be written: {error.strerror}.", ("Free some space.",))
+        return
+    todo: tuple[str, ...]
+    words = f"{free / 1e9:.1f} GB free."
+    if free < SOME_FREE:
+        status: Status = "problem" if free < LITTLE_FREE else "warning"
+        todo = (
+            "Delete recordings, or let the oldest go by themselves: recordings_quota_gb in the configuration file.",
+        )
+        yield Finding(status, "disk", f"Only {words}", todo)
+    else:
+        yield Finding("ok", "disk", words)
+    words = f"To force 64 kB onto it takes {took * 1e3:.1f} ms."
+    if took > SLOW_SYNC_S:
+        todo = ("A power cut takes more of a recording then; use a faster card or disk with --data.",)
+        yield Finding("warning", "disk", words, todo)
+    else:
+        yield Finding("ok", "disk", words)
+
+
+def _sync_time(folder: Path) -> float:
+    """Of the middle one of some tries, s."""
+    import tempfile
+
+    took = []
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".imuscope-doctor-") as file:
+        for _ in range(SYNCS):
+            began = time.monotonic()
+            file.write(bytes(65_536))
+            file.flush()
+            os.fsync(file.fileno())
+            took.append(time.monotonic() - began)
+    return median(took)
+
+
+def _file_system(machine: Machine, place: Path) -> str:
+    best, kind = "", ""
+    for line in machine.text("/proc/mounts").splitlines():
+        parts = line.split()
+        if len(parts) > 2 and len(parts[1]) >= len(best) and f"{place}/".startswith(parts[1].rstrip("/") + "/"):
+            best, kind = parts[1], parts[2]
+    return kind
+
+
+# ── clock ────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def clock(machine: Machine, offset: float) -> Iterator[Finding]:
+    """The wall clock.
+
+    Args:
+        offset: wall minus steady clock, some time ago, s.
+    """
+    now = machine.wall()
+    if now < OLD:
+        todo = ("sudo timedatectl set-ntp true", "without a network: sudo date -s '2026-11-21 08:30:00'")
+        yield Finding("problem", "clock", f"It says {time.strftime('%Y-%m-%d', time.gmtime(now))}: never set.", todo)
+        return
+    kept = machine.synchronised()
+    if kept:
+        yield Finding("ok", "clock", "It is synchronised.")
+    elif kept is not None:
+        words = "It is not synchronised: recordings of several machines will not agree about the time."
+        yield Finding("warning", "clock", words, ("sudo timedatectl set-ntp true", "or: sudo apt install chrony"))
+    step = now - machine.steady() - offset
+    if abs(step) > STEP_S:
+        words = f"It stepped by {step:+.3f} s while this looked."
+        yield Finding("warning", "clock", words, ("Let one program keep it (timedatectl status, chronyc tracking).",))
+    source = machine.text("/sys/devices/system/clocksource/clocksource0/current_clocksource")
+    if source in SLOW_CLOCKS:
+        there = machine.text("/sys/devices/system/clocksource/clocksource0/available_clocksource")
+        words = f"The kernel reads it from {source}, which is slow; there are: {there}."
+        yield Finding("warning", "clock", words, ("Look at `sudo dmesg | grep -i tsc` for why.",))
+
+
+def kernel_clock() -> bool | None:
+    """Does the kernel say that somebody keeps its clock right? adjtimex(2), asked without changing anything."""
+    if sys.platform != "linux":
+        return None
+    about = (ctypes.c_byte * 512)()  # struct timex, modes 0: only read
+    try:
+        state = ctypes.CDLL(None).adjtimex(about)
+    except (OSError, AttributeError):
+        return None
+    return None if state < 0 else state != 5  # TIME_ERROR
+
+
+# ── machine ──────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def memory(machine: Machine) -> Iterator[Finding]:
+    """What is free of it."""
+    told = re.search(r"^MemAvailable:\s+(\d+) kB", machine.text("/proc/meminfo"), re.MULTILINE)
+    if told is None:
+        return
+    free = int(told[1]) * 1024
+    words = f"{free / 1e9:.1f} GB of memory available."
+    if free < LITTLE_MEMORY:
+        todo = ("Let it remember less: memory_mb = 64 in the configuration file.",)
+        yield Finding("warning", "memory", f"Only {words}", todo)
+    else:
+        yield Finding("ok", "memory", words)
+
+
+def processor(machine: Machine) -> Iterator[Finding]:
+    """How busy it is, and whether it is kept slow."""
+    cores = os.cpu_count() or 1
+    load = machine.text("/proc/loadavg").split()
+    if load and float(load[0]) > cores:
+        words = f"Load {load[0]} on {cores} cores: others compute, and samples may come late."
+        yield Finding("warning", "processor", words, ("Look at `top` for who.",))
+    elif load:
+        yield Finding("ok", "processor", f"Load {load[0]} on {cores} cores.")
+    folder = machine.path("/sys/devices/system/cpu")
+    governors = {
+        machine.text(str(Path("/sys/devices/system/cpu", one.parent.parent.name, "cpufreq/scaling_governor")))
+        for one in folder.glob("cpu[0-9]*/cpufreq/scaling_governor")
+    }
+    driver = machine.text("/sys/devices/system/cpu/cpu0/cpufreq/scaling_driver")
+    if "powersave" in governors and not re.match(r"intel_pstate|amd[-_]pstate", driver):
+        todo = ("echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor",)
+        yield Finding("warning", "processor", "Its governor, powersave, keeps it at its slowest.", todo)
+
+
+def program(machine: Machine) -> Iterator[Finding]:
+    """imuscope itself."""
+    from server import compiled
+
+    if compiled.is_there(machine.data):
+        yield Finding("ok", "compiled code", "The decoders are compiled.")
+    else:
+        words = "Not there yet: the next start compiles the decoders, which takes some seconds, once."
+        yield Finding("ok", "compiled code", words)
+    page = Path(compiled.__file__).parent / "page" / "index.html"
+    if not page.is_file():
+        yield Finding("problem", "page", "It is not built.", ("python web/build.py, or install imuscope from a wheel",))
+    if machine.port and (who := _listener(machine)):
+        todo = ("Give another with --port, or stop it.",) if who != "imuscope" else ()
+        yield Finding("ok" if who == "imuscope" else "warning", f"port {machine.port}", f"{who} listens there.", todo)
+
+
+def _listener(machine: Machine) -> str:
+    """Who listens at the server's port; "" for nobody."""
+    inodes = set()
+    for name in ("tcp", "tcp6"):
+        for line in machine.text(f"/proc/net/{name}").splitlines()[1:]:
+            parts = line.split()
+            if len(parts) > 9 and parts[3] == "0A" and int(parts[1].rpartition(":")[2], 16) == machine.port:
+                inodes.add(f"socket:[{parts[9]}]")
+    if not inodes:
+        return ""
+    for folder in _processes(machine):
+        try:
+            if any(os.readlink(link) in inodes for link in (folder / "fd").iterdir()):
+                return _command(folder)
+        except OSError:
+            continue
+    return "Another program"
+
+
+def _name_of(uid: int) -> str:
+    import pwd
+
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)
