@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
+from server import ending
 from server.api import (
     build,
     commands,
@@ -96,15 +97,17 @@ def create_app(
         app.state.foxglove.start()
         await app.state.rerun.start()
         yield
-        await app.state.exports.close()
-        await catalogue.close()
-        await shelf.close()
-        await app.state.viser.close()
-        await app.state.rerun.close()
-        await app.state.foxglove.close()
-        await tape.close()
-        await app.state.corrections.close()
-        await sessions.close()
+        await ending.all_of(
+            tape.close(),
+            {
+                "an export": app.state.exports.close(),
+                "the library": ending.in_turn(catalogue.close(), shelf.close()),
+                "viser": app.state.viser.close(),
+                "Rerun": app.state.rerun.close(),
+                "Foxglove": app.state.foxglove.close(),
+                "a device": ending.in_turn(app.state.corrections.close(), sessions.close()),
+            },
+        )
 
     app = FastAPI(
         title="imuscope",

@@ -11,6 +11,7 @@ the transport is passed    in the WebSocket's scope, so that the sender can see 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import logging
 import signal
@@ -23,6 +24,7 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 
+from server import ending
 from server.config import Config
 
 if TYPE_CHECKING:
@@ -71,9 +73,27 @@ class Server(uvicorn.Server):
             self._on_ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        loop = asyncio.get_running_loop()
+        timers = [loop.call_later(ending.GRACE_S, self._cut_off), loop.call_later(ending.CUT_S, self._cancel)]
         if self._looking is not None:
             self._looking.cancel()
-        await super().shutdown(sockets)
+        try:
+            await super().shutdown(sockets)
+        finally:
+            for timer in timers:
+                timer.cancel()
+
+    def _cut_off(self) -> None:
+        """Who did not close when told to (server/ending.py)."""
+        for connection in list(self.server_state.connections):
+            transport = getattr(connection, "transport", None)
+            if transport is not None:
+                transport.abort()
+
+    def _cancel(self) -> None:
+        """What still runs for somebody who is gone."""
+        for task in self.server_state.tasks:
+            task.cancel()
 
 
 def keeper_of(config: Config) -> Keeper | None:
@@ -139,7 +159,7 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
         log_config=None,
         log_level="warning",
         lifespan="on",
-        timeout_graceful_shutdown=2,
+        timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
         ssl_context_factory=None if keeper is None else lambda *_: keeper.context,
     )
     return Server(config, on_ready, keeper)
@@ -153,12 +173,18 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], kee
     """
     serving = server(app, on_ready, keeper)
     gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
-    # uvicorn raises the signal that ended it again after it has shut down cleanly; that is then no failure.
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+    def end(*_: object) -> None:
+        serving.should_exit = True
+
+    # Until uvicorn listens for it, and after it has ended by it, when it is raised again: that is then no failure.
+    signal.signal(signal.SIGTERM, end)
     try:
-        asyncio.run(serving.serve(sockets=[listener]))
-    except KeyboardInterrupt:
-        pass
+        with asyncio.Runner() as runner:
+            work = ending.workers(runner.get_loop())
+            with contextlib.suppress(KeyboardInterrupt):
+                runner.run(serving.serve(sockets=[listener]))
+            ending.leave(work)
     finally:
         listener.close()
     if not serving.started:

@@ -38,7 +38,7 @@ KEPT = 50
 KEPT_S = 86_400.0
 MOST_WAITING = 20
 TELL_S = 0.25  # between two tellings of progress
-PATIENCE_S = 5.0
+PATIENCE_S = 0.8  # from being told to end to being killed; less than a server that ends has (server/ending.py)
 
 
 class ExportsError(Exception):

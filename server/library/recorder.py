@@ -203,11 +203,11 @@ class Recorder:
             await self._packer.resume(self.plan.folder)
 
     async def close(self) -> None:
-        """The server ends: so does the recording."""
-        if self._now is not None:
-            await self._end(self._now)
+        """The server ends: so does the recording. Nothing is packed any more, that is for the next start."""
         if self._packer is not None:
             await self._packer.close()
+        if self._now is not None:
+            await self._end(self._now)
 
     # ── begin and end ────────────────────────────────────────────────────────────────────────────────────────────────
 

@@ -8,8 +8,8 @@
 
 So it is told what a browser is told, in the same words, and what holds for a browser holds for it: what it does not
 take waits in an outbox of its own, where the oldest samples are dropped; nothing it does slows a device. Samples go out
-at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often. Nor are they decoded more often
-for it: what a hub does for a browser 125 times a second costs more than all that is done here.
+at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often. Nor are they decoded more
+often for it: what a hub does for a browser 125 times a second costs more than all that is done here.
 
 What it may say on standard output, besides what its view understands:
 
@@ -40,7 +40,7 @@ HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2
 PER_S = 60.0
 FLUSH_S = 0.95 / PER_S  # a little sooner than they are sent, so that there is always something to send
-PATIENCE_S = 3.0  # from the end of its input to being killed
+PATIENCE_S = 0.8  # from the end of its input to being killed: it holds nothing that could be lost
 MOST_LINE = 1024 * 1024
 LAST_WORDS = 6  # lines of its standard error that are told after a crash
 
