@@ -2,6 +2,7 @@
 
     layout.py      which channel becomes which entity; nothing of Rerun is needed for that
     ground.py      latitude and longitude ⇄ metres on a plane
+    amount.py      how much of a recording a viewer in a browser gets
     chunks.py      rows of a channel → columns of an entity: transforms, scalars, texts
     still.py       what never changes: the body, its axes, names and colours of curves
     blueprint.py   how the viewer opens: 3D views, track, plots, texts
@@ -15,6 +16,7 @@ The tree of entities, which is the same for a file and for a live stream:
     /world/<device>/<frame>                       the frame that its attitude is given in, turned into the world's
     /world/<device>/<frame>/body                  its attitude as sent (Transform3D, quaternion or matrix)
     /world/<device>/<frame>/body/{shape,axes}     what turns
+    /map/<device>                                 the same on the earth (GeoPoints), and its way: /map/<device>/track
     /<device>/<quantity> [unit]                   its values (Scalars, one instance per component)
     /<device>/<quantity>/changes                  of a status word: which flags came and went (TextLog)
     /events, /markers                             what happened; what a person marked (TextLog)
@@ -22,6 +24,6 @@ The tree of entities, which is the same for a file and for a live stream:
 and three timelines: `device_time` (the device's clock mapped to the host's; the arrival where a message has none),
 `arrival_time`, and `sample` (the row's number within its channel). Times are whole nanoseconds since 1970.
 
-Only layout.py and ground.py can be imported without Rerun; the others import it, which takes about a second and
-therefore happens in a process of its own, or not before it is needed.
+Only layout.py, ground.py and amount.py can be imported without Rerun; the others import it, which takes about a second
+and therefore happens in a process of its own, or not before it is needed.
 """

@@ -1,7 +1,10 @@
 """How does the viewer open? Bodies and track on the left, curves on the right, what happened below.
 
-There is no map view: the viewer's asks tile servers of other companies for pictures, and offers no way to name one's
-own. The track is drawn in metres, north up, instead.
+The track is drawn in metres, and a tab beside it has the same on a map. That tab is not the one in front, because the
+viewer asks a tile server of others for the pictures under a map that is seen, and would tell it thereby where a robot
+drives: outside our page that happens when a person brings the map to the front, and not before. Inside our page it
+never does (server/views/rerun_page/start.js): there the pictures come from the tile server that the configuration
+names, through our own, and without one the map is the way it went on a plain ground.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from typing import Any, Literal
 import rerun.blueprint as rrb
 
 from recordings.rrd.chunks import DEVICE_TIME, name_of
-from recordings.rrd.layout import WORLD, Device, Info
+from recordings.rrd.layout import MAP, WORLD, Device, Info
 
 SHOWN = 4  # plots of a device; the others are a click away in the viewer's own list
 LIKED = ("euler", "vector", "scalar", "quaternion", "matrix")
@@ -37,6 +40,10 @@ def blueprint(
         left.append(bodies[0] if len(bodies) == 1 else rrb.Grid(*bodies))
     if tracks:
         left.append(_track(tracks))
+    if mapped := [device.position.on_map for device in tracks if device.position and device.position.on_map]:
+        contents = [f"+ {name_of(path)}/**" for path in mapped]
+        on_map = rrb.MapView(origin=f"/{MAP}", contents=contents, name="Map", background=rrb.MapProvider.OpenStreetMap)
+        left[-1] = rrb.Tabs(left[-1], on_map, active_tab=0)
     plots = [_plots(device, infos, live_s) for device in devices]
     right = [one for one in plots if one is not None]
     columns: list[Any] = []

@@ -145,6 +145,25 @@ def send_positions(stream: rr.RecordingStream, path: Path, times: Times, enu: Fl
         send(stream, path, times.only(good), rr.Transform3D.columns(translation=enu[good].astype(np.float32)))
 
 
+def degrees(position: Position, columns: Sequence[Array]) -> Floats:
+    """Latitude and longitude of each row, °; NaN where it is no place, and of a local position.
+
+    Returns:
+        (n, 2) float64.
+    """
+    lat, lon = (columns[i].astype(np.float64) for i in position.columns[:2])
+    found = np.column_stack((lat, lon))
+    found[~is_place(lat, lon) if position.on_map else slice(None)] = np.nan
+    return found
+
+
+def send_places(stream: rr.RecordingStream, path: Path, times: Times, latlon: Floats) -> None:
+    """Points on a map, of the rows that are places."""
+    good = np.isfinite(latlon).all(axis=1)
+    if path and good.any():
+        send(stream, path, times.only(good), rr.GeoPoints.columns(positions=latlon[good]))
+
+
 def send_texts(stream: rr.RecordingStream, path: Path, times: Times, texts: list[str], levels: list[str]) -> None:
     """Log lines."""
     if texts:

@@ -193,12 +193,13 @@ def _moving(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> No
     places = [
         (device, device.position, *_places(work, device.position, origin)) for device in devices if device.position
     ]
-    for device, _, _, enu in places:
-        still.send_track(stream, device, enu)
+    for device, _, _, enu, latlon in places:
+        still.send_track(stream, device, enu, latlon)
     stream.flush()  # single things wait in the stream, and columns would overtake them
     _texts(stream, work, devices)
-    for _, position, times, enu in places:
+    for _, position, times, enu, latlon in places:
         chunks.send_positions(stream, position.path, times, enu)
+        chunks.send_places(stream, position.on_map, times, latlon)
     for device in devices:
         if device.attitude is not None:
             for times, columns in work.moving(device.attitude.channel):
@@ -222,18 +223,18 @@ def _origin(work: Work, position: Position | None) -> Origin | None:
     return None
 
 
-def _places(work: Work, position: Position, origin: Origin | None) -> tuple[Times, Any]:
-    """All of a device's positions: those of minutes at the rate of a receiver, or of hours at that of a filter."""
-    times: list[Times] = []
-    found: list[Any] = [np.empty((0, 3))]
-    if position.kind == "place" and origin is None:
-        return Times(*(np.empty(0, dtype) for dtype in ("datetime64[ns]", "datetime64[ns]", np.int64))), found[0]
-    for when, columns in work.moving(position.channel):
+def _places(work: Work, position: Position, origin: Origin | None) -> tuple[Times, Any, Any]:
+    """All of a device's positions, in metres and in °: those of minutes at the rate of a receiver, or of hours at that
+    of a filter."""
+    none = Times(*(np.empty(0, dtype) for dtype in ("datetime64[ns]", "datetime64[ns]", np.int64)))
+    times, enu, latlon = [none], [np.empty((0, 3))], [np.empty((0, 2))]
+    for when, columns in work.moving(position.channel) if position.kind == "local" or origin is not None else ():
         height = _heights(work, position, when.arrival.view(np.int64) / 1e9) if position.height else None
-        found.append(chunks.metres(position, columns, height, origin))
+        enu.append(chunks.metres(position, columns, height, origin))
+        latlon.append(chunks.degrees(position, columns))
         times.append(when)
     joined = Times(*(np.concatenate([getattr(t, name) for t in times]) for name in ("device", "arrival", "sample")))
-    return joined, np.concatenate(found)
+    return joined, np.concatenate(enu), np.concatenate(latlon)
 
 
 def _heights(work: Work, position: Position, arrival: Any) -> Any:

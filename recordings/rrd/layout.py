@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Info = Mapping[str, Any]  # a channel as the manifest of a store has it: server/wire.py ChannelInfo
-WORLD = "world"
+WORLD, MAP = "world", "map"
 FRAMES = ("ENU", "NED", "NWU")
 _LATITUDE, _LONGITUDE = re.compile("^lat", re.I), re.compile("^lon", re.I)
 _HEIGHT = re.compile("^(alt|height$|h_?ell)", re.I)
@@ -53,6 +53,7 @@ class Position:
         kind: "place": columns are latitude, longitude and height (° and m); "local": north, east, down (m).
         columns: positions in the channel; of a place without a height the third is −1.
         height: the channel that tells the height (m) where this one does not; 0: none.
+        on_map: entity of the same on a map; () for a local one, which is nowhere on the earth.
     """
 
     channel: int
@@ -60,6 +61,7 @@ class Position:
     columns: tuple[int, int, int]
     height: int
     path: Path
+    on_map: Path = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +145,7 @@ def _position(device: str, channels: Sequence[Info]) -> Position | None:
         lat, lon, high = _where(names, _LATITUDE), _where(names, _LONGITUDE), _where(names, _HEIGHT)
         if lat >= 0 and lon >= 0:
             height = 0 if high >= 0 else _height(info, channels)
-            return Position(info["id"], "place", (lat, lon, high), height, path)
+            return Position(info["id"], "place", (lat, lon, high), height, path, (MAP, device))
         if names == ["north", "east", "down"] and info["unit"] == "m" and local is None:
             local = Position(info["id"], "local", (0, 1, 2), 0, path)
     return local

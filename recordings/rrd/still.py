@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from recordings.rrd.chunks import Floats, name_of
 from recordings.rrd.layout import WORLD, Attitude, Curve, Device
@@ -99,27 +100,35 @@ def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mappi
     stream.log(name_of(curve.path), rr.SeriesLines(names=names, colors=colors, widths=1.2), static=True)
 
 
-def send_track(stream: rr.RecordingStream, device: Device, enu: Floats) -> None:
-    """The way it went, thinned to `TRACK_POINTS`, with gaps where places are missing.
+def send_track(stream: rr.RecordingStream, device: Device, enu: Floats, latlon: Floats) -> None:
+    """The way it went, in metres and on the map, thinned to `TRACK_POINTS`, with gaps where places are missing.
 
     Args:
-        enu: (n, 3) m, NaN where it was no place.
+        enu: (n, 3) m, NaN where it was no place; latlon: (n, 2) °, likewise.
     """
-    good = np.isfinite(enu).all(axis=1)
+    good: NDArray[np.bool_] = np.asarray(np.isfinite(enu).all(axis=1))
     if not good.any():
         return
     ends = np.flatnonzero(np.diff(good.astype(np.int8))) + 1
-    pieces = [piece for piece in np.split(enu, ends) if np.isfinite(piece[0]).all()]
     step = max(1, int(good.sum()) // TRACK_POINTS)
-    strips = [np.concatenate((piece[::step], piece[-1:])).astype(np.float32) for piece in pieces]
-    lines = rr.LineStrips3D(strips, colors=[_color(device)], radii=rr.Radius.ui_points(1.5))
+    pieces = [rows for rows in np.split(np.arange(len(enu)), ends) if good[rows[0]]]
+    kept = [np.append(rows[::step], rows[-1]) for rows in pieces]
+    color, radii = [_color(device)], rr.Radius.ui_points(1.5)
+    lines = rr.LineStrips3D([enu[rows].astype(np.float32) for rows in kept], colors=color, radii=radii)
     stream.log(name_of((WORLD, "track", device.name)), lines, static=True)
+    assert device.position is not None
+    if device.position.on_map:
+        ways = rr.GeoLineStrings(lat_lon=[latlon[rows] for rows in kept], colors=color, radii=radii)
+        stream.log(name_of((*device.position.on_map, "track")), ways, static=True)
 
 
 def send_here(stream: rr.RecordingStream, device: Device) -> None:
     """A point where it is now."""
     here = rr.Points3D([(0, 0, 0)], colors=[_color(device)], radii=rr.Radius.ui_points(6), labels=[device.title])
     stream.log(name_of((WORLD, device.name, "here")), here, static=True)
+    if device.position is not None and device.position.on_map:
+        point = rr.GeoPoints.from_fields(colors=[_color(device)], radii=rr.Radius.ui_points(6))
+        stream.log(name_of(device.position.on_map), point, static=True)
 
 
 def _color(device: Device) -> tuple[int, int, int]:

@@ -3,6 +3,7 @@
 GET /rerun/?recording=ID[&t0&t1]            the viewer on a recording; /rerun/?live[=DEVICE]: on what is sent now
 GET /rerun/NAME                             our page's own files, and the viewer's, out of the installed wheel
 GET /api/recordings/ID/recording.rrd        the recording as it is made for a viewer; with `most`, thinned
+GET /api/recordings/ID/amount               how much of it a viewer in a browser gets, to be said beside it
 WS  /rerun/live?device=ID                   <── batches of .rrd, and {"lag_ms", "dropped"} twice a second
                                             ──> how many batches the viewer has taken, in decimal
 
@@ -21,9 +22,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, WebSocket
 from fastapi.responses import FileResponse, RedirectResponse, Response, StreamingResponse
+from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from server.api.errors import ApiError, responses
+from recordings.rrd.amount import MOST, WHOLE, amount_of
+from server.api.errors import ApiError, bytes_of, responses
 from server.api.page import HEADERS
 from server.api.recordings import OneStore
 from server.views.proxy import ViewError
@@ -52,7 +55,6 @@ POLICY = (
     "frame-ancestors 'self'",
 )
 PAGE_HEADERS = {**HEADERS, "content-security-policy": "; ".join(POLICY)}
-MOST_MOST = 1_000_000
 TRY_LATER = 1013  # code of a closed WebSocket (IANA registry)
 SEND_S = 10.0  # a browser that does not take a batch for so long is gone
 TELL_S = 0.5
@@ -64,6 +66,18 @@ def rerun_of(request: Request) -> Rerun:
 
 
 OneRerun = Annotated[Rerun, Depends(rerun_of)]
+Time = Annotated[float | None, Query(description="unix seconds")]
+
+
+class Shown(BaseModel):
+    """What of a stretch a viewer in a browser gets: rows of all quantities together, in it and shown; `most` of one
+    quantity (0: all), which is one of `every` samples where it has the most; and how long a stretch opens whole, s."""
+
+    rows: int
+    shown: int
+    most: int
+    every: int
+    whole_s: float
 
 
 @router.get("/rerun", include_in_schema=False)
@@ -99,21 +113,22 @@ async def file(request: Request, name: str = "") -> Response:
 
 
 @router.get(
-    "/api/recordings/{recording}/recording.rrd", tags=["recordings"], responses=responses(404, 422, 429),
+    "/api/recordings/{recording}/recording.rrd",
+    tags=["recordings"],
+    responses={**bytes_of("application/octet-stream"), **responses(404, 422, 429)},
     response_class=Response,
-)  # fmt: skip
+)
 async def get_rrd(
     recording: str,
     request: Request,
     store: OneStore,
     rerun: OneRerun,
-    t0: Annotated[float | None, Query(description="unix seconds")] = None,
-    t1: Annotated[float | None, Query(description="unix seconds")] = None,
-    most: Annotated[int, Query(ge=0, le=MOST_MOST, description="rows of a quantity; 0 for all")] = 0,
+    t0: Time = None,
+    t1: Time = None,
+    most: Annotated[int, Query(ge=0, le=MOST, description="rows of a quantity; 0 for all")] = 0,
 ) -> Response:
     """The recording for a Rerun viewer, sent while it is made; what is static first."""
-    if not all(t is None or math.isfinite(t) for t in (t0, t1)) or (t0 is not None and t1 is not None and t1 < t0):
-        raise ApiError(422, "bad-value", "The stretch ends before it begins.", "Give t0 before t1, in unix seconds.")
+    _stretch(t0, t1)
     if rerun.slots.locked():
         raise ApiError(429, "busy", "Several recordings are being opened in Rerun already.", "Try again in a moment.")
     title = request.app.state.library.info(recording).title
@@ -121,6 +136,29 @@ async def get_rrd(
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     pieces = recording_stream(wish, rerun.slots)
     return StreamingResponse(pieces, media_type="application/octet-stream", headers=headers)
+
+
+@router.get("/api/recordings/{recording}/amount", tags=["recordings"], responses=responses(404, 422))
+async def get_amount(
+    store: OneStore,
+    t0: Time = None,
+    t1: Time = None,
+    all: Annotated[bool, Query(description="as much as a browser can hold, not what it draws at once")] = False,
+) -> Shown:
+    """How much of it the embedded Rerun viewer gets: an hour of a fast device is more than a browser holds."""
+    begin, end = _stretch(t0, t1)
+    found = await asyncio.to_thread(amount_of, store, begin, end, as_much=all)
+    first, last = store.span() or (0.0, 0.0)
+    span = max(0.0, min(end, last) - max(begin, first))
+    whole_s = span * min(1.0, WHOLE / max(1, found.rows))
+    return Shown(rows=found.rows, shown=found.shown, most=found.most, every=found.every, whole_s=whole_s)
+
+
+def _stretch(t0: float | None, t1: float | None) -> tuple[float, float]:
+    begin, end = -math.inf if t0 is None else t0, math.inf if t1 is None else t1
+    if end < begin or not all(t is None or math.isfinite(t) for t in (t0, t1)):
+        raise ApiError(422, "bad-value", "The stretch ends before it begins.", "Give t0 before t1, in unix seconds.")
+    return begin, end
 
 
 @router.websocket("/rerun/live")

@@ -53,7 +53,7 @@ class Feed:
         self._words: dict[tuple[int, int], int] = {}
         self._origin: Origin | None = None
         self._heights: dict[int, float] = {}
-        self._ways: dict[str, deque[Array]] = {}
+        self._ways: dict[str, deque[tuple[Array, Array]]] = {}
         self._drawn: dict[str, float] = {}
         self._live: dict[int, list[Samples]] = {}
         self._past: list[Samples] = []
@@ -162,18 +162,20 @@ class Feed:
             up = float(own[high][i]) if high >= 0 else height
             self._origin = Origin(float(own[lat][i]), float(own[lon][i]), up if np.isfinite(up) else 0.0)
         enu = chunks.metres(position, own, np.full(len(times), height), self._origin)
+        latlon = chunks.degrees(position, own)
         chunks.send_positions(self._stream, position.path, times, enu)
+        chunks.send_places(self._stream, position.on_map, times, latlon)
         if live:
-            self._draw(device, enu)
+            self._draw(device, enu[-1], latlon[-1])
 
-    def _draw(self, device: Device, enu: Array) -> None:
+    def _draw(self, device: Device, enu: Array, latlon: Array) -> None:
         """The way it went while this was fed, told anew each second."""
         way = self._ways.setdefault(device.id, deque(maxlen=TRACK_POINTS))
         now = time.monotonic()
         if now >= self._drawn.get(device.id, 0.0):
             self._drawn[device.id] = now + TRACK_S
-            way.append(enu[-1])
-            still.send_track(self._stream, device, np.array(way))
+            way.append((enu, latlon))
+            still.send_track(self._stream, device, *(np.array(part) for part in zip(*way, strict=True)))
 
     def _say(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
         if self._bytes is None:

@@ -21,6 +21,7 @@ from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import Writer
 from recordings.exporters import Wish, by_suffix, export
 from recordings.parts import McapSource
+from recordings.rrd.amount import MOST, WHOLE, amount
 from recordings.rrd.chunks import name_of
 from recordings.rrd.file import Work, fill, stream_of, write_rrd
 from recordings.rrd.layout import devices_of
@@ -167,6 +168,41 @@ def test_all_devices_stand_on_one_plane_in_metres(read: dict[str, list[pa.Record
         assert column(read[name_of(("world", "track", name))], "LineStrips3D:strips")
 
 
+def test_on_a_map_a_device_is_where_it_said(store: Columns, read: dict[str, list[pa.RecordBatch]]) -> None:
+    infos = store.manifest["channels"]
+    mapped = {device.name: device.position for device in devices_of(store.manifest["devices"], infos)}
+    assert len(mapped) == 3
+    for position in mapped.values():
+        if position is None or not position.on_map:
+            continue
+        rows = store.exact(position.channel, 0, store.rows(position.channel))
+        wanted = np.column_stack([rows.columns[i].astype(np.float64) for i in position.columns[:2]])
+        got = numbers(read[name_of(position.on_map)], "GeoPoints:positions")
+        np.testing.assert_array_equal(got, wanted[(wanted != 0).any(axis=1)])
+        [way] = column(read[name_of((*position.on_map, "track"))], "GeoLineStrings:line_strings")
+        np.testing.assert_allclose(np.asarray(way.values.values.values).reshape(-1, 2)[0], got[0])
+    assert sum(position is not None and bool(position.on_map) for position in mapped.values()) == 2
+
+
+def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pictures(store: Columns) -> None:
+    import rerun.blueprint as rrb
+
+    from recordings.rrd.blueprint import blueprint
+
+    infos = store.manifest["channels"]
+    root = blueprint(devices_of(store.manifest["devices"], infos), infos, []).root_container
+    found: list[rrb.Tabs] = []
+    waiting: list[object] = [root]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, rrb.Tabs) and any(isinstance(view, rrb.MapView) for view in part.contents):
+            found.append(part)
+        waiting += getattr(part, "contents", []) if isinstance(part, rrb.Container) else []
+    [tabs] = found
+    assert isinstance(tabs.contents[0], rrb.Spatial3DView)
+    assert tabs.active_tab == 0
+
+
 def test_what_changed_and_what_was_marked_can_be_read(read: dict[str, list[pa.RecordBatch]]) -> None:
     said = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
     assert any("set" in word for word in said)
@@ -257,6 +293,23 @@ def test_thinned_a_fault_of_one_sample_is_still_seen_and_told(tmp_path: Path) ->
     assert "/thinned" in read
 
 
+@pytest.mark.parametrize(
+    ("counts", "as_much", "shown"),
+    [
+        ([], False, (0, 0, 1)),
+        ([WHOLE // 2, WHOLE // 2], False, (WHOLE, 0, 1)),
+        ([3_600_000] * 7 + [100], False, (140_100, 20_000, 180)),
+        ([3_600_000] * 7 + [100], True, (3_999_998, 571_414, 7)),
+        ([WHOLE + 1], True, (WHOLE + 1, 0, 1)),
+        ([MOST + 1], True, (MOST, MOST, 2)),
+        ([WHOLE // 100] * 150, False, (WHOLE - 100, 6666, 2)),
+    ],
+)
+def test_a_browser_gets_no_more_than_it_holds(counts: list[int], as_much: bool, shown: tuple[int, int, int]) -> None:
+    found = amount(counts, as_much)
+    assert (found.rows, found.shown, found.most, found.every) == (sum(counts), *shown)
+
+
 def test_stopped_it_leaves_nothing_behind(tmp_path: Path) -> None:
     store = drive(tmp_path / "store", 5000)
     out = tmp_path / "out"
@@ -283,6 +336,7 @@ def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: Co
 
 
 def test_a_layout_is_known_without_rerun() -> None:
-    code = "import sys; import recordings.rrd.layout, recordings.rrd.ground; print('rerun' in sys.modules)"
+    names = ", ".join(f"recordings.rrd.{name}" for name in ("layout", "ground", "amount"))
+    code = f"import sys; import {names}; print('rerun' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert said.stdout.strip() == "False"

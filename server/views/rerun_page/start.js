@@ -4,29 +4,51 @@
  *   /rerun/?recording=ID[&t0=…&t1=…]    a recording, or a stretch of it, from our own API
  *   /rerun/?live[=DEVICE]               what devices send now
  *
- * A long recording is thinned, because a browser does not hold an hour of samples: `all` asks for every one.
- * `theme=light|dark` chooses its look. The viewer's own files are scripts of wasm-bindgen (`wasm_bindgen`, WebHandle).
+ * A long recording is thinned, because a browser does not hold an hour of samples, and the line below the viewer says how far;
+ * `all` asks for as much as a browser holds. `theme=light|dark` chooses its look. The viewer's own files are scripts of wasm-bindgen (`wasm_bindgen`, WebHandle).
  */
 "use strict";
 
 const words = document.getElementById("words");
+const foot = document.getElementById("foot");
+const amountLine = document.getElementById("amount");
 const lagLine = document.getElementById("lag");
 const query = new URLSearchParams(location.search);
+const theme = query.get("theme") ?? (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+document.documentElement.dataset.theme = theme;
 /** A module of one function that uses a 128-bit instruction: the viewer is made of such. */
 const SIMD = new Uint8Array([0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11]);
-/** Rows of a quantity that a viewer without a GPU still draws while one waits. */
-const MOST = 20000;
 const AGAIN_MS = 1000;
 const LATE_MS = 500;
 const HIDDEN_MS = 250;
 
-/** The viewer would ask its makers for news and tell them of its use: nothing leaves for another host; it hears of no news. */
+/**
+ * The viewer would ask its makers for news and tell them of its use, and a tile server for the pictures under a map: nothing leaves for
+ * another host. It hears of no news; its map gets the pictures of the tile server that ours is configured with, or none.
+ */
 const ask = window.fetch.bind(window);
-window.fetch = (what, how) => {
+const TILE = /^\/(\d+)\/(\d+)\/(\d+)\.png$/;
+window.fetch = async (what, how) => {
   const url = new URL(what instanceof Request ? what.url : what, location.href);
-  if (url.origin === location.origin || url.protocol === "data:" || url.protocol === "blob:") return ask(what, how);
-  return Promise.resolve(new Response(null, { status: 204 }));
+  if (url.origin === location.origin || url.protocol === "data:" || url.protocol === "blob:") return await ask(what, how);
+  const tile = url.hostname === "tile.openstreetmap.org" ? TILE.exec(url.pathname) : null;
+  if (tile && (await hasTiles())) return await ask(new URL(`../api/tiles/${tile[1]}/${tile[2]}/${tile[3]}`, location.href));
+  return new Response(null, { status: 204 });
 };
+
+/** Is a tile server configured? Then whom its pictures are owed to is said. */
+function hasTiles() {
+  known ??= (async () => {
+    const { tiles, attribution } = await (await ask(new URL("../api/map", location.href))).json();
+    if (tiles && attribution) {
+      document.getElementById("owed").textContent = `Map: ${attribution}`;
+      foot.hidden = false;
+    }
+    return tiles;
+  })().catch(() => false);
+  return known;
+}
+let known;
 
 /** What the address asks for; undefined when it asks for nothing. */
 function wanted() {
@@ -34,9 +56,7 @@ function wanted() {
   if (recording) {
     const range = new URLSearchParams();
     for (const name of ["t0", "t1"]) if (query.get(name)) range.set(name, String(Number(query.get(name))));
-    if (!query.has("all")) range.set("most", String(MOST));
-    const url = new URL(`../api/recordings/${encodeURIComponent(recording)}/recording.rrd?${range}`, location.href);
-    return { url: url.href };
+    return { recording: new URL(`../api/recordings/${encodeURIComponent(recording)}`, location.href).href, range };
   }
   return query.has("live") ? { live: query.get("live") } : undefined;
 }
@@ -45,37 +65,87 @@ function say(text) {
   words.textContent = text;
 }
 
-/** Asks the server whether the recording is open, and waits while it is being decoded. */
-async function opened(url) {
-  const about = url.replace(/\/recording\.rrd\?.*$/, "");
+/** The words of an answer that is none. */
+async function problemOf(answer) {
+  const problem = await answer.json().catch(() => ({ message: `The server answered ${answer.status}.`, hint: "" }));
+  return new Error(`${problem.message} ${problem.hint}`.trim());
+}
+
+/** Asks the server whether the recording is open, and waits while it is being decoded; then for where its samples are. */
+async function opened({ recording, range }) {
   for (;;) {
-    const answer = await fetch(about);
-    if (answer.status === 202) {
-      const state = await answer.json();
-      say(`Opening the recording… ${Math.round(100 * state.progress)} %`);
-      await new Promise((done) => setTimeout(done, AGAIN_MS / 4));
-      continue;
+    const answer = await fetch(recording);
+    if (answer.status !== 202) {
+      if (!answer.ok) throw await problemOf(answer);
+      const { info } = await answer.json();
+      return await samples(recording, range, info.title || info.id);
     }
-    if (answer.ok) return;
-    const problem = await answer.json().catch(() => ({ message: `The server answered ${answer.status}.`, hint: "" }));
-    throw new Error(`${problem.message} ${problem.hint}`.trim());
+    const state = await answer.json();
+    say(`Opening the recording… ${Math.round(100 * state.progress)} %`);
+    await new Promise((done) => setTimeout(done, AGAIN_MS / 4));
   }
+}
+
+/** The address of as many samples as the viewer gets; says how many that are when it is not all of them. */
+async function samples(recording, range, title) {
+  const asked = async (all) => {
+    const answer = await fetch(`${recording}/amount?${new URLSearchParams([...range, ["all", all]])}`);
+    if (!answer.ok) throw await problemOf(answer);
+    return await answer.json();
+  };
+  const amount = await asked(query.has("all"));
+  const url = `${recording}/recording.rrd?${new URLSearchParams([...range, ["most", amount.most]])}`;
+  if (amount.every > 1) {
+    const more = query.has("all") ? amount : await asked(true);
+    tellAmount(amount, more, `${recording}/recording.rrd?${range}`, title);
+  }
+  return url;
+}
+
+/** What is left out, why, and how to see it. */
+function tellAmount(amount, more, file, title) {
+  const part = (tag, text, set = {}) => Object.assign(document.createElement(tag), { textContent: text }, set);
+  const kept = `${ordinal(amount.every)} sample is shown`;
+  amountLine.append(part("b", `Every ${kept}`), `, and of curves the least and the greatest between: all ${millions(amount.rows)} are more than a browser holds. `);
+  if (amount.whole_s >= 1) amountLine.append(`A loop range of up to ${length(amount.whole_s)} opens whole. `);
+  if (more.shown > 1.5 * amount.shown) {
+    const href = new URL(location.href);
+    href.searchParams.set("all", "");
+    const words = more.every > 1 ? `Show every ${ordinal(more.every)}` : "Show every sample";
+    amountLine.append(part("a", words, { href: href.href, title: `${millions(more.shown)}: that takes a while` }), " ");
+  }
+  amountLine.append(part("a", "Download all", { href: file, download: `${title}.rrd`, title: "An .rrd file with every sample, for a Rerun viewer outside the browser" }));
+  foot.hidden = false;
+}
+
+function ordinal(n) {
+  const ending = { 1: "st", 2: "nd", 3: "rd" }[n % 10];
+  return `${n.toLocaleString("en").replaceAll(",", "\u2009")}${ending && Math.floor((n % 100) / 10) !== 1 ? ending : "th"}`;
+}
+
+function millions(rows) {
+  return `${(rows / 1e6).toFixed(1)} million values`;
+}
+
+function length(seconds) {
+  return seconds < 120 ? `${Math.floor(seconds)} s` : `${Math.floor(seconds / 60)} min`;
 }
 
 async function main() {
   if (!WebAssembly.validate(SIMD)) throw new Error("This browser is too old for the viewer: it needs WebAssembly SIMD.");
   const what = wanted();
   if (!what) throw new Error("This address names no recording. Open one from the page.");
-  const ready = what.url ? opened(what.url) : Promise.resolve();
+  const address = what.recording ? opened(what) : Promise.resolve();
+  address.catch(() => undefined); // it is told below, when the viewer is here
   await wasm_bindgen({ module_or_path: new URL("re_viewer_bg.wasm", location.href) });
-  await ready;
+  const url = await address;
   say("");
   const handle = new wasm_bindgen.WebHandle({
-    url: what.url ? [what.url] : [],
+    url: url ? [url] : [],
     hide_welcome_screen: true,
     persist: false,
     enable_history: false,
-    theme: query.get("theme") ?? "system",
+    theme,
     render_backend: query.get("renderer") ?? undefined,
   });
   await handle.start(document.getElementById("canvas"));
@@ -131,7 +201,7 @@ function follow(handle, device) {
 
 /** How late the picture is, and what was left out for it. */
 function tell(state) {
-  lagLine.hidden = false;
+  foot.hidden = false;
   if (state.kind === "lost") {
     lagLine.textContent = `${state.message || "The stream broke off."} Trying again.`;
     lagLine.classList.add("late");
