@@ -77,7 +77,7 @@ def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
     elif not field.shape:
         yield from _of_element(field, value, path)
     elif not isinstance(value, (list, tuple)):
-        yield Problem(path, f"{field.name} is a list, given {value!r}")
+        yield Problem(path, f"{field.name} is a list, given {value!r:.80}")
     else:
         count = math.prod(field.shape)
         if is_open(field) and field.most and len(value) > field.most:
@@ -96,7 +96,9 @@ def _of_element(field: Field, value: Any, path: str) -> Iterator[Problem]:
     elif isinstance(value, Mapping):
         yield from problems(field.fields, value, at=path)
     else:
-        yield Problem(path, f"{field.name} is a record of {', '.join(f.name for f in field.fields)}, given {value!r}")
+        yield Problem(
+            path, f"{field.name} is a record of {', '.join(f.name for f in field.fields)}, given {value!r:.80}"
+        )
 
 
 def _of_text(field: Field, value: Any, path: str) -> Iterator[Problem]:
@@ -105,7 +107,7 @@ def _of_text(field: Field, value: Any, path: str) -> Iterator[Problem]:
     try:
         raw = bytes.fromhex(value) if field.dtype == "bytes" else str(value).encode("ascii")
     except (TypeError, ValueError):
-        yield Problem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r}")
+        yield Problem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r:.80}")
         return
     most = field.most if is_open(field) else math.prod(field.shape)
     least = int(field.low or 0)
@@ -120,15 +122,15 @@ def _of_text(field: Field, value: Any, path: str) -> Iterator[Problem]:
 def _of_number(field: Field, value: Any) -> str:
     """What is wrong with one number; "" when nothing is."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return f"{field.name} is a number, given {value!r}"
+        return f"{field.name} is a number, given {value!r:.80}"
     low, high = bounds(field)
     whole = is_whole(field)
-    if whole and int(value if math.isfinite(value) else 0) != value:
-        return f"{field.name} is a whole number, given {value!r}"
+    if whole and isinstance(value, float) and not value.is_integer():
+        return f"{field.name} is a whole number, given {value!r:.80}"
     if not low <= value <= high:  # not a number fails too
-        return f"{field.name} lies between {_shown(low)} and {_shown(high)}{_unit(field)}, given {value!r}"
+        return f"{field.name} lies between {_shown(low)} and {_shown(high)}{_unit(field)}, given {value!r:.80}"
     if field.choices and value not in field.choices:
-        return f"{field.name} is one of {_listed(field)}, given {value!r}"
+        return f"{field.name} is one of {_listed(field)}, given {value!r:.80}"
     return ""
 
 

@@ -217,13 +217,22 @@ class Recording:
         if told and zlib.crc32(self._map[start : footer + _RECORD + 16]) != told:
             self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
             return []
+        try:
+            return self._indexed(start, footer)
+        except (struct.error, ValueError, EndOfFile):  # whatever a garbled record does to its reader
+            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            return []
+
+    def _indexed(self, at: int, end: int) -> list[ChunkIndex]:
+        """Learn from the records of the summary; the chunks it knows, those that lie within the file."""
         found: list[ChunkIndex] = []
-        at = start
-        while at < footer:
+        while at < end:
             opcode, length = struct.unpack_from("<BQ", self._map, at)
             body = self._map[at + _RECORD : at + _RECORD + length]
             if opcode == CHUNK_INDEX:
                 found.append(ChunkIndex.read(_stream(body)))
+                if found[-1].chunk_start_offset + found[-1].chunk_length > self.size:
+                    raise ValueError("a chunk outside the file")
             elif opcode == METADATA_INDEX:
                 (where,) = struct.unpack_from("<Q", body)
                 self._told(METADATA, where)
@@ -336,9 +345,12 @@ def _unpack(packing: str, body: bytes, size: int) -> bytes:
         case "":
             return body
         case "zstd":
+            told = zstandard.get_frame_parameters(body).content_size  # it would be believed, however large
+            if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise ValueError("it unpacks to another size than it claims")
             return zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
         case "lz4":
-            return bytes(lz4.frame.decompress(body))
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(body, max_length=size))
     raise ValueError(f"its compression {packing!r} is not known")
 
 

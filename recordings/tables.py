@@ -17,14 +17,16 @@ A table becomes channels by the names of its columns: `Acceleration.x`, `acc_x` 
 
 from __future__ import annotations
 
+import codecs
 import csv
+import io
 import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -45,6 +47,8 @@ SINCE_1970 = 1e8  # s; smaller times are counted from something else
 BLOCK_BYTES = 4 << 20
 LONGEST_ARRAY = 16
 MOST_COLUMNS = 500
+ODD = "\ufffd"
+NO_UTF8 = "Some characters are not UTF-8; they are left out."
 _HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
 _AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
 
@@ -133,7 +137,10 @@ class CsvSource(TableSource):
         size, done = max(self.path.stat().st_size, 1), 0
         wrong = 0
         try:
-            with pa.csv.open_csv(self.path, options, parsing, types) as reader:
+            with (
+                self.path.open("rb") as file,
+                pa.csv.open_csv(_Utf8(file, self.damage), options, parsing, types) as reader,
+            ):
                 for batch in reader:
                     done += batch.nbytes
                     rows, bad = self._converted(batch, names, min(done / size, 1.0))
@@ -171,6 +178,29 @@ class CsvSource(TableSource):
             return scaled
         found = [_seconds(text, self._factor) for text in column.to_pylist()]
         return np.array([np.nan if time is None else time for time in found]) + self._origin
+
+
+class _Utf8(io.RawIOBase):
+    """A file whose bytes are UTF-8, whatever they were: what is none is put in its place, and told once."""
+
+    def __init__(self, file: BinaryIO, damage: list[Damage]) -> None:
+        self._file = file
+        self._damage = damage
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        while data := self._file.read(size):
+            if text := self._decoder.decode(data):
+                return self._told(text)
+        return self._told(self._decoder.decode(b"", True))
+
+    def _told(self, text: str) -> bytes:
+        if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
+            self._damage.append(Damage(-1, NO_UTF8))
+        return text.encode()
 
 
 def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:

@@ -96,7 +96,7 @@ async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotI
         raise ApiError(422, "bad-request", "A snapshot needs a name.", "For example: New mast fitted.")
     protocol, serial_number = _who(desk)
     if body.text:
-        snapshot = replace(_parsed(body.text), title=title, pinned=True, taken=desk.hub.now())
+        snapshot = replace(await _parsed(body.text), title=title, pinned=True, taken=desk.hub.now())
         if snapshot.protocol not in ("", protocol):
             hint = f"This device speaks {protocol}."
             raise ApiError(422, "bad-snapshot", f"This file is of a device that speaks {snapshot.protocol}.", hint)
@@ -147,7 +147,7 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
             snapshot = await _load(desk, desks, ref.snapshot)
             return SideValues(snapshot.title or ref.snapshot, snapshot.values, snapshot.missing)
         case "text":
-            snapshot = _parsed(ref.text)
+            snapshot = await _parsed(ref.text)
             return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing)
 
 
@@ -172,9 +172,9 @@ async def _load(desk: Desk, desks: Desks, name: str) -> Snapshot:
         raise ApiError(409, "bad-snapshot", str(error), error.hint) from None
 
 
-def _parsed(text: str) -> Snapshot:
+async def _parsed(text: str) -> Snapshot:
     try:
-        return from_text(text)
+        return await asyncio.to_thread(from_text, text)  # seconds, for the largest
     except SnapshotError as error:
         raise ApiError(422, "bad-snapshot", str(error), error.hint) from None
 

@@ -52,9 +52,17 @@ from server.control.values import comment, entry_comment
 
 FORMAT = 1
 KEPT = 200  # of one device; the oldest that nobody pinned go first
-MOST_BYTES = 1 << 20
+MOST_BYTES = 1 << 18  # ten times what the largest device has; reading so much takes seconds
+MOST_DEEP = 40  # lists in lists; reading takes the square of it, and a file of 3 kB could keep a processor for seconds
 MOST_TITLE = 120
 _PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
+_OPENING = (
+    yaml.FlowSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.BlockMappingStartToken,
+)
+_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
 _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 
@@ -216,13 +224,22 @@ def _loaded(text: str) -> Any:
     if len(text) > MOST_BYTES:
         raise SnapshotError("This file is too large for a snapshot.", f"It may have {MOST_BYTES} characters.")
     try:
+        deep = 0
         for token in yaml.scan(text):
+            deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+            if deep > MOST_DEEP:
+                raise SnapshotError(
+                    f"Line {token.start_mark.line + 1}: a snapshot is not nested so deeply.",
+                    "Was it cut short or edited?",
+                )
             if isinstance(token, yaml.AnchorToken | yaml.AliasToken | yaml.TagToken):
                 raise SnapshotError(
                     f"Line {token.start_mark.line + 1}: a snapshot has no anchors and no tags.",
                     "Write the values out.",
                 )
         return yaml.safe_load(text)
+    except SnapshotError:
+        raise
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f"Line {mark.line + 1}: " if mark is not None else ""
@@ -244,6 +261,8 @@ def _jsonable(value: Any, path: str) -> Any:
         return {str(name): _jsonable(part, f"{path}.{name}") for name, part in value.items()}
     if isinstance(value, list):
         return [_jsonable(part, f"{path}.{place}") for place, part in enumerate(value)]
+    if isinstance(value, int) and value.bit_length() > 64:
+        raise SnapshotError(f"{path} is a number of more than 64 bits, which no setting holds.", "Was it edited?")
     if value is None or isinstance(value, bool | int | float | str):
         return value
     raise SnapshotError(f"{path} is a {type(value).__name__}, which no setting holds.", "Quote it if it is text.")

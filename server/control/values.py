@@ -15,6 +15,7 @@ from protocols.schema import Field
 LONGEST = 120
 ALWAYS = 0xFFFF  # the rate of what comes with every message
 DIGITS = 7  # of a float32
+MOST = 1e300  # of any value that a device holds; beyond it arithmetic fails, and a stranger's file may hold it
 _WHOLE = re.compile(r"-?\d{1,20}\Z")
 
 
@@ -35,6 +36,12 @@ def _one(field: Field, value: Any) -> str:
         return ", ".join(f"{name} {part}" for name, part in value.items())
     if isinstance(value, str) or not isinstance(value, int | float):
         return str(value)
+    if not abs(value) < MOST:
+        return (
+            f"{value:g}"
+            if isinstance(value, float)
+            else f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
+        )
     if field.choices:
         return field.choices.get(int(value), str(value))
     if field.bits:

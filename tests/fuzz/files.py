@@ -1,0 +1,477 @@
+"""What does a damaged file do to whoever opens it? It is refused in a sentence, or opened as far as it is whole.
+
+    a whole file of each kind ──> mutated ──> the very functions that read it ──> documented error, or what it holds
+         SEEDS                     _mutated        READERS
+
+A kind is a row of READERS: what a file of it is handed to, and which exception says no. Files come from the disk (an
+upload, a folder shared with others) or from a person (a snapshot, a schema, a body for the scene). For every case:
+
+    - no other exception, and an end within `PATIENCE_S`
+    - no memory that the file's own size does not explain: lengths that lie are written on purpose, and all runs within
+      `ROOM` bytes of address space more than there were when it began
+    - a recording that was cut off says so
+
+What breaks is made smaller and kept under findings/files/.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import lzma
+import re
+import resource
+import shutil
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+
+from recordings.blocks import MAGIC
+from recordings.container import RecordingError, Writer
+from recordings.importers import open_file
+from recordings.library import Library
+from recordings.packing import pack
+from recordings.peek import peek
+from recordings.sidecar import Edits
+from server.config import ConfigError, load
+from server.control.snapshots import SnapshotError, from_text
+from server.library.opening import decode
+from server.live.reading import ReadingError, reading
+from server.live.speech import speech
+from server.views import meshes
+from tests.fuzz.cases import BrokenError, Case
+from tests.fuzz.search import Search as Decoders
+
+PATIENCE_S = 60  # no case takes a second on a quiet machine
+ROOM = 1 << 30  # bytes; a case holds some kB. What numba and threads reserve at once is in it
+LOGS = Path(__file__).parents[1] / "golden" / "isb" / "logs"
+LOG = "LOG_SN60339_20261120_120000_0001"
+START = 1_760_000_000_000_000_000
+
+# -- readers -----------------------------------------------------------------------------------------------------------
+
+
+def _recording(path: Path, cut: bool) -> None:
+    """As the list, the library and the decoder meet it."""
+    seen = peek(path)
+    source = None
+    try:
+        source = open_file(path)
+        decode(source, path.parent / "store", speech())
+    except RecordingError as error:
+        _sentence(error.message)
+        return
+    if cut and path.suffix == ".mcap":
+        told = bool(source.damage) or (seen is not None and seen.damaged)
+        if not told:
+            raise BrokenError("silent", "a recording that was cut off is taken as whole")
+
+
+def _listed(path: Path, cut: bool) -> None:
+    """What lies beside a recording: a name that a person gave, what was found out about it."""
+    library = Library(path.parent)
+    for entry in library.all("drive"):
+        library.edit(entry.id, Edits(title="again"))
+    library.all()
+
+
+def _refused(error: type[Exception], read: Callable[[str], Any]) -> Callable[[Path, bool], None]:
+    def reader(path: Path, cut: bool) -> None:
+        try:
+            read(path.read_bytes().decode("utf-8", "surrogateescape" if path.suffix == ".json" else "replace"))
+        except error as refusal:
+            _sentence(str(refusal))
+
+    return reader
+
+
+def _snapshot(path: Path, cut: bool) -> None:
+    try:
+        found = from_text(path.read_bytes().decode("utf-8", "replace"))
+    except SnapshotError as error:
+        _sentence(str(error))
+        return
+    json.dumps(found.body("x").values)
+
+
+def _configuration(path: Path, cut: bool) -> None:
+    try:
+        load(path).reading()
+    except (ConfigError, ReadingError) as error:
+        _sentence(str(error))
+
+
+def _mesh(path: Path, cut: bool) -> None:
+    try:
+        mesh = meshes.read(path.name, path.read_bytes())
+    except meshes.MeshError as error:
+        _sentence(str(error))
+        return
+    if not 0 < mesh.scale < 1e12:
+        raise BrokenError("scale", f"a body of scale {mesh.scale}")
+
+
+def _sentence(text: str) -> None:
+    if not text.strip() or len(text) > 1000 or "Traceback" in text:
+        raise BrokenError("words", f"{text!r:.300}")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file.
+
+    Args:
+        name: under which it is read: what the suffix says, and what lies beside it.
+        read: (path, whether it was cut at its end) → raises what is wrong.
+        beside: name → bytes, of files that belong to it.
+    """
+
+    name: str
+    read: Callable[[Path, bool], None]
+    beside: tuple[str, ...] = ()
+
+
+KINDS = {
+    "mcap": Kind("drive.mcap", _recording),
+    "packed": Kind("drive.mcap", _recording),
+    "lz4": Kind("drive.mcap", _recording),
+    "json": Kind("drive.mcap", _recording),
+    "raw": Kind(f"{LOG}.raw", _recording),
+    "idx": Kind(f"{LOG}.idx", lambda path, cut: _recording(path.with_suffix(".raw"), False), ("raw",)),
+    "dat": Kind(f"{LOG}.dat", _recording),
+    "mtb": Kind("drive.mtb", _recording),
+    "bin": Kind("drive.bin", _recording),
+    "csv": Kind("drive.csv", _recording),
+    "sidecar": Kind("drive.mcap.json", _listed, ("packed",)),
+    "snapshot": Kind("a.yaml", _snapshot),
+    "schema": Kind("a.toml", _refused(ReadingError, lambda text: reading(schema=text))),
+    "configuration": Kind("a.toml", _configuration),
+    "glb": Kind("a.glb", _mesh),
+    "stl": Kind("a.stl", _mesh),
+    "text-stl": Kind("a.stl", _mesh),
+}
+
+# -- whole files -------------------------------------------------------------------------------------------------------
+
+
+def _streams(protocol: str) -> list[bytes]:
+    return [b"".join(pieces) for pieces in Decoders(protocol, seed=0, captures=False).corpus[:12]]
+
+
+def _ours(path: Path, streams: list[bytes]) -> None:
+    writer = Writer(path, {"title": "A drive"})
+    writer.device("1", {"protocol": "xbus", "name": "MTi-630", "baud": "115200", "link": "serial"})
+    for number, data in enumerate(streams):
+        for at in range(0, len(data), 200):
+            writer.chunk("1", "rx", data[at : at + 200], START + number * 50_000_000 + at * 10_000)
+    event = {"device": "1", "kind": "link", "level": "info", "text": "here", "time": START / 1e9, "data": {}}
+    writer.event(event, START)
+    writer.note("marker", "kerb", START + 5, "1")
+    writer.snapshot("1", {"values": {"OptionFlags": {"set": 1}}, "taken": START / 1e9}, START + 6)
+    writer.close()
+
+
+def _theirs(compression: CompressionType) -> bytes:
+    out = io.BytesIO()
+    writer = McapWriter(out, chunk_size=2000, compression=compression)
+    writer.start("", "other")
+    schema = writer.register_schema("Imu", "jsonschema", b"{}")
+    channel = writer.register_channel("/imu", "json", schema)
+    for number in range(80):
+        body = {"position": {"x": number / 7, "y": -number}, "covariance": [0, 1.5, number], "text": "on"}
+        writer.add_message(channel, START + number * 10**7, json.dumps(body).encode(), START + number * 10**7)
+    writer.finish()
+    return out.getvalue()
+
+
+def _glb() -> bytes:
+    points = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+    document = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": len(points)}],
+        "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "images": [{"uri": "data:image/png;base64,AAAA"}],
+    }
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(points), b"BIN\0") + points
+    return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+_SNAPSHOT = """# Settings of an MTi-630
+imuscope: 1
+title: "Before this change"
+taken: "2026-11-21T04:43:24Z"
+protocol: "xbus"
+product: "MTi-630-8A1G6"
+pinned: false
+settings:
+  OutputConfiguration:
+    outputs:
+      - {data_identifier: 8208, output_frequency: 100}  # Quaternion, 100 Hz
+  FilterProfile:
+    profile: "Responsive/VRU"
+    gain: 1.0e-3
+missing:
+  CanConfig: "message unknown"
+"""
+_SCHEMA = """[[message]]
+type = 0x80
+name = "W"
+doc = "Wheels"
+[[message.field]]
+name = "V"
+type = "i16"
+unit = "m/s"
+scale = 0.01
+count = 4
+"""
+_CONFIGURATION = """host = "127.0.0.1"
+port = 8080
+sources = ["/dev/ttyUSB0", "tcp://10.0.0.7:4000"]
+key = "00112233"
+view_token = "aaaaaaaaaaaa"
+control_token = "bbbbbbbbbbbb"
+record = true
+split_mb = 2000
+history_s = 60.5
+[map]
+tiles = "http://maps.local/{z}/{x}/{y}.png"
+"""
+
+
+def seeds(folder: Path) -> dict[str, bytes]:
+    """A whole file of each kind."""
+    xbus, isb, idtp = (_streams(name) for name in ("xbus", "isb", "idtp"))
+    path = folder / "a.mcap"
+    _ours(path, xbus)
+    loose = path.read_bytes()
+    pack(path)
+    rows = "".join(f"{1760000000 + i / 100:.2f},{i / 7:.3f},{i % 5}\n" for i in range(60))
+    triangles = b"".join(struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, i, 0) for i in range(6))
+    edits = {"title": "A drive", "tags": ["kerb"], "notes": "x", "pinned": True}
+    marker = {"id": 1, "time": 1.76e9, "kind": "note", "text": "x", "device": "1"}
+    raw = b"".join(isb)
+    return {
+        "mcap": loose,
+        "packed": path.read_bytes(),
+        "lz4": _theirs(CompressionType.LZ4),
+        "json": _theirs(CompressionType.NONE),
+        "raw": raw,
+        "idx": struct.pack("<40I", *(part for i in range(10) for part in (i * 100, i * len(raw) // 10, i, 0))),
+        "dat": lzma.decompress((LOGS / "log.dat.xz").read_bytes())[:20_000],
+        "mtb": b"".join(xbus),
+        "bin": b"".join(idtp),
+        "csv": f"time (s),Acceleration.x (m/s²),Temperature [°C]\n{rows}".encode(),
+        "sidecar": json.dumps({**edits, "markers": [marker]}).encode(),
+        "snapshot": _SNAPSHOT.encode(),
+        "schema": _SCHEMA.encode(),
+        "configuration": _CONFIGURATION.encode(),
+        "glb": _glb(),
+        "stl": bytes(80) + struct.pack("<I", 6) + triangles,
+        "text-stl": b"solid a\nfacet normal 0 0 1\nouter loop\n"
+        + b"".join(b"vertex %d %d 0\n" % (i % 2, i // 2) for i in range(3))
+        + b"endloop\nendfacet\nendsolid a\n",
+    }
+
+
+# -- damage ------------------------------------------------------------------------------------------------------------
+
+_NUMBERS = (
+    0,
+    1,
+    2,
+    0x7F,
+    0x80,
+    0xFF,
+    0x7FFF,
+    0xFFFF,
+    0x7FFF_FFFF,
+    0x8000_0000,
+    0xFFFF_FFFF,
+    2**63 - 1,
+    2**63,
+    2**64 - 1,
+)
+_TOKENS = (
+    b"nan", b"inf", b"-inf", b"1e999", b"9" * 400, b"-1", b"0x80", b"true", b"null", b'""', b"{}", b"[]", b"[" * 3000,
+    b"{" * 3000, b'{"a":' * 3000, b"&a [*a]", b"!!python/object:os.system", b"\x00", b"\xff\xfe", b"\xed\xa0\x80",
+    b"\r\n", b",", b";" * 2000, b'"', b"'", b"#", b"x" * 5000, b"2026-13-45T99:99:99Z", b"0001-01-01", b"12:30:45",
+    b"- - - - -", b"[[message]]", b"[message]", b"~", b"1_000", b"0o17", b"4294967295", b"18446744073709551616",
+    b"1e308", b"http://other.example/x", b"<<: *a", b"? :", b"|\n ", b">\n ", b"\t", b"\xe2\x88\x9e",
+)  # fmt: skip
+_WORD = re.compile(rb"[\w.+-]+|[^\w\s]")
+TEXTS = ("csv", "sidecar", "snapshot", "schema", "configuration", "text-stl", "glb", "json")
+
+
+def _turned(data: bytearray, random: Random) -> None:
+    for _ in range(random.choice((1, 1, 2, 8))):
+        data[random.randrange(len(data))] ^= 1 << random.randrange(8)
+
+
+def _lied(data: bytearray, random: Random) -> None:
+    """A number where it may be a length."""
+    size = random.choice((1, 2, 4, 4, 8, 8))
+    at = random.randrange(max(1, len(data) - size))
+    value = random.choice(_NUMBERS) if random.random() < 0.7 else len(data) + random.randrange(-9, 9)
+    data[at : at + size] = (value % (1 << 8 * size)).to_bytes(size, random.choice(("little", "little", "big")))
+
+
+def _lost(data: bytearray, random: Random) -> None:
+    at = random.randrange(len(data))
+    del data[at : at + random.choice((1, 3, 9, 100, 1000))]
+
+
+def _doubled(data: bytearray, random: Random) -> None:
+    at = random.randrange(len(data))
+    piece = data[at : at + random.choice((1, 9, 40, 400))]
+    data[at:at] = piece * random.choice((1, 1, 2, 30))
+
+
+def _filled(data: bytearray, random: Random) -> None:
+    at, size = random.randrange(len(data)), random.choice((4, 8, 64, 512))
+    data[at : at + size] = random.choice((bytes(size), b"\xff" * size, random.randbytes(size)))
+
+
+def _worded(data: bytearray, random: Random) -> None:
+    words = list(_WORD.finditer(bytes(data)))
+    if words:
+        word = random.choice(words)
+        other = random.choice(_TOKENS) if random.random() < 0.7 else random.choice(words)[0]
+        data[word.start() : word.end()] = other
+
+
+def _mutated(kind: str, whole: bytes, random: Random) -> Case:
+    data = bytearray(whole)
+    ways = [_turned, _lied, _lied, _lost, _doubled, _filled]
+    if kind in TEXTS:
+        ways += [_worded] * 8
+    for _ in range(random.choice((1, 1, 1, 2, 4))):
+        if data:
+            random.choice(ways)(data, random)
+    if kind in ("mcap", "packed", "lz4", "json") and random.random() < 0.4:
+        data = _resealed(data, random)
+    cut = bool(data) and random.random() < 0.15
+    if cut:
+        del data[random.randrange(len(data)) :]
+    if kind == "glb" and len(data) >= 12 and random.random() < 0.7:
+        data[8:12] = len(data).to_bytes(4, "little")  # else nothing behind its head is looked at
+    return Case(bytes(data), (), {"kind": kind, "cut": cut})
+
+
+def _resealed(data: bytearray, random: Random) -> bytearray:
+    """With the checksum of the summary right again, or none: what is behind it is believed."""
+    footer = len(data) - len(MAGIC) - 29
+    if footer > 0 and data[-len(MAGIC) :] == MAGIC and data[footer] == 2:
+        (start,) = struct.unpack_from("<Q", data, footer + 9)
+        told = zlib.crc32(data[start : footer + 25]) if start < footer and random.random() < 0.5 else 0
+        struct.pack_into("<I", data, footer + 25, told)
+    return data
+
+
+# -- the search --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def bounded(room: int = ROOM) -> Iterator[None]:
+    """No more than so many bytes of address space beyond those in use; Linux alone says how many these are."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    except OSError:
+        yield
+        return
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + room, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+class Search:
+    """Cases of every kind in turn; the same seed gives the same cases.
+
+    Args:
+        folder: for the files; emptied for each case.
+    """
+
+    def __init__(self, folder: Path, seed: int, kinds: tuple[str, ...] = tuple(KINDS)) -> None:
+        self.cases = 0
+        self.refused = 0
+        self._folder = folder
+        self._random = Random(seed)
+        self._kinds = kinds
+        made = folder / "seeds"
+        made.mkdir(parents=True)
+        self.whole = seeds(made)
+
+    def case(self) -> Case:
+        """The next one."""
+        kind = self._kinds[self.cases % len(self._kinds)]
+        self.cases += 1
+        return _mutated(kind, self.whole[kind], self._random)
+
+    def check(self, case: Case) -> None:
+        """Hand a case to its reader.
+
+        Raises:
+            BrokenError: what should not have happened.
+        """
+        kind = KINDS[case.settings["kind"]]
+        place = self._folder / "case"
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir()
+        path = place / kind.name
+        path.write_bytes(case.data)
+        for other in kind.beside:
+            (place / KINDS[other].name).write_bytes(self.whole[other])
+        try:
+            kind.read(path, case.settings["cut"])
+        except BrokenError:
+            raise
+        except MemoryError:
+            raise BrokenError("memory", f"a {case.settings['kind']} of {len(case.data)} bytes took too much") from None
+        except Exception as error:
+            raise BrokenError(type(error).__name__, f"{error!s:.300} ({_where(error)})") from error
+
+    def smaller(self, case: Case, broken: BrokenError, tries: int = 150) -> tuple[Case, BrokenError]:
+        """What is left when all has gone that the break does not need."""
+        size = len(case.data) // 2
+        while size and tries > 0:
+            at = 0
+            while at < len(case.data) and tries > 0:
+                tries -= 1
+                shorter = Case(case.data[:at] + case.data[at + size :], (), case.settings)
+                try:
+                    self.check(shorter)
+                except BrokenError as error:
+                    if error.kind == broken.kind:
+                        case, broken = shorter, error
+                        continue
+                at += size
+            size //= 2
+        return case, broken
+
+
+def _where(error: BaseException) -> str:
+    """The deepest place of ours."""
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if "site-packages" not in code.co_filename and "/lib/python" not in code.co_filename:
+            place = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return place

@@ -1,0 +1,375 @@
+"""Which requests does the HTTP API answer with anything but what /openapi.json promises?
+
+    /openapi.json ──> schemathesis: a request of each operation, right or nearly
+                          │  ids of what is there · values drawn from the forms of the devices
+                          v
+                      the server, a process with twins and a folder of its own
+                          │
+                          v   never 500, never silent for `PATIENCE_S`, a status that is declared, a body of its
+                              schema, errors as {kind, message, hint}; nothing in the log, memory within bounds
+
+What schemathesis draws is right for the schema, but of devices that are not there and of settings that no device has:
+it ends at the first question of a route. So identifiers are mostly replaced by ones that exist, and the values of
+`preview`, `apply`, `run`, `fit` are drawn from the forms that the server itself gives, with hostile ones among them.
+
+The same seed draws the same requests; answers depend on what was there before, so a finding is kept as the request
+alone, and replayed against a fresh server: findings/http/*.json. Nothing here can shrink it: requests are small.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import requests
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.errors import HypothesisException
+from schemathesis import GenerationMode
+from schemathesis.checks import CHECKS, load_all_checks
+
+from tests.fuzz.cases import FINDINGS, BrokenError
+from tests.process import ServerProcess
+
+PATIENCE_S = 40.0  # on a busy machine; what takes longer does not answer
+MOST_GROWN_MB = 400.0  # of the server's memory, over all that is asked
+TWINS = ("twin:xbus", "twin:isb", "twin:idtp")
+TIDY_EVERY = 40
+MOST_DEVICES = 6
+SLOW = {"/api/ports/scan"}  # listens for seconds, as it should
+PROMISES = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
+FORMED = re.compile(r"/api/devices/\{device\}/(preview|apply|run|fit)\Z")
+
+ODD: list[Any] = [
+    None, True, -1, 0, 1, 255, 256, 65_536, 2**31, 2**32, 2**53 + 1, 2**63, 2**64, -(2**63) - 1, 10**400, 1.5, -0.0,
+    1e308, float("nan"), float("inf"), "", "0", "1e3", "x" * 300, "\ud800", "\x00", "∞", [], {}, [[[]]], {"": None},
+    [None], ["x"], [1, 2, 3], {"x": 2**70},
+]  # fmt: skip
+"""What a field is told that was made for something else."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request as it went out, and how it is kept.
+
+    Args:
+        body: of a JSON body the text; None: no body.
+    """
+
+    method: str
+    path: str
+    body: str | None = None
+    headers: dict[str, str] = field(default_factory=dict)
+
+    def write(self, name: str, showed: str) -> Path:
+        """Keep it."""
+        path = FINDINGS / "http" / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        kept = {"showed": showed, "method": self.method, "path": self.path, "headers": self.headers, "body": self.body}
+        path.write_text(json.dumps(kept, indent=1) + "\n")
+        return path
+
+    @staticmethod
+    def read(path: Path) -> Asked:
+        """One that was kept."""
+        kept = json.loads(path.read_text())
+        return Asked(kept["method"], kept["path"], kept["body"], kept["headers"])
+
+
+class Server:
+    """The server that is asked: three twins, one recording named R; tidied so that it stays what it is.
+
+    Raises:
+        BrokenError: from `check`: it ended, logged a fault or grew.
+    """
+
+    def __init__(self, data: Path) -> None:
+        self.process = ServerProcess(*TWINS, data=data)
+        self.url = self.process.url
+        self.session = requests.Session()
+        self._since = self._memory_mb()
+        self._logged = 0
+
+    def __enter__(self) -> Server:
+        self.get_ready()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.session.close()
+        self.process.stop()
+
+    def get_ready(self) -> None:
+        """A recording that can be opened, and twins that have been recognised."""
+        rows = "".join(f"{1760000000 + i / 100:.2f},{i % 7},{i % 5}\n" for i in range(400))
+        table = f"time (s),Acceleration.x (m/s²),Acceleration.y (m/s²)\n{rows}"
+        self.session.put(
+            f"{self.url}/api/recordings/upload?name=R.csv",
+            data=table.encode(),
+            headers={"content-type": "application/octet-stream"},
+            timeout=PATIENCE_S,
+        ).raise_for_status()
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            devices = self.read("/api/devices")
+            if len(devices) == len(TWINS) and all(device["protocol"] for device in devices):
+                break
+            time.sleep(0.1)
+        self.forms = [self.read(f"/api/devices/{device['id']}/forms") for device in devices]
+        self.look()
+
+    def read(self, path: str) -> Any:
+        """What a path answers."""
+        return self.session.get(self.url + path, timeout=PATIENCE_S).json()
+
+    def look(self) -> None:
+        """What can stand in a path: identifiers that are there now."""
+        devices = [device["id"] for device in self.read("/api/devices")]
+        recordings = [one["id"] for one in self.read("/api/recordings")]
+        jobs = [str(one["id"]) for one in self.read("/api/recordings/exports")]
+        self.names = {"device": devices or ["1"], "recording": recordings or ["R"], "job": jobs or ["1"]}
+
+    def tidy(self) -> None:
+        """Twins there again, the rest away."""
+        devices = self.read("/api/devices")
+        there = {device["source"] for device in devices}
+        for device in devices:
+            if device["source"] not in TWINS and len(devices) > MOST_DEVICES:
+                self.session.delete(f"{self.url}/api/devices/{device['id']}", timeout=PATIENCE_S)
+        for twin in TWINS:
+            if twin not in there:
+                self.session.post(f"{self.url}/api/devices", json={"source": twin}, timeout=PATIENCE_S)
+        self.session.post(f"{self.url}/api/recordings/stop", timeout=PATIENCE_S)
+        for job in self.read("/api/recordings/exports")[4:]:
+            self.session.delete(f"{self.url}/api/recordings/exports/{job['id']}", timeout=PATIENCE_S)
+        self.look()
+
+    def ask(self, asked: Asked, again: bool = True) -> requests.Response:
+        """Send a request.
+
+        Raises:
+            BrokenError: no answer. A kept connection may end just when it is used again: then it is asked once more.
+        """
+        body = None if asked.body is None else asked.body.encode("utf-8", "surrogatepass")
+        try:
+            return self.session.request(
+                asked.method,
+                self.url + asked.path,
+                data=body,
+                headers=asked.headers,
+                timeout=PATIENCE_S,
+                allow_redirects=False,
+            )
+        except requests.Timeout:
+            raise BrokenError("hang", f"no answer for {PATIENCE_S:g} s") from None
+        except requests.ConnectionError as error:
+            if again:
+                return self.ask(asked, again=False)
+            raise BrokenError("cut", f"the connection ended: {error!s:.200}") from None
+
+    def check(self) -> None:
+        """Is it well?"""
+        if self.process.process.poll() is not None:
+            raise BrokenError("ended", self.process.log[-2000:])
+        log = self.process.log
+        fresh, self._logged = log[self._logged :], len(log)
+        if "Traceback" in fresh:
+            raise BrokenError("traceback", fresh[-3000:])
+        grown = self._memory_mb() - self._since
+        if grown > MOST_GROWN_MB:
+            raise BrokenError("memory", f"it has grown by {grown:.0f} MB")
+
+    def _memory_mb(self) -> float:
+        """Resident, of the process itself."""
+        try:
+            status = Path(f"/proc/{self.process.process.pid}/status").read_text()
+        except OSError:
+            return 0.0
+        found = re.search(r"VmRSS:\s+(\d+)", status)
+        return int(found[1]) / 1024 if found else 0.0
+
+
+def check_error(response: requests.Response) -> None:
+    """Has an error the one shape?
+
+    Raises:
+        BrokenError: it has not.
+    """
+    if response.status_code == 500:
+        raise BrokenError("500", response.text[:400])
+    if response.status_code < 400:
+        return
+    try:
+        body = response.json()
+    except ValueError:
+        raise BrokenError("shape", f"{response.status_code} is no JSON: {response.text[:200]!r}") from None
+    if set(body) != {"kind", "message", "hint"} or not all(isinstance(value, str) for value in body.values()):
+        raise BrokenError("shape", f"{body!s:.300}")
+    if not re.fullmatch(r"[a-z]+(-[a-z]+)*", body["kind"]):
+        raise BrokenError("shape", f"kind {body['kind']!r:.80}")
+    if not body["message"].strip() or body["message"][-1] not in ".?!…":
+        raise BrokenError("shape", f"message {body['message']!r:.300}")
+
+
+# -- what is drawn -----------------------------------------------------------------------------------------------------
+
+
+def _leaf(form: dict[str, Any]) -> st.SearchStrategy[Any]:
+    """A value of a field: one that fits, one at an edge, one of another kind."""
+    odd = st.sampled_from(ODD)
+    if form["fields"]:
+        record = st.fixed_dictionaries({}, optional={part["name"]: _leaf(part) for part in form["fields"]})
+        return st.one_of(record, st.lists(record, max_size=40) if form["editor"] == "list" else record, odd)
+    known = [int(key) for key in form["choices"]] + ([] if form["default"] is None else [form["default"]])
+    edges = [value for value in (form["low"], form["high"]) if value is not None]
+    edges += [round(value) for value in edges] + [value + 1 for value in edges] + [value - 1 for value in edges]
+    fits = st.sampled_from(known + edges) if known or edges else st.integers(0, 3) | st.text(max_size=8)
+    if form["editor"] == "vector" or form["length"]:
+        fits = fits | st.lists(st.floats(-2, 2) | odd, max_size=10)
+    if form["editor"] == "hex":
+        fits = fits | st.binary(max_size=40).map(bytes.hex)
+    return st.one_of(fits, fits, fits, odd)
+
+
+def _values(fields: list[dict[str, Any]]) -> st.SearchStrategy[dict[str, Any]]:
+    some = st.fixed_dictionaries({}, optional={form["name"]: _leaf(form) for form in fields})
+    all_of = st.fixed_dictionaries({form["name"]: _leaf(form) for form in fields})
+    return some | all_of
+
+
+@st.composite
+def formed(draw: st.DrawFn, route: str, forms: list[dict[str, Any]]) -> dict[str, Any]:
+    """A body of `preview`, `apply`, `run` or `fit` with settings and commands that devices have."""
+    form = draw(st.sampled_from([form for form in forms if form["settings"] or form["commands"]]))
+    setting = draw(st.sampled_from(form["settings"])) if form["settings"] else None
+    command = draw(st.sampled_from(form["commands"])) if form["commands"] else None
+    if route == "apply" and setting:
+        changes = {setting["name"]: draw(_values(setting["fields"]))}
+        return {"changes": changes, "confirmed": draw(st.booleans()), "reason": "drawn"}
+    if (route == "run" or (route == "preview" and draw(st.booleans()))) and command:
+        body = {"command": command["name"], "values": draw(_values(command["arguments"]))}
+        return {**body, "confirmed": draw(st.booleans())} if route == "run" else body
+    name = setting["name"] if setting else "Nothing"
+    body = {"setting": name, "values": draw(_values(setting["fields"])) if setting else {}}
+    return {**body, "baud": draw(st.sampled_from([None, 9600, 0, -1, 2**40, 921_600]))} if route == "fit" else body
+
+
+@st.composite
+def requests_of(draw: st.DrawFn, operation: Any, mode: GenerationMode, server: Server) -> tuple[Any, Asked]:
+    """A request of an operation, as schemathesis' case and as it is sent."""
+    case = draw(operation.as_strategy(generation_mode=mode))
+    names = server.names
+    for name in case.path_parameters or {}:
+        if name in names and draw(st.integers(0, 9)):
+            case.path_parameters[name] = draw(st.sampled_from(names[name]))
+    if not all(str(value) for value in (case.path_parameters or {}).values()):
+        case.path_parameters = {name: str(value) or "0" for name, value in case.path_parameters.items()}
+    found = FORMED.match(operation.path)
+    own = None
+    if found and draw(st.integers(0, 3)):
+        own = draw(formed(found[1], server.forms))
+    sent = case.as_transport_kwargs(base_url=server.url)
+    if own is not None:
+        sent = {**sent, "json": own}
+        sent.pop("data", None)
+    return case, _asked(sent, server.url)
+
+
+def _asked(sent: dict[str, Any], url: str) -> Asked:
+    prepared = requests.Request(sent["method"], sent["url"], params=sent.get("params")).prepare()
+    assert prepared.url is not None
+    headers = {name: str(value) for name, value in dict(sent.get("headers") or {}).items()}
+    headers = {name: value for name, value in headers.items() if name.lower() in ("content-type", "accept")}
+    body: str | None = None
+    if "json" in sent:
+        body = json.dumps(sent["json"])
+        headers["Content-Type"] = "application/json"
+    elif isinstance(data := sent.get("data"), bytes | str) and data:
+        body = data.decode("utf-8", "replace") if isinstance(data, bytes) else data
+    return Asked(sent["method"], prepared.url.removeprefix(url), body, headers)
+
+
+# -- the run -----------------------------------------------------------------------------------------------------------
+
+
+class Search:
+    """Requests of every operation, round after round.
+
+    Args:
+        server: is asked.
+        first: the seed.
+    """
+
+    def __init__(self, server: Server, first: int) -> None:
+        load_all_checks()
+        self.server = server
+        self.cases = 0
+        self.statuses: dict[int, int] = {}
+        self.round = 0
+        self._nothing: set[tuple[int, GenerationMode]] = set()
+        self._first = first
+        self._checks = CHECKS.get_by_names(list(PROMISES))
+        schema = schemathesis.openapi.from_dict(server.read("/openapi.json"))
+        self.operations = [result.ok() for result in schema.get_all_operations()]
+
+    def step(self, examples: int, *, slow: bool = False) -> Iterator[tuple[Asked, BrokenError]]:
+        """One round: so many requests of every operation, right ones and wrong ones; gives what broke."""
+        self.round += 1
+        for number, operation in enumerate(self.operations):
+            if operation.path in SLOW and not slow:
+                continue
+            for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
+                if (number, mode) in self._nothing:
+                    continue
+                yield from self._some(number, mode, examples)
+
+    def _some(self, number: int, mode: GenerationMode, examples: int) -> list[tuple[Asked, BrokenError]]:
+        broken: list[tuple[Asked, BrokenError]] = []
+
+        @seed(self._first + 1000 * self.round + number)
+        @settings(
+            max_examples=examples,
+            phases=(Phase.generate,),
+            database=None,
+            deadline=None,
+            derandomize=False,
+            suppress_health_check=[check for check in HealthCheck if check is not HealthCheck.filter_too_much],
+        )
+        @given(requests_of(self.operations[number], mode, self.server))
+        def one(drawn: tuple[Any, Asked]) -> None:
+            case, asked = drawn
+            try:
+                self._judge(case, asked)
+            except BrokenError as error:
+                broken.append((asked, error))
+
+        try:
+            one()
+        except (HypothesisException, schemathesis.errors.SchemathesisError):
+            self._nothing.add((number, mode))  # nothing wrong can be said to an operation that takes nothing
+        return broken
+
+    def _judge(self, case: Any, asked: Asked) -> None:
+        self.cases += 1
+        if self.cases % TIDY_EVERY == 0:
+            self.server.tidy()
+        response = self.server.ask(asked)
+        self.statuses[response.status_code] = self.statuses.get(response.status_code, 0) + 1
+        check_error(response)
+        self.server.check()
+        try:
+            case.validate_response(response, checks=self._checks)
+        except AssertionError as error:
+            raise BrokenError("promise", f"{error!s:.1500}") from None
+        except schemathesis.errors.SchemathesisError as error:
+            raise BrokenError("promise", f"{type(error).__name__} {error!s:.1500}") from None
+        except BaseExceptionGroup as errors:
+            raise BrokenError("promise", " | ".join(f"{error!s:.700}" for error in errors.exceptions)) from None
