@@ -100,6 +100,10 @@ class Entry:
         return all(word in text for word in words)
 
 
+class NamingError(RecordingError):
+    """A recording cannot be called that: another file has the name, or it says nothing."""
+
+
 class Library:
     """The recordings of one folder.
 
@@ -252,6 +256,43 @@ class Library:
         except OSError as error:
             raise problem(error, sidecar.beside(entry.path)) from None
 
+    def rename(self, recording: str, name: str) -> Entry:
+        """Give its file another name, and so the recording another id; what belongs to it comes along.
+
+        Args:
+            name: as a person typed it, with or without the suffix, which stays.
+        Raises:
+            KeyError: there is none of that id.
+            NamingError: it cannot be called that.
+            RecordingError: it cannot be renamed.
+        """
+        with self._lock:
+            entry = self.get(recording)
+            path = entry.path
+            if len(entry.files) > 1:
+                hint = "Give it a title instead."
+                raise NamingError("The parts of a split log are told by their names, which stay.", hint)
+            typed = name.strip()
+            typed = typed[: -len(path.suffix)] if typed.lower().endswith(path.suffix.lower()) else typed
+            if not any(c.isalnum() for c in typed):
+                raise NamingError("A file's name needs a letter or a digit.", "")
+            target = path.with_name(clean_name(typed + path.suffix))
+            if target == path:
+                return entry
+            belonging = _belonging([path])
+            moves = [(one, target.with_name(target.stem + one.name.removeprefix(path.stem))) for one in belonging]
+            taken = next((to for _, to in moves if to.exists()), None)
+            if taken is not None:
+                raise NamingError(f"There is a file {taken.name} already.", "Choose another name.")
+            try:
+                for one, to in moves:
+                    os.rename(one, to)
+            except OSError as error:
+                raise problem(error, path) from None
+            with contextlib.suppress(OSError):  # else it is found out anew
+                os.rename(self.folder / INDEX / f"{path.name}.json", self.folder / INDEX / f"{target.name}.json")
+            return next(one for one in self._live() if one.path == target)
+
     def delete(self, recording: str) -> Entry:
         """Into the bin, with all that belongs to it. Raises as `edit` does."""
         with self._lock:
@@ -272,7 +313,7 @@ class Library:
 
         Raises:
             KeyError: there is none of that id in the bin.
-            RecordingError: a file of that name is there.
+            NamingError: a file of that name is there.
         """
         with self._lock:
             found = [entry for entry in self._deleted() if recording == entry.id]
@@ -281,7 +322,7 @@ class Library:
             taken = next((file for file in source.iterdir() if (self.folder / file.name).exists()), None)
             if taken is not None:
                 hint = "Delete or rename that one first."
-                raise RecordingError(f"There is a file {taken.name} already.", hint)
+                raise NamingError(f"There is a file {taken.name} already.", hint)
             try:
                 _move(list(source.iterdir()), self.folder)
                 source.rmdir()

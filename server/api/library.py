@@ -16,7 +16,7 @@ from starlette.requests import ClientDisconnect
 from recordings import sidecar
 from recordings.container import RecordingError
 from recordings.handover import original, whole
-from recordings.library import Entry
+from recordings.library import Entry, NamingError
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.catalogue import Catalogue
 from server.library.recorded import Edit, Mark, Marker, RecordingInfo
@@ -118,8 +118,9 @@ async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> Non
 
 @router.patch("/{recording}", responses=responses(404, 409, 422, 507))
 async def edit_recording(recording: str, body: Edit, library: TheLibrary) -> RecordingInfo:
-    """Title, tags, notes, pinned; what is null stays."""
+    """Title, tags, notes, pinned, the file's name; what is null stays. With another name it has another id."""
     _bounded(body.title, MOST_TITLE, "The title")
+    _bounded(body.file, MOST_TITLE, "The name")
     _bounded(body.notes, MOST_NOTES, "The notes")
     if len(body.tags or ()) > MOST_TAGS:
         raise ApiError(422, "bad-request", f"At most {MOST_TAGS} tags can be given.", "")
@@ -131,6 +132,11 @@ async def edit_recording(recording: str, body: Edit, library: TheLibrary) -> Rec
     title = None if body.title is None else " ".join(body.title.split())
     edits = sidecar.Edits(title, tags, body.notes, body.pinned)
     entry = await _tried(recording, lambda: library.library.edit(recording, edits))
+    name = body.file
+    if name is not None:
+        if library.is_recording(entry):
+            raise not_now(recording)
+        entry = await _tried(recording, lambda: library.rename(recording, name))
     library.changed()
     return library.told(entry)
 
@@ -227,5 +233,7 @@ async def _tried(recording: str, work: Callable[[], Changed]) -> Changed:
         return await asyncio.to_thread(work)
     except KeyError:
         raise unknown(recording) from None
+    except NamingError as error:
+        raise ApiError(409, "name", error.message, error.hint) from None
     except RecordingError as error:
         raise ApiError(507, "disk", error.message, error.hint) from None

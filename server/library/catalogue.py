@@ -12,6 +12,7 @@ is told of within `LOOK_S` where somebody watches.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Coroutine
 from dataclasses import asdict
@@ -103,6 +104,24 @@ class Catalogue:
             deleted=entry.deleted,
         )
 
+    def rename(self, recording: str, name: str) -> Entry:
+        """Give its file another name; what was decoded of it goes on to be found. Raises as Library.rename does."""
+        before = self._store(recording)
+        entry = self.library.rename(recording, name)
+        after = self._store(entry.id)
+        if (
+            entry.peek.format == "mcap" and before is not None and after is not None
+        ):  # others tell things by their names
+            with contextlib.suppress(OSError):
+                before.rename(after)
+        return entry
+
+    def _store(self, recording: str) -> Path | None:
+        try:
+            return self.shelf.store_of(recording) if self.shelf is not None else None
+        except (KeyError, OSError):
+            return None
+
     def is_recording(self, entry: Entry) -> bool:
         """Is it being written now?"""
         now = self._hub.recorder
@@ -181,7 +200,5 @@ class Catalogue:
         return learned
 
     def _is_open(self, entry: Entry) -> bool:
-        try:
-            return self.shelf is not None and self.shelf.store_of(entry.id).is_dir()
-        except (KeyError, OSError):
-            return False
+        store = self._store(entry.id)
+        return store is not None and store.is_dir()

@@ -8,7 +8,7 @@
     GET    /api/recordings/{id}?partial=0|1       RecordingDetail; opens it: until then 202 with an OpeningState,
                                                   with partial=1 as soon as something is decoded a RecordingDetail of it
     GET    /api/recordings/{id}/fared?device&t0&t1          Fared (recordings/fared.py): how a device fared, by seconds
-    PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned
+    PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned, file: RecordingInfo, of another id then
     DELETE /api/recordings/{id}                   into the bin: RecordingInfo
     POST   /api/recordings/{id}/undelete {}       and back, within 7 days
     POST   /api/recordings/{id}/markers  Mark     a marker or note put in later
@@ -133,6 +133,7 @@ class Edit:
     tags: list[str] | None = None
     notes: str | None = None
     pinned: bool | None = None
+    file: str | None = None  # another name for its file, and so another id; the suffix stays
 
 
 @dataclass(slots=True)

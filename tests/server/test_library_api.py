@@ -78,6 +78,31 @@ def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: Running, 
     assert client.post(f"{URL}/a/undelete", json={}).json()["title"] == "New mast"
 
 
+def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: Running, folder: Path) -> None:
+    client = running.client
+    drive(folder / "a.mcap", seconds=0.5)
+    drive(folder / "b.mcap", seconds=0.2)
+    client.patch(f"{URL}/a", json={"notes": "3 laps"})
+    deadline = time.monotonic() + 60
+    while client.get(f"{URL}/a").status_code == 202:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    found = next(one["devices"] for one in listed(running) if one["id"] == "a")  # as it was opened
+    told = client.patch(f"{URL}/a", json={"file": " ../yard loop.mcap "}).json()
+    assert (told["id"], told["file"], told["notes"]) == ("yard loop", "yard loop.mcap", "3 laps")
+    assert told["opened"]  # and it need not be decoded again
+    assert told["devices"] == found
+    assert client.get(f"{URL}/yard loop").status_code == 200
+    assert sorted(path.name for path in folder.iterdir() if path.suffix == ".json") == ["yard loop.mcap.json"]
+    assert_problem(client.get(f"{URL}/a"), 404)
+    refused = client.patch(f"{URL}/yard loop", json={"file": "b"})
+    assert_problem(refused, 409)
+    assert "b.mcap" in refused.json()["message"]
+    assert_problem(client.patch(f"{URL}/b", json={"file": " ./. "}), 409)
+    assert_problem(client.patch(f"{URL}/b", json={"file": "x" * 201}), 422)
+    assert sorted(path.name for path in folder.glob("*.mcap")) == ["b.mcap", "yard loop.mcap"]
+
+
 @pytest.mark.parametrize(
     ("method", "path", "body", "status"),
     [

@@ -26,7 +26,7 @@ export const server = {
   mark: (body: Mark) => request<unknown>("POST", `${ROOT}/mark`, body),
   /** Opens it: until something of it is there the answer is how far that is; `progress` tells how much is there. */
   detail: (id: string) => request<RecordingDetail | OpeningState>("GET", of(id, "?partial=1")),
-  edit: (id: string, edit: Partial<Edit>) => send<RecordingInfo>("PATCH", of(id), { title: null, tags: null, notes: null, pinned: null, ...edit }),
+  edit: (id: string, edit: Partial<Edit>) => send<RecordingInfo>("PATCH", of(id), { title: null, tags: null, notes: null, pinned: null, file: null, ...edit }),
   remove: (id: string) => request<RecordingInfo>("DELETE", of(id)),
   undelete: (id: string) => request<RecordingInfo>("POST", of(id, "/undelete"), {}),
   markLater: (id: string, body: Mark) => request<Marker>("POST", of(id, "/markers"), body),

@@ -103,6 +103,8 @@ export interface Edit {
   readonly tags: readonly string[] | null;
   readonly notes: string | null;
   readonly pinned: boolean | null;
+  /** another name for its file, and so another id; the suffix stays */
+  readonly file: string | null;
 }
 
 export interface Export {

@@ -8,7 +8,7 @@ import { Icon } from "../../ui/icons";
 import { type App, run, select, sheet } from "../app";
 import { go, href } from "../route";
 import { exporting, Jobs } from "./export";
-import { edit, remove, undelete } from "./shelf";
+import { edit, remove, rename, undelete } from "./shelf";
 
 export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   return (
@@ -102,7 +102,6 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
     ["Lost", number(lostOf(info), 0), "samples"],
     ["Rejects", number(rejectsOf(info), 0), "frames"],
     ["Markers", number(info.markers, 0), ""],
-    ["File", info.file, ""],
   ];
   return (
     <>
@@ -134,6 +133,14 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
   );
 }
 
+const stem = (file: string): string => file.replace(/\.[^.]*$/, "");
+
+/** What is refused is told in a band; the field says what the file is called. */
+async function renamed(field: HTMLInputElement, info: RecordingInfo): Promise<void> {
+  await rename(info.id, field.value);
+  if (field.isConnected) field.value = stem(info.file);
+}
+
 function Words({ info }: { readonly info: RecordingInfo }) {
   const tag = useSignal("");
   const add = (event: Event): void => {
@@ -148,6 +155,13 @@ function Words({ info }: { readonly info: RecordingInfo }) {
         <span>Name</span>
         <span class="field">
           <input defaultValue={info.title} maxLength={200} onChange={(event) => void edit(info.id, { title: event.currentTarget.value })} />
+        </span>
+      </label>
+      <label title="Its file in the folder. Links to the recording carry this name.">
+        <span>File</span>
+        <span class="field">
+          <input key={info.file} defaultValue={stem(info.file)} maxLength={120} onChange={(event) => void renamed(event.currentTarget, info)} />
+          <span class="u">{info.file.slice(stem(info.file).length)}</span>
         </span>
       </label>
       <label>

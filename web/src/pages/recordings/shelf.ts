@@ -56,6 +56,15 @@ export async function edit(id: string, change: Partial<Edit>): Promise<void> {
   replace(await run(server.edit(id, change)));
 }
 
+/** Give its file another name: the recording is told by another id then. */
+export async function rename(id: string, file: string): Promise<void> {
+  const info = await run(server.edit(id, { file }));
+  if (info === undefined) return;
+  all.value = (all.peek() ?? []).filter((one) => one.id !== id);
+  replace(info);
+  if (selected.peek() === id) selected.value = info.id;
+}
+
 export async function remove(info: RecordingInfo): Promise<void> {
   const deleted = await run(server.remove(info.id));
   if (deleted === undefined) return;
