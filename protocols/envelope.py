@@ -17,7 +17,9 @@ delay. That line is what we look for: the lower envelope.
 
 Of each second of device time only the lowest point is kept, for `WINDOW_S` seconds. Once a second their lower convex
 hull is built; the hull's edge above the mean device time is the line under all points with the least mean distance
-to them. With little history a slope means nothing, so it is weighted by T² / (T² + 8 s²) of the span T.
+to them. With little history a slope means nothing, so it is weighted by T² / (T² + S²) of the span T: points known to A
+need S = A / 50 ppm to tell the drift of a usual crystal: a second or two behind a good cable, eight behind an
+adapter.
 
 ## The mapping
 
@@ -35,7 +37,8 @@ solution among IMU samples) falls on the very mapping its neighbours had.
 ## What this cannot know
 
 Truth is the end of a frame on the wire: a delay that every frame has (a buffering adapter which never delivers at once)
-looks like an offset. `uncertainty_ns` says ± how much of that could be hidden, judged from how the delays are spread.
+looks like an offset. `uncertainty` says ± how much of that could be hidden, judged from how the delays are spread
+(lateness.py).
 
 Rules for editing: all times are int64 ns outside and float64 ns relative to the first row inside (exact for 100 days).
 """
@@ -49,12 +52,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.lateness import RECENT_NS, STALL_NS, Lateness, Spread
+
 Array = NDArray[Any]
 
 WINDOW_S = 120  # how long the envelope remembers: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm;
 # longer, and a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
 BUCKET_NS = 1e9  # one point is kept per bucket
-SHRINK_S = 8.0  # span at which the fitted drift counts half
+CRYSTAL = 50e-6  # drift that a usual crystal has
+SURE_S, UNSURE_S = 1.0, 8.0  # limits of S
 MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
 PLAN_NS = 20e6  # the mapping is replanned at most this often
 PLAN_TIME_NS = 0.25e9  # ... to meet the line after this time
@@ -62,11 +68,14 @@ SLEW, SLEW_EARLY, SLEW_FAR = 0.005, 0.05, 0.5  # slope error while settled; in t
 FAR_NS = 50e6
 EARLY_NS = 3e9
 KNOTS = 1024
-RESIDUALS = 2048  # delays remembered for jitter and uncertainty
-RECENT_NS = 5e9
 PRIOR_NS, PRIOR_ROWS = 16e6, 16  # before anything is known: one burst of a USB adapter; what so many rows halve
 COMMON_DRIFT = 1e-4  # what a drift not yet known may be
 FLOOR_NS = 50e3  # scheduling of the reading thread itself
+FORGET_NS = 120e9  # a delay that an adapter hides moves with the drift between two crystals: for so long it is ...
+WANDER = 1.4  # ... held to have moved by what was hidden, and some more, while the drift was learned
+JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are so many
+STEP_NS = 50e6  # rows that far below the line are a step of the clock: three times the longest USB burst
+SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is what is that much and so many ± below it
 
 
 class Mapping:
@@ -75,11 +84,13 @@ class Mapping:
     Args:
         origin: device time of its first row, ns.
         host_origin: arrival of that row, ns since the Unix epoch.
+        late: what is to keep its delays.
+        unknown_ns: what nobody can know of the way here: the one-way time of a network.
 
     Inside: x = device − origin; y = arrival − w − host origin − x; h = host − host origin; all float64 ns.
     """
 
-    def __init__(self, origin: int, host_origin: int) -> None:
+    def __init__(self, origin: int, host_origin: int, late: Lateness, unknown_ns: float = 0.0) -> None:
         self.origin = origin
         self.host_origin = host_origin
         self.slope = 0.0
@@ -95,28 +106,34 @@ class Mapping:
         self._knots = 1
         self._final_slope = 1.0  # of the mapping after its last knot
         self._planned = -np.inf
-        self._delays = np.zeros(RESIDUALS)
-        self._delay_x = np.full(RESIDUALS, -np.inf)
-        self._rows = 0
-        self._uncertainty: tuple[float, float] = (-np.inf, PRIOR_NS)
+        self.late = late
+        self.step_ns = STEP_NS
+        self.spread = Spread()
+        self._unknown_ns = unknown_ns
+        self._shrink_s = UNSURE_S
+        self._judged = -np.inf
+        self._wander = 0.0  # how far a hidden delay may have moved while the drift was learned
+        self._uncertainty = PRIOR_NS
 
     # -- learning
 
-    def learn(self, x: Array, delay: Array, arrival: int) -> None:
-        """Take rows with their delays over the line as it is; move the line, then the plan."""
+    def learn(self, x: Array, delay: Array, arrival: int, size: float = 0.0, *, judged: bool = True) -> None:
+        """Take rows with their delays over the line as it is; move the line, then the plan.
+
+        Args:
+            size: bytes of a frame.
+            judged: its delays tell about the link; not those of a message that waits for others on the line.
+        """
         settled = self.newest
-        first = self._rows == 0
-        fresh = x >= settled  # an older row (a GNSS solution, seconds late by its own time) says nothing about the link
-        if first or fresh.all():
-            self._remember(x, delay)
-        elif fresh.any():
-            self._remember(x[fresh], delay[fresh])
+        first = self.late.rows == 0
         at = int(delay.argmin())
         low_x, low = float(x[at]), float(delay[at])
         newest = float(x[-1])
         if len(x) > 1:
             newest = max(newest, float(x.max()))
-        self.newest = max(self.newest, newest)
+        if judged or first:
+            self._remember(x, delay, arrival, size)
+        self.newest = max(settled, newest)
         self.oldest = min(self.oldest, float(x[0]))
         self.arrival = max(self.arrival, arrival)
         if low < 0 or first:
@@ -127,19 +144,18 @@ class Mapping:
             self.begin_at(self.intercept, 0.0)
         elif self.newest - self._planned >= PLAN_NS:
             self._plan(settled)
+        if self.newest - self._judged >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
+            self._judge()
 
-    def _remember(self, x: Array, delay: Array) -> None:
-        """Keep the delays, to say later how they were spread."""
-        start = self._rows % RESIDUALS
-        count = len(x)
-        self._rows += count
-        if start + count <= RESIDUALS:
-            self._delays[start : start + count] = delay
-            self._delay_x[start : start + count] = x
-        else:
-            rows = np.arange(start, start + count) % RESIDUALS
-            self._delays[rows] = delay
-            self._delay_x[rows] = x
+    def _remember(self, x: Array, delay: Array, arrival: int, size: float) -> None:
+        """Keep delays. An older row (a GNSS solution, seconds late by its own time) says nothing about the link."""
+        fresh = x >= self.newest
+        if self.late.rows and not fresh.all():
+            x, delay = x[fresh], delay[fresh]
+        if len(x):
+            self.late.add(x, delay, size)
+            if delay[0] > STALL_NS and delay[-1] < delay[0]:
+                self.late.stalled(arrival, float(delay[0]))
 
     def _keep(self, x: float, y: float) -> None:
         """One point of the envelope; at the end of a bucket the line is fitted anew."""
@@ -159,7 +175,7 @@ class Mapping:
         self.slope = 0.0
         if span >= 2.0:
             steep = _edge_slope(_lower_hull(points), sum(x for x, _ in points) / len(points))
-            self.slope = min(max(steep, -MAX_DRIFT), MAX_DRIFT) * span**2 / (span**2 + SHRINK_S**2)
+            self.slope = min(max(steep, -MAX_DRIFT), MAX_DRIFT) * span**2 / (span**2 + self._shrink_s**2)
         self.intercept = min(y - self.slope * x for x, y in points)
 
     # -- the mapping
@@ -221,6 +237,10 @@ class Mapping:
         """Host time of the newest row, ns."""
         return self._at(self.newest) + float(self.host_origin)
 
+    def first_host(self) -> float:
+        """Host time at which the mapping begins, ns."""
+        return float(self._knot_h[0]) + float(self.host_origin)
+
     def distance(self, device: Array) -> NDArray[np.float64]:
         """How far device times lie outside of the stretch that was seen, ns; 0 within."""
         x = (device - self.origin).astype(np.float64)
@@ -228,32 +248,33 @@ class Mapping:
 
     # -- judging
 
-    def _recent(self) -> NDArray[np.float64]:
-        """Delays of the last seconds, those of out-of-date rows left out."""
-        kept = self._delays[self._delay_x >= self.newest - RECENT_NS]
-        return np.asarray(kept)
-
     def jitter(self, p: float) -> float:
-        recent = self._recent()
+        """The `p`-th percentile of the delays of the last seconds, ns."""
+        recent = self.late.recent(self.newest)
         return float(np.percentile(np.maximum(recent, 0.0), p)) if len(recent) else 0.0
 
     def uncertainty(self) -> float:
-        """± in ns, from the ways to be wrong: few rows so far; no recent row touched the line; the delays come in steps
-        (a poll grid that beats with the stream), so that the smallest may itself be most of a step; the drift is not
-        known yet; the mapping is still on its way to the line."""
-        when, value = self._uncertainty
-        if self.newest - when < 0.2e9 and self._rows > 64:
-            return value
-        recent = np.sort(self._recent())
-        value = PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self._rows)
-        if len(recent) >= 2:
-            steps = float(np.diff(recent[: len(recent) * 5 // 8 + 2]).max())
-            value = max(value, max(float(recent[0]), 0.0) + steps)
-        span = self.newest / 1e9
-        value += COMMON_DRIFT * self.newest * SHRINK_S**2 / (SHRINK_S**2 + span**2)
+        """± in ns."""
+        return self._uncertainty
+
+    def _judge(self) -> None:
+        """±, from the ways to be wrong: few rows so far; no recent row touched the line; the delays come in steps (a
+        poll grid that beats with the stream), so that the smallest may itself be most of a step; an adapter may hide
+        more; the drift is not known yet; the mapping is still on its way to the line."""
+        spread = self.spread = self.late.spread(self.newest)
+        if spread.holds and self.newest > RECENT_NS:
+            faded = min(max((self.newest - self._judged) / FORGET_NS, 0.0), 1.0)
+            self._wander = max(WANDER * spread.hidden, self._wander * (1 - faded))
+        doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
+        self._shrink_s = min(max((max(spread.gap, self._wander) + FLOOR_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
+        self._judged = self.newest
+        span, shrink = self.newest / 1e9, self._shrink_s
+        value = max(PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self.late.rows), doubt)
+        value += COMMON_DRIFT * self.newest * shrink**2 / (shrink**2 + span**2)
         value += abs(self.newest * (1 + self.slope) + self.intercept - self._at(self.newest)) + FLOOR_NS
-        self._uncertainty = (self.newest, value)
-        return value
+        self._uncertainty = value + self._unknown_ns
+        settled = self.newest - self.oldest > EARLY_NS
+        self.step_ns = min(STEP_NS, STEP_BOUNDS * self._uncertainty + SMALLEST_STEP_NS) if settled else STEP_NS
 
 
 def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:

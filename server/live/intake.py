@@ -15,13 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clocks import HostClock
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.hostclock import HostClock, Part
 from protocols.schema import Field, Message
 from protocols.sentences import Sentences
 from server.live.channels import Channels
@@ -30,6 +29,8 @@ from server.live.hub import Hub
 from server.live.incidents import Blame, Incidents
 from server.live.raws import Raws
 
+NETWORKS = ("tcp", "tcp-listen", "udp")
+NETWORK_NS = 1e6  # of a local network, one way: how long the quickest packet takes is not to be seen from one end
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
@@ -54,24 +55,6 @@ class About:
     identity: Callable[[Reply], Mapping[str, str]] = _nothing
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class _Rows:
-    """Some rows of a batch that has a clock."""
-
-    index: int  # of the batch in its drain
-    batch: Batch
-    rows: slice
-
-    @property
-    def device(self) -> NDArray[np.int64]:
-        assert self.batch.time_ns is not None
-        return self.batch.time_ns[self.rows]
-
-    @property
-    def arrival(self) -> NDArray[np.int64]:
-        return self.batch.arrival_ns[self.rows]
 
 
 @dataclass(slots=True)
@@ -130,11 +113,13 @@ class Line:
         byte_time_ns: how long a byte takes on it, 0 where that is not known.
         kind: of the link (wire.DeviceInfo.link).
         capacity: bytes/s that it can carry, None where that is not known.
+        holds_ns: for how long an adapter in it is known to keep bytes back, 0 where there is none or nobody knows.
     """
 
     byte_time_ns: float = 0
     kind: str = ""
     capacity: float | None = None
+    holds_ns: float = 0
 
 
 class Intake:
@@ -173,8 +158,9 @@ class Intake:
         self._sentences = Sentences()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last frame that was good
-        self.clock = HostClock(line.byte_time_ns)
-        self._restarts = 0  # of the clock's mapping, as far as they have been told
+        unknown_ns = NETWORK_NS if line.kind in NETWORKS else 0
+        self.clock = HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns)
+        self._breaks: list[float] = []  # where the clock's mapping began anew, unix s, as far as not told yet
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
         self.identity = Identity(about.identity, about.sender)
@@ -231,40 +217,33 @@ class Intake:
             return out
         first = min(int(batches[i].arrival_ns[0]) for i in timed)
         last = max(int(batches[i].arrival_ns[-1]) for i in timed)
+        if last - first < SLICE_NS:
+            parts = [self._part(batches[i]) for i in timed]
+            for i, times in zip(timed, self._map(parts), strict=True):
+                out[i] = times
+            return out
+        whole = {i: self._part(batches[i]) for i in timed}
         for edge in range(first + SLICE_NS, last + SLICE_NS + 1, SLICE_NS):
-            rows = []
-            for i in timed:
-                arrival = batches[i].arrival_ns
-                lo, hi = (
-                    (0, len(arrival)) if last - first < SLICE_NS else np.searchsorted(arrival, (edge - SLICE_NS, edge))
-                )
-                if lo < hi:
-                    rows.append(_Rows(i, batches[i], slice(lo, hi)))
-            self._learn(rows)
-            for part in rows:
-                out[part.index][part.rows] = self.clock.host(part.device)
+            rows = {i: slice(*np.searchsorted(part.arrival, (edge - SLICE_NS, edge))) for i, part in whole.items()}
+            rows = {i: some for i, some in rows.items() if some.start < some.stop}
+            for i, times in zip(rows, self._map([whole[i].rows(some) for i, some in rows.items()]), strict=True):
+                out[i][rows[i]] = times
         return out
 
-    def _learn(self, timed: list[_Rows]) -> None:
-        """Show the clock rows, in the order of the stream."""
-        clock = self.clock
-        if len(timed) == 1:
-            (part,) = timed
-            clock.add(part.device, part.arrival, self._frame_size(part.batch.message))
-        elif timed:
-            size: Any = 0
-            if self._line.byte_time_ns:
-                sizes = [np.full(len(part.device), self._frame_size(part.batch.message)) for part in timed]
-                size = np.concatenate(sizes)
-            order = np.argsort(np.concatenate([part.batch.offset[part.rows] for part in timed]), kind="stable")
-            device = np.concatenate([part.device for part in timed])
-            arrival = np.concatenate([part.arrival for part in timed])
-            clock.add(device[order], arrival[order], size[order] if self._line.byte_time_ns else 0)
+    def _part(self, batch: Batch) -> Part:
+        assert batch.time_ns is not None
+        message = batch.message
+        return Part(batch.time_ns, batch.arrival_ns, batch.offset, self._frame_size(message), id(message))
+
+    def _map(self, parts: list[Part]) -> list[NDArray[np.float64]]:
+        if not parts:
+            return []
+        times = self.clock.times(parts)
+        self._breaks += self.clock.breaks
+        return times
 
     def _frame_size(self, message: Message) -> int:
-        """Bytes of a frame of this layout on the wire, 0 when the link's speed is unknown anyway."""
-        if not self._line.byte_time_ns:
-            return 0
+        """Bytes of a frame of this layout on the wire."""
         known = self._sizes.get(id(message))
         if known is None or known[0] is not message:
             if len(self._sizes) > 256:
@@ -311,14 +290,12 @@ class Intake:
 
     def _mapped_anew(self) -> None:
         """A clock that ran ahead without a word of the decoder: only its mapping to host time noticed."""
-        if self.clock.restarts <= self._restarts:
-            return
-        self._restarts = self.clock.restarts
-        now = self._hub.now()
-        if now > self._quiet_until:
-            self._quiet_until = now + ANEW_S
-            text = "The device's clock jumped: its times are mapped to this host's anew from here on."
-            self._incidents.say("clock", "caution", text, data={"kind": "jump"})
+        breaks, self._breaks = self._breaks, []
+        for time in breaks:
+            if time > self._quiet_until:
+                self._quiet_until = time + ANEW_S
+                text = "The device's clock jumped: its times are mapped to this host's anew from here on."
+                self._incidents.say("clock", "caution", text, time=time, data={"kind": "jump"})
 
     def _reply(self, reply: Reply) -> None:
         self._figures.samples(reply.message.name, 1, self._hub.now())

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from protocols.clocks import HostClock
+from protocols.hostclock import HostClock
 from server import wire
 from server.live.health import Figures
 from server.live.hub import Hub
