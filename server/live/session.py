@@ -42,6 +42,7 @@ FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 10.0
 IDLE_LOOK_S = 0.05
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
+STALL_LOOKS = 3  # ticks that found nothing new, too: a silence that was this process's own gives nothing up
 
 Direction = Literal["rx", "tx"]
 
@@ -91,6 +92,7 @@ class Session:
         self._died_at: float | None = None  # last arrival before the link went while it was live
         self._patience = Patience()
         self._stalled = False
+        self._looks = 0  # since bytes came last
         self._dirty = False
         self._retry_s = FIRST_RETRY_S
         self._retry_now = asyncio.Event()
@@ -338,8 +340,7 @@ class Session:
                 self._unknown.chunks.append(chunk)
             else:
                 self._feed(chunk)
-        self._stalled = False
-        self._dirty = True
+        self._stalled, self._looks, self._dirty = False, 0, True
         self._hub.request_flush()
         if self._patience.hushed and self._intake is not None:
             self._drain()  # somebody waits for an answer, and there are few bytes beside it
@@ -462,15 +463,16 @@ class Session:
         if self._opened_at is not None:
             if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
                 self._set(notices=self._notices)
+            self._looks, looked = self._looks + 1, self._looks + 1 >= STALL_LOOKS
             quiet = self._patience.quiet(now, max(last or 0.0, self._opened_at))
             if self._intake is None and self._unknown.chunks:
                 self._dirty = True
                 self._hub.request_flush()
-            if quiet > STALL_S and not self._stalled and self._intake is not None and self._intake.buffered:
+            if quiet > STALL_S and looked and not self._stalled and self._intake is not None and self._intake.buffered:
                 self._stalled = True
                 self._dirty = True
                 self._drain(final=True)
-            if self.info.status == "live" and quiet > self._patience.limit:
+            if self.info.status == "live" and looked and quiet > self._patience.limit:
                 self._fell_silent(quiet)
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
