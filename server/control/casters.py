@@ -24,6 +24,7 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from urllib.parse import unquote, urlsplit
 
+from server.links.sources import is_host
 from server.version import VERSION
 
 CONNECT_S = 10.0
@@ -76,6 +77,8 @@ class Caster:
         if not parts.hostname or not mount or any(char in mount for char in " \r\n"):
             missing = "a host" if not parts.hostname else "a mount point"
             raise CorrectionError(f"The caster lacks {missing}.", "A caster is ntrip://user:password@host:2101/MOUNT.")
+        if not is_host(parts.hostname):
+            raise CorrectionError("No host is called like that.", "A caster is ntrip://user:password@host:2101/MOUNT.")
         tls = parts.scheme == "ntrips"
         user, password = unquote(parts.username or ""), unquote(parts.password or "")
         return cls(parts.hostname, port or (TLS_PORT if tls else PORT), mount, user, password, tls)

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from protocols.events import Event, Reply
 from protocols.isb.writing import sentence
@@ -36,6 +36,7 @@ from protocols.xbus.frames import build as xbus_frame
 from server.control.casters import CONNECT_S, READ, Caster, CasterStream, CorrectionError, connect
 from server.control.forms import Corrections
 from server.links.base import LinkError
+from server.links.sources import is_host, is_printable
 from server.live.whereabouts import Place, Whereabouts
 from server.wire import DeviceInfo
 
@@ -184,6 +185,8 @@ def source_of(source: str) -> Source:
         CorrectionError: it is none.
     """
     scheme = source.partition("://")[0] if "://" in source else ""
+    if not is_printable(unquote(source)):
+        raise CorrectionError("The source holds a character that is none.", HINT)
     if scheme in ("ntrip", "ntrips"):
         return _Caster(Caster.of(source))
     if scheme == "tcp":
@@ -192,15 +195,18 @@ def source_of(source: str) -> Source:
             host, port = parts.hostname, parts.port
         except ValueError:
             host, port = None, None
-        if not host or not port:
+        if not host or not port or not is_host(host):
             raise CorrectionError("A network address is tcp://host:port.", HINT)
         return _Tcp(host, port)
     if scheme and scheme != "file":
-        raise CorrectionError(f"Corrections cannot be had from {scheme}://.", HINT)
+        raise CorrectionError(f"Corrections cannot be had from {scheme:.40}://.", HINT)
     path = source.removeprefix("file://")
     if not path.strip():
         raise CorrectionError("No source is given.", HINT)
-    return _File(Path(path).expanduser())
+    try:
+        return _File(Path(path).expanduser())
+    except RuntimeError:  # ~somebody who is not there
+        raise CorrectionError(f"There is no folder {path.partition('/')[0]:.40}.", HINT) from None
 
 
 def without_password(source: str) -> str:

@@ -19,6 +19,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -39,7 +40,21 @@ _WINDOWS_PORT = re.compile(r"^COM\d+$")
 
 def bad(source: str, what: str, hint: str = FORMS) -> LinkError:
     """The one shape in which a wrongly written source is refused."""
-    return LinkError("bad-source", f"The source {source!r} cannot be used: {what}.", hint)
+    return LinkError("bad-source", f"The source {source!r:.80} cannot be used: {what}.", hint)
+
+
+def is_printable(text: str) -> bool:
+    """Could this be the name of anything? No control characters, no halves of characters."""
+    return not any(unicodedata.category(one) in ("Cc", "Cs") for one in text)
+
+
+def is_host(name: str) -> bool:
+    """Could a host be called so? Looking up another name is not refused by the system but fails in Python."""
+    try:
+        name.encode("idna")
+    except UnicodeError:
+        return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +76,8 @@ class Source:
         text = text.strip()
         if not text:
             raise bad(text, "it is empty")
+        if not is_printable(unquote(text)):
+            raise bad(text, "it holds a character that is none")
         if os.path.exists(text):
             return cls(text, "serial" if _is_port(text) else "file", text, {})
         scheme = _SCHEME.match(text)
@@ -71,7 +88,7 @@ class Source:
         if kind not in KINDS:
             near = get_close_matches(kind, KINDS, 1)
             hint = f"Did you mean {near[0]}? {FORMS}" if near else FORMS
-            raise bad(text, f"{kind!r} is not one of {', '.join(KINDS)}", hint)
+            raise bad(text, f"{kind!r:.40} is not one of {', '.join(KINDS)}", hint)
         place, options = _split_options(text, scheme[2])
         if not place:
             raise bad(text, f"nothing follows {kind!r}")
@@ -84,7 +101,9 @@ class Source:
                 allowed = f"Options of a {self.kind} source: {', '.join(names)}." if names else "It takes no options."
                 near = get_close_matches(name, names, 1)
                 raise bad(
-                    self.text, f"it has no option {name!r}", f"Did you mean {near[0]}? {allowed}" if near else allowed
+                    self.text,
+                    f"it has no option {name!r:.40}",
+                    f"Did you mean {near[0]}? {allowed}" if near else allowed,
                 )
 
     def number(self, name: str, default: float, low: float, high: float, unit: str = "") -> float:
@@ -98,7 +117,7 @@ class Source:
             value = float("nan")
         if not low <= value <= high:
             allowed = f"a number from {grouped(low)} to {grouped(high)} {unit}".rstrip()
-            raise bad(self.text, f"{name} is {text!r}, not {allowed}", f"Give {name} as {allowed}.")
+            raise bad(self.text, f"{name} is {text!r:.40}, not {allowed}", f"Give {name} as {allowed}.")
         return value
 
     def whole(self, name: str, default: int, low: int, high: int, unit: str = "") -> int:
@@ -113,7 +132,7 @@ class Source:
         value = self.options.get(name, default)
         if value not in choices:
             allowed = ", ".join(choices)
-            raise bad(self.text, f"{name} is {value!r}, not one of {allowed}", f"Give {name} as one of {allowed}.")
+            raise bad(self.text, f"{name} is {value!r:.40}, not one of {allowed}", f"Give {name} as one of {allowed}.")
         return value
 
     def switch(self, name: str) -> bool:
@@ -128,16 +147,20 @@ class Source:
         if not colon:
             raise bad(self.text, "the port is missing", f"Write it as {self.kind}://host:port.")
         low = 0 if listening else 1
-        if not port.isascii() or not port.isdigit() or not low <= int(port) <= 65535:
-            raise bad(self.text, f"port is {port!r}, not a number from {low} to 65535")
+        if not port.isascii() or not port.isdigit() or len(port) > 5 or not low <= int(port) <= 65535:
+            raise bad(self.text, f"port is {port!r:.40}, not a number from {low} to 65535")
         if host.startswith("[") and host.endswith("]"):
             host = host[1:-1]
         elif ":" in host:
             raise bad(
-                self.text, f"host is {host!r}", f"An IPv6 address stands in brackets: {self.kind}://[{host}]:{port}."
+                self.text,
+                f"host is {host!r:.60}",
+                f"An IPv6 address stands in brackets: {self.kind}://[{host}]:{port}.",
             )
         if not host and not listening:
             raise bad(self.text, "the host is missing", f"Write it as {self.kind}://host:port.")
+        if host and not is_host(host):
+            raise bad(self.text, f"host is {host!r:.60}, which no host is called", f"{self.kind}://robot.local:{port}.")
         return host, int(port)
 
 
@@ -147,7 +170,7 @@ def _is_port(path: str) -> bool:
         return True
     try:
         return stat.S_ISCHR(os.stat(path).st_mode)
-    except OSError:
+    except (OSError, ValueError):
         return False
 
 
@@ -156,6 +179,6 @@ def _split_options(text: str, rest: str) -> tuple[str, dict[str, str]]:
     options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
         if name in options:
-            raise bad(text, f"option {name!r} is given twice", "Give each option once.")
+            raise bad(text, f"option {name!r:.40} is given twice", "Give each option once.")
         options[name] = value
     return place, options
