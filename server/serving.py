@@ -16,7 +16,7 @@ import gc
 import logging
 import signal
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import uvicorn
@@ -35,11 +35,14 @@ log = logging.getLogger("imuscope.serving")
 LOOK_S = 3600.0  # between two looks at the certificate on disk
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
+MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
 MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
 
 
 class LiveProtocol(WebSocketsSansIOProtocol):
     """uvicorn's WebSocket, telling its transport; a viewer of others may send larger messages than our page."""
+
+    _pings: Sequence[float] = ()  # when the last ones came, s
 
     def handle_connect(self, event: Request) -> None:
         if event.path.startswith("/viser"):
@@ -48,6 +51,15 @@ class LiveProtocol(WebSocketsSansIOProtocol):
         scope = getattr(self, "scope", None)
         if scope is not None:  # the handshake was a WebSocket's
             cast(dict[str, Any], scope["extensions"])["imuscope.transport"] = self.transport
+
+    def handle_ping(self) -> None:
+        """Answered at once, by the library, without anything that waits: so who sends a flood of them is cut off."""
+        now = self.loop.time()
+        self._pings = [at for at in self._pings if now - at < 1] + [now]
+        if len(self._pings) > MOST_PINGS:
+            self.transport.abort()
+        elif not self.transport.is_closing():
+            super().handle_ping()
 
     async def send(self, message: Any) -> None:
         """A refusal with an answer of its own ends the handshake too: uvicorn logs it as a fault of ours otherwise."""

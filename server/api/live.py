@@ -22,6 +22,8 @@ log = logging.getLogger("imuscope.live")
 router = APIRouter()
 
 STUCK_S = 5.0
+MOST_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so who takes it so slowly is better connected anew
+REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 60.0  # a page asks twice a second, and some dozen times when it is opened
 HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 MB/s at most, for all browsers together
 
 
@@ -61,7 +63,9 @@ class Sender:
             outbox.sent_bytes += len(message)
 
     def is_stuck(self, now: float) -> bool:
-        """Has no byte moved for `STUCK_S`? To be asked about once a second."""
+        """Has no byte moved for `STUCK_S`, or does too much wait? To be asked about once a second."""
+        if self.outbox.text_bytes > MOST_WAITING_TEXT:
+            return True
         if self._stuck_since is None:
             return False
         waiting = self._transport.get_write_buffer_size() if self._transport is not None else self._waiting
@@ -71,12 +75,29 @@ class Sender:
         return now - self._stuck_since > STUCK_S
 
 
+class Pace:
+    """So many a second, and some at once: who wants more waits, and so does what it sends, in its own socket."""
+
+    def __init__(self, per_s: float, at_once: float, now: float) -> None:
+        self._per_s, self._at_once = per_s, at_once
+        self._left, self._at = at_once, now
+
+    def wait(self, now: float) -> float:
+        """Take one; how long to wait for it, s."""
+        self._left = min(self._at_once, self._left + (now - self._at) * self._per_s) - 1
+        self._at = now
+        return max(0.0, -self._left / self._per_s)
+
+
 async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
-    """Serve the browser's requests until it goes."""
+    """Serve the browser's requests until it goes, so many a second: a flood of them costs the others nothing."""
+    pace = Pace(REQUESTS_PER_S, REQUESTS_AT_ONCE, hub.now())
     while True:
         message: dict[str, Any] = dict(await socket.receive())
         if message["type"] == "websocket.disconnect":
             return
+        if wait := pace.wait(hub.now()):
+            await asyncio.sleep(wait)
         try:
             text = message.get("text")
             if text is None:
@@ -135,7 +156,7 @@ async def live(socket: WebSocket) -> None:
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         if tasks[2] in done:
-            _log(sender, f"took no byte for {STUCK_S:g} s and was disconnected.")
+            _log(sender, f"took no byte for {STUCK_S:g} s, or far too few, and was disconnected.")
             transport = socket.scope.get("extensions", {}).get("imuscope.transport")
             if transport is not None:
                 transport.abort()

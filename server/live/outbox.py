@@ -103,6 +103,7 @@ class Outbox:
         self._on_ready = on_ready
         self._limit = limit
         self._texts: deque[str] = deque()
+        self.text_bytes = 0  # characters, of what waits
         self._latest: dict[str, str] = {}
         self._live: deque[Packet] = deque()
         self._live_bytes = 0
@@ -120,6 +121,7 @@ class Outbox:
     def say(self, text: str) -> None:
         """A text frame that is never dropped."""
         self._texts.append(text)
+        self.text_bytes += len(text)
         self._on_ready()
 
     def say_latest(self, kind: str, text: str) -> None:
@@ -162,7 +164,9 @@ class Outbox:
     def take(self) -> str | bytes | None:
         """The next text or live message, None when there is none (history may still be wanted)."""
         if self._texts:
-            return self._texts.popleft()
+            text = self._texts.popleft()
+            self.text_bytes -= len(text)
+            return text
         if self._latest:
             return self._latest.pop(next(iter(self._latest)))
         if not self._live:

@@ -1,0 +1,100 @@
+"""Many at once, small enough for every run: nobody's manners cost anybody else a sample.
+
+The same at length, with its figures, is tests/bench/load.py."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from server.api.live import REQUESTS_AT_ONCE, REQUESTS_PER_S, Pace
+from server.config import Config
+from server.wire import SUBPROTOCOL
+from tests import crowd
+from tests.bench.speakers import Speakers, heard_in
+from tests.process import ServerProcess
+from tests.server.fakes import FakeLink
+from tests.server.running import Running
+
+PROTOCOL = Subprotocol(SUBPROTOCOL)
+RATE, SECONDS, DEVICES = 500.0, 3.0, 2
+
+
+async def until(done: Callable[[], bool], what: str) -> None:
+    deadline = time.monotonic() + 60
+    while not done():
+        assert time.monotonic() < deadline, what
+        await asyncio.sleep(0.05)
+
+
+async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[crowd.Good, dict[str, Any]]:
+    """One who keeps up, among one who takes nothing, one who takes little and one who floods."""
+    good, flood = crowd.Good(), [0]
+    tasks = [
+        asyncio.create_task(good.run(server.url)),
+        asyncio.create_task(crowd.stalled(server.url, [])),
+        asyncio.create_task(crowd.slow(server.url, 20_000)),
+        asyncio.create_task(crowd.flooding(server.url, flood)),
+    ]
+    began = time.monotonic()
+    try:
+        await asyncio.wait_for(good.connected.wait(), 60)
+        await asyncio.to_thread(speakers.go)
+        sent = await asyncio.to_thread(speakers.sent)
+        frames = sent["devices"][0]["frames"]
+        await until(lambda: sum(n == frames for n in good.samples.values()) >= 3 * DEVICES, f"{good.samples} {frames}")
+        await until(lambda: flood[0] > 0, "the flood is served, too")
+        most = REQUESTS_AT_ONCE + REQUESTS_PER_S * (time.monotonic() - began)
+        assert flood[0] < most, "at its pace, and no faster"
+        return good, sent
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def test_a_crowd_costs_nobody_a_sample(tmp_path: Path) -> None:
+    with Speakers(DEVICES, RATE, SECONDS) as speakers:
+        sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
+        with ServerProcess(*sources, data=tmp_path, arguments=("--record",)) as server:
+            good, sent = asyncio.run(crowded(server, speakers))
+            assert good.lost == 0
+            with urllib.request.urlopen(f"{server.url}/api/devices", timeout=10) as answer:
+                ids = sorted(device["id"] for device in json.load(answer))
+        heard = heard_in(sorted((tmp_path / "recordings").glob("*.mcap")))
+    for device, told in zip(ids, sent["devices"], strict=True):
+        assert heard[device] == {"bytes": told["bytes"], "crc32": told["crc32"]}, "all that was sent is there"
+
+
+def test_who_asks_too_often_waits() -> None:
+    pace = Pace(10.0, 5.0, now=100.0)
+    assert [pace.wait(100.0) for _ in range(5)] == [0.0] * 5
+    assert [pace.wait(100.0) for _ in range(3)] == [pytest.approx(0.1), pytest.approx(0.2), pytest.approx(0.3)]
+    assert pace.wait(101.0) == 0.0
+    assert [pace.wait(1000.0) for _ in range(5)] == [0.0] * 5, "patience is not saved up"
+    assert pace.wait(1000.0) > 0
+
+
+def test_who_sends_a_flood_of_the_protocols_own_pings_is_cut_off(tmp_path: Path) -> None:
+    with (
+        Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        connect(running.ws, subprotocols=[PROTOCOL]) as polite,
+    ):
+        assert polite.ping().wait(30), "one is answered"
+        with contextlib.suppress(ConnectionClosed), connect(running.ws, subprotocols=[PROTOCOL]) as rude:
+            deadline = time.monotonic() + 60
+            while time.monotonic() < deadline:
+                rude.ping()
+            pytest.fail("a flood of pings was answered for a minute")
+        assert polite.ping().wait(30)
