@@ -1,0 +1,173 @@
+"""Every route and every WebSocket with every role, where a token is needed: what changes something needs control.
+
+The expectation is derived from the method, so that a route that is added is judged by it: GET, HEAD and OPTIONS look,
+all others change something. What differs from that stands in the two lists here, one by one and with its reason.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.routing import Route, WebSocketRoute
+
+from server import wire
+from server.app import create_app
+from server.auth import Access, Guard, is_protected
+from server.codec import WireError, decode_text
+from server.config import Config
+from tests.server.asking import ACCEPTED, Answer, ask
+
+VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
+TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}
+SAFE = {"GET", "HEAD", "OPTIONS"}
+METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", "PROPFIND", "get", "post", "X")
+
+# POST, because they carry values: what would be sent, would it fit, in what do two sides differ. They change nothing.
+ASKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit", "compare")}
+# Without a token: they hold nothing of the devices.
+OPEN = {"/healthz", "/{name:path}"}
+# WebSockets, all of which only look; a scene's panel is dealt with in test_doors.py.
+SOCKETS = {"/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"}
+
+
+def settings(folder: Path) -> Config:
+    return Config(host="0.0.0.0", data=folder, view_token=VIEW, control_token=CONTROL)
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Guard:
+    config = settings(tmp_path_factory.mktemp("data"))
+    app = create_app(config, Access(config))
+    assert isinstance(app, Guard)  # around everything
+    return app
+
+
+@pytest.fixture(scope="module")
+def routes(guarded: Guard) -> list[Any]:
+    """Every route of the application, those that are in no document among them."""
+    application: Any = guarded._app
+    found = list(_leaves(application.routes))
+    documented = {(path, method.upper()) for path, ways in application.openapi()["paths"].items() for method in ways}
+    assert documented <= {(route.path, method) for route in found for method in getattr(route, "methods", None) or ()}
+    return found
+
+
+def _leaves(routes: Any) -> Iterator[Any]:
+    for route in routes:
+        if isinstance(route, Route | WebSocketRoute):
+            yield route
+        else:  # one that was included; of any other sort there is none, or it would be walked around here
+            yield from _leaves(route.original_router.routes)
+
+
+class Reached:
+    """In the place of the application: whoever comes here was let in, with this role."""
+
+    role = ""
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        self.role = scope["state"].get("role", "open")
+        if scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.accept"})
+            return
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        await send({"type": "http.response.body", "body": b""})
+
+
+def attempt(folder: Path, method: str, path: str, token: str, body: str = "") -> tuple[Answer, str]:
+    """What is answered, and which role reached the application."""
+    reached = Reached()
+    headers = {"authorization": f"Bearer {token}"} if token else {}
+    if body:
+        headers |= {"content-type": body, "content-length": "2"}
+    answer = ask(Guard(reached, Access(settings(folder))), method, path, headers)
+    return answer, reached.role
+
+
+def filled(path: str) -> str:
+    return re.sub(r"\{.*?\}", "1", path)
+
+
+def test_every_route_with_every_role(routes: list[Any], tmp_path: Path) -> None:
+    plain = [route for route in routes if isinstance(route, Route)]
+    assert len(plain) > 60
+    for route, role in itertools.product(plain, TOKENS):
+        for method in {*METHODS, *(route.methods or ())}:
+            upload = (method, route.path) == ("PUT", "/api/recordings/upload")
+            body = "" if method in SAFE else "application/octet-stream" if upload else "application/json"
+            answer, reached = attempt(tmp_path, method, filled(route.path), TOKENS[role], body)
+            what = (method, route.path, role)
+            if route.path in OPEN:
+                assert reached == "open", what
+                continue
+            looks = method in SAFE or (method == "POST" and route.path in ASKING)
+            if role in ("none", "wrong"):
+                assert (answer.status, reached) == (401, ""), what
+            elif role == "control" or looks:
+                assert (answer.status, reached) == (200, role), what
+            else:
+                assert (answer.status, reached, answer.json()["kind"]) == (403, "", "view-only"), what
+
+
+def test_what_only_looks_is_what_is_listed(routes: list[Any]) -> None:
+    """A list that has more in it than there is would let something in that comes later."""
+    paths = {route.path for route in routes}
+    assert paths >= ASKING | OPEN | SOCKETS
+    assert {route.path for route in routes if not is_protected(filled(route.path))} == OPEN
+    assert not ASKING & {
+        route.path for route in routes if {"PUT", "PATCH", "DELETE"} & set(getattr(route, "methods", ()) or ())
+    }
+
+
+def test_every_websocket_with_every_role(routes: list[Any], tmp_path: Path) -> None:
+    sockets = [route.path for route in routes if isinstance(route, WebSocketRoute)]
+    assert set(sockets) == SOCKETS  # one that is added: what can it change?
+    for path, role in itertools.product(sockets, TOKENS):
+        answer, reached = attempt(tmp_path, "WS", filled(path), TOKENS[role])
+        wanted = (ACCEPTED, role) if role in ("view", "control") else (401, "")
+        assert (answer.status, reached) == wanted, (path, role)
+
+
+def test_what_a_browser_may_say_on_the_websocket_changes_nothing() -> None:
+    """The two that there are: what one is sent, and a question for the time. All else goes over HTTP."""
+    asked = {one for one in vars(wire).values() if isinstance(one, type) and one.__name__ in ("Subscribe", "Ping")}
+    understood = set()
+    for name in {one.__dataclass_fields__["op"].default for one in vars(wire).values() if _has_op(one)}:
+        try:
+            understood.add(type(decode_text(f'{{"op": "{name}", "channels": null, "history": 0, "t": 1}}')))
+        except WireError:
+            continue
+    assert understood == asked
+
+
+def _has_op(one: Any) -> bool:
+    return isinstance(one, type) and "op" in getattr(one, "__dataclass_fields__", {})
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/api/devices/", "//api/devices", "/api//devices", "/./api/devices", "/x/../api/devices", "/API/devices"),
+        *("/%61pi/devices", "/api%2Fdevices", "/api/devices%00", "/api;x/devices", "/\\api\\devices", "/api\n", "/ws/"),
+    ],
+)
+def test_no_way_of_writing_a_path_leads_around_the_guard(path: str, guarded: Guard) -> None:
+    """What is taken for the page's own is answered by the page's own, and there is nothing of that name."""
+    assert ask(guarded, "DELETE", path).status in (401, 404, 405)
+    assert ask(guarded, "GET", path).status in (401, 404)
+
+
+def test_a_token_for_one_says_nothing_of_the_other(tmp_path: Path) -> None:
+    """Two tokens in one request: the one that was given by hand decides, not the cookie of another visit."""
+    headers = {"cookie": f"{Access(settings(tmp_path)).cookie_name}={CONTROL}"}
+    reached = Reached()
+    guard = Guard(reached, Access(settings(tmp_path)))
+    assert ask(guard, "DELETE", f"/api/devices/1?token={VIEW}", headers).status == 403
+    assert ask(guard, "DELETE", "/api/devices/1", {**headers, "authorization": f"Bearer {VIEW}"}).status == 403
+    assert ask(guard, "DELETE", "/api/devices/1", headers).status == 200
