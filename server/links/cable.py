@@ -1,7 +1,7 @@
 """What happens to bytes between a simulated device and the host's port: everything that a real cable does to them.
 
-    device ─> [drop] ─> [corrupt] ─> [line at baud] ─> [adapter's bursts] ─> [wrong rate] ─> host
-               a frame   one bit      takes its time     16 ms timer           other bytes
+    device ─> [drop] ─> [corrupt] ─> [line at baud] ─> [adapter's bursts]  ─> [wrong rate] ─> host
+               a frame   one bit      takes its time     62 bytes or a timer    other bytes
 
 Pure: time is passed in, chance comes from a seed, so that a fault found once is found again. What a device sends is cut
 into frames, by the lengths in their headers (`SIZES`), only in order to lose or harm whole ones.
@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from server.links.packets import PACKET, Packets
 from server.links.uart import as_heard
 
 WORN = 0.77  # edges so late that every byte is read as at another rate
@@ -28,7 +29,8 @@ class Faults:
     Args:
         drop: share of frames that are lost, 0..1.
         corrupt: share of frames of which one bit is flipped, 0..1.
-        burst_ms: the adapter hands over only so often; 0 at once.
+        burst_ms: latency timer of a USB adapter (packets.py); 0: none, bytes are there at once.
+        packet: bytes that the adapter hands over before that; 0: it waits for its timer.
         baud: the line's rate; a receiver set to another one hears noise. None: no line, bytes are there at once.
         dead_baud: a rate that the line cannot carry (too long, too slow a driver): all of it is noise. None: no such.
     """
@@ -36,6 +38,7 @@ class Faults:
     drop: float = 0.0
     corrupt: float = 0.0
     burst_ms: float = 0.0
+    packet: int = PACKET
     baud: int | None = None
     dead_baud: int | None = None
 
@@ -57,6 +60,7 @@ class Cable:
         self.overflowed = 0
         self._chance = random.Random(seed)
         self._under_way: deque[tuple[int, bytes, int | None]] = deque()  # when it arrives, what, at which rate
+        self._packets = Packets(faults.burst_ms * 1e6, faults.packet) if faults.burst_ms else None
         self._free_ns = 0  # when the line has sent everything before
         self._kept = b""  # the beginning of a frame whose end has not been sent yet
 
@@ -77,21 +81,26 @@ class Cable:
         if start_ns - now_ns > FULL_NS:
             self.overflowed += len(frame)
             return
-        if self.baud:
-            start_ns += math.ceil(len(frame) * 10e9 / self.baud)
-        self._free_ns = start_ns
-        if self.faults.burst_ms:
-            period_ns = round(self.faults.burst_ms * 1e6)
-            start_ns = -(-start_ns // period_ns) * period_ns
-        self._under_way.append((start_ns, frame, self.baud))
+        byte_ns = 10e9 / self.baud if self.baud else 0.0
+        self._free_ns = start_ns + math.ceil(len(frame) * byte_ns)
+        if self._packets is None:
+            self._under_way.append((self._free_ns, frame, self.baud))
+            return
+        for at_ns, packet in self._packets.take(frame, start_ns, byte_ns):
+            self._under_way.append((at_ns, packet, self.baud))
 
     @property
     def next_ns(self) -> int | None:
         """When the next bytes arrive, None when nothing is under way."""
-        return self._under_way[0][0] if self._under_way else None
+        if self._under_way:
+            return self._under_way[0][0]
+        return self._packets.next_ns if self._packets is not None else None
 
     def arrived(self, now_ns: int, receiver_baud: int | None = None) -> bytes:
         """What has arrived by now at a receiver that is set to `receiver_baud`."""
+        packet = self._packets.expired(now_ns) if self._packets is not None else None
+        if packet is not None:
+            self._under_way.append((*packet, self.baud))
         out = b""
         while self._under_way and self._under_way[0][0] <= now_ns:
             rate = self._under_way[0][2]

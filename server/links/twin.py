@@ -19,7 +19,8 @@ So what is tested with a twin is what runs with a sensor: the port, the reading 
     ?late_ms=700                    every answer is late
     ?cut=3                          its power fails between the third setting it takes and storing it
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
-    ?burst_ms=16                    a USB adapter with its latency timer at 16 ms
+    ?burst_ms=16                    a USB adapter with its latency timer at 16 ms, or when 62 bytes have gathered;
+    ?packet=0                       ... however many have gathered
     ?drift_ppm=50                   the device clock runs fast by so much
     ?jump_s=20                      after 20 s the device clock jumps ahead by 10 s
     ?reset_s=30                     every 30 s the device resets, and its clock begins anew
@@ -46,6 +47,7 @@ from typing import Protocol
 from protocols.xbus.moods import NONE, Moods
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.cable import Cable, Faults
+from server.links.packets import PACKET
 from server.links.pump import closed
 from server.links.serial import Line, SerialLink
 from server.links.sources import Source
@@ -59,7 +61,7 @@ JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
 OPTIONS = (
-    *("product", "mode", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms"),
+    *("product", "mode", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
     *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
 )
 MODES = ("lite", "safety", "secure")
@@ -152,6 +154,7 @@ class TwinOptions:
                 drop=source.number("drop", 0, 0, 1),
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
+                packet=source.whole("packet", PACKET, 0, 65_536, "bytes"),
                 baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
                 dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from protocols.idtp.frames import build as idtp_build
 from protocols.isb.frames import build as isb_build
 from server.links.cable import Cable, Faults, frames_of
+from server.links.packets import Packets
 from server.links.uart import as_heard
 from tests.links.bench import frame, xbus
 
@@ -93,12 +94,51 @@ def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
 
 
 def test_bursts_come_when_the_adapter_lets_go() -> None:
-    cable = Cable(Faults(burst_ms=16))
+    cable = Cable(Faults(burst_ms=16, packet=0))
     for ms in range(20):
         cable.send(FRAMES[ms], ms * 1_000_000)
-    assert cable.arrived(15_999_999) == FRAMES[0]
-    assert cable.arrived(16_000_000) == b"".join(FRAMES[1:17])
+    assert cable.arrived(15_999_999) == b""
+    assert cable.arrived(16_000_000) == b"".join(FRAMES[:17])
+    assert cable.arrived(31_999_999) == b""
     assert cable.arrived(32_000_000) == b"".join(FRAMES[17:20])
+    assert cable.next_ns is None
+
+
+def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs_out() -> None:
+    """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
+    cable = Cable(Faults(baud=10_000, burst_ms=100))
+    sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]
+    size = len(sent)
+    assert 62 < size < 2 * 62
+    cable.send(sent, 0)
+    assert cable.next_ns == 62_000_000
+    assert cable.arrived(61_999_999) == b""
+    assert cable.arrived(62_000_000) == sent[:62]
+    assert cable.next_ns == 162_000_000
+    assert cable.arrived(161_999_999) == b""
+    assert cable.arrived(162_000_000) == sent[62:]
+    cable.send(FRAMES[4], 200_000_000)
+    assert cable.arrived(261_999_999) == b""
+    assert cable.arrived(262_000_000) == FRAMES[4]  # the timer ran on: it was started at 162 ms
+
+
+@given(st.lists(st.tuples(st.integers(1, 200), st.integers(0, 40)), max_size=30), st.sampled_from([0, 62]))
+def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple[int, int]], packet: int) -> None:
+    held, out, begin = Packets(16e6, packet), [], 0
+    came: list[int] = []
+    for size, pause_ms in frames:
+        begin += pause_ms * 1_000_000
+        if (gone := held.expired(begin)) is not None:
+            out.append(gone)
+        out += held.take(bytes(size), begin, 86_806.0)
+        came += [begin + round((k + 1) * 86_806.0) for k in range(size)]
+        begin += round(size * 86_806.0)
+    if (gone := held.expired(FOREVER)) is not None:
+        out.append(gone)
+    left = [at for at, data in out for _ in data]
+    assert len(left) == len(came)
+    assert all(-2 <= late - at <= 16_000_002 for at, late in zip(came, left, strict=True))
+    assert all(len(data) <= (packet or 1 << 30) for _, data in out)
 
 
 @pytest.mark.parametrize("baud", [4800, 9600, 115_200, 921_600])

@@ -129,7 +129,7 @@ def test_the_first_frame_of_a_twin_is_whole(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_bursts_arrive_as_bursts() -> None:
     async def check() -> None:
-        link = twin("burst_ms=50&baud=921600", rate=400)
+        link = twin("burst_ms=50&packet=0&baud=921600", rate=400)
         await link.open()
         chunks = await gather(link, 3000)
         await link.close()

@@ -1,0 +1,73 @@
+"""When does a USB adapter hand over what came in on its line?
+
+    line     ▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯▯        ▯▯▯▯▯▯▯▯▯
+    host              62 bytes ^              ^ the timer, started with the packet before, has run out
+
+An FTDI adapter sends a packet when 62 bytes have gathered (64 with two of status) or when its latency timer runs out,
+whichever comes first; either starts the timer anew. So a frame waits for those after it, or for the timer: what a twin
+with `burst_ms` shows, to the byte.
+
+Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2 and 3.3.
+"""
+
+from __future__ import annotations
+
+import math
+
+PACKET = 62
+
+
+class Packets:
+    """The receiving side of an adapter.
+
+    Args:
+        timer_ns: of its latency timer.
+        packet: bytes that are sent at once; 0: it waits for the timer however many there are.
+    """
+
+    def __init__(self, timer_ns: float, packet: int = PACKET) -> None:
+        self._timer_ns = timer_ns
+        self._packet = packet or math.inf
+        self._held = b""
+        self._started_ns = 0.0
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the timer runs out for what is held; None when nothing is."""
+        return math.ceil(self._started_ns + self._timer_ns) if self._held else None
+
+    def take(self, data: bytes, begin_ns: float, byte_ns: float) -> list[tuple[int, bytes]]:
+        """Bytes that come one after the other, the first complete at `begin_ns + byte_ns`.
+
+        Returns:
+            (when, what) of the packets that are full, or run out, before the last of them.
+        """
+        out: list[tuple[int, bytes]] = []
+        while data:
+            if not self._held:  # the timer runs on while there is nothing to send
+                idle = (begin_ns + byte_ns - self._started_ns) // self._timer_ns
+                self._started_ns += max(0.0, math.ceil(idle) * self._timer_ns)
+            expires_ns = self._started_ns + self._timer_ns
+            room = self._packet - len(self._held)
+            full_ns = begin_ns + room * byte_ns
+            if len(data) >= room and full_ns <= expires_ns:
+                taken, at_ns = int(room), full_ns
+            else:
+                came = (expires_ns - begin_ns) / byte_ns if byte_ns else (math.inf if begin_ns <= expires_ns else 0)
+                if came >= len(data):
+                    self._held += data
+                    return out
+                taken, at_ns = max(0, math.floor(came)), expires_ns
+            out.append((math.ceil(at_ns), self._held + data[:taken]))
+            self._held, self._started_ns = b"", at_ns
+            data, begin_ns = data[taken:], begin_ns + taken * byte_ns
+        return out
+
+    def expired(self, now_ns: int) -> tuple[int, bytes] | None:
+        """The packet for which the timer has run out by then, if there is one."""
+        at_ns = self.next_ns
+        if at_ns is None or at_ns > now_ns:
+            return None
+        packet = at_ns, self._held
+        self._held, self._started_ns = b"", float(at_ns)
+        return packet
