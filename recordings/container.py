@@ -68,6 +68,7 @@ _FREE = "Free some space, or delete recordings; what was recorded until now is k
 _HINTS = {
     errno.ENOSPC: _FREE,
     errno.EDQUOT: _FREE,
+    errno.EFBIG: "Raise the limit (`ulimit -f`), or split recordings earlier (`split_mb`); what there is is kept.",
     errno.EACCES: "Give the user that runs imuscope write permission there, or choose another folder with --data.",
     errno.EROFS: "Choose another folder with --data.",
     errno.ENOENT: "Was the folder removed? Choose another with --data.",
@@ -76,6 +77,7 @@ _HINTS = {
 _WORDS = {
     errno.ENOSPC: "The disk is full",
     errno.EDQUOT: "The disk quota is used up",
+    errno.EFBIG: "The file has reached the largest size that the system allows",
     errno.EEXIST: "There is a file of that name already",
 }
 

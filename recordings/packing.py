@@ -62,7 +62,8 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
     Raises:
         RecordingError: the disk failed, or the file is damaged in its middle; it is as it was.
     """
-    aside = path.with_name(f".{path.name}{ASIDE}")
+    # Each process has its own: one whose server was killed may still be at work when the next server begins anew.
+    aside = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
     try:
         with Recording(path) as source, aside.open("wb") as out:
             packed(source, out, edit=edit, progress=progress)

@@ -38,6 +38,7 @@ from server.control.correction_desk import CorrectionDesk
 from server.control.desks import Desks
 from server.library.catalogue import Catalogue
 from server.library.exports import Exports
+from server.library.leftovers import Tenancy
 from server.library.packer import Packer
 from server.library.recorder import Recorder, plan_of
 from server.library.shelf import Shelf
@@ -84,8 +85,11 @@ def create_app(
     key = reading.key.hex() if reading.key else ""
     shelf = catalogue.shelf = Shelf(config.data, catalogue.path, lambda recording: key)
 
+    tenancy = Tenancy(config.data)
+
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await asyncio.to_thread(tenancy.begin)
         sessions.start()
         if config.record:  # before there is a byte
             await tape.begin(config.sources or DEFAULT_SOURCES)
@@ -108,6 +112,7 @@ def create_app(
                 "a device": ending.in_turn(app.state.corrections.close(), sessions.close()),
             },
         )
+        tenancy.end()
 
     app = FastAPI(
         title="imuscope",

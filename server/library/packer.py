@@ -90,7 +90,7 @@ class Packer:
 
 def left_behind(folder: Path) -> list[Path]:
     """Recordings of ours that are not packed, and no trace of a packing that was interrupted."""
-    for aside in folder.glob(f".*{SUFFIX}{packing.ASIDE}"):
+    for aside in folder.glob(f".*{packing.ASIDE}"):
         aside.unlink(missing_ok=True)
     return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if packing.is_loose(path)]
 

@@ -85,6 +85,7 @@ class LinkSettings:
         connect_timeout_s: how long a TCP connection may take to be answered. 5 s: a host that is up answers in
             milliseconds, and the session retries anyway.
         sys_root: where sysfs is mounted, for the latency timer of USB adapters.
+        by_id: where udev keeps the lasting names of USB adapters.
         protocol: the protocol that the user named for this source, "" for automatic; a file is played by its clock.
         key: of a twin that sends Secure frames; None for one that nobody knows.
     """
@@ -92,6 +93,7 @@ class LinkSettings:
     now_ns: Callable[[], int]
     connect_timeout_s: float = 5.0
     sys_root: Path = Path("/sys")
+    by_id: Path = Path("/dev/serial/by-id")
     protocol: str = ""
     key: bytes | None = field(default=None, repr=False)
 

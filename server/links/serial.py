@@ -34,6 +34,7 @@ from typing import Any
 
 import serial
 
+from server.links.adapters import adapter_at, moved, port_now
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
 from server.links.pump import GONE, READ_BYTES, PumpedLink, closed, hung_up, write_all
 from server.links.scan import find_baud
@@ -92,11 +93,13 @@ class SerialLink(PumpedLink):
         self.line = line
         self._port: Any = None  # serial.Serial, which has no types
         self._empty_reads = 0
+        self._adapter = ""  # the lasting name of the one that was found there first
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
+        where = port_now(self.place, self._adapter, self.settings.by_id)
         # Opening asks the adapter over USB, which may take its time: not on the loop.
-        self._port = await asyncio.to_thread(open_port, self.place, self.line)
+        self._port = await asyncio.to_thread(open_port, where, self.line)
         try:
             self.baud = self.line.baud or await find_baud(self._port, self.place, progress)
         except (OSError, serial.SerialException) as error:
@@ -106,7 +109,11 @@ class SerialLink(PumpedLink):
             await self.close()
             raise
         self.capacity = self.line.capacity(self.baud)
-        self.notices = latency_notices(self.place, self.settings.sys_root)
+        self._adapter = adapter_at(where, self.settings.by_id)
+        self.notices = [
+            *moved(self.place, where, self._adapter),
+            *latency_notices(where, self.settings.sys_root),
+        ]
         self._empty_reads = 0
         self._start(self._port.fileno(), self._on_readable)
 
