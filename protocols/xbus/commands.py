@@ -210,7 +210,7 @@ class Kept:
 _Q = ("q0", "q1", "q2", "q3")
 
 _KEPT: tuple[Kept, ...] = (
-    Kept("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT, "What is sent",
+    Kept("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT, "Output configuration",
          editor="outputs", after="measurement"),
     Kept("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT, "Sentences instead of data",
          ALL - ONE, after="measurement", simple=False),
@@ -218,7 +218,7 @@ _KEPT: tuple[Kept, ...] = (
          simple=False),
     Kept("OutputSkipFactor", "ReqOutputSkipFactor", "SetOutputSkipFactor", OUTPUT, "Sentences that are skipped",
          CLASSIC, after="measurement", simple=False),
-    Kept("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "What is sent on CAN", SIX,
+    Kept("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "CAN output configuration", SIX,
          after="measurement", simple=False),
     Kept("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
          "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),

@@ -108,6 +108,18 @@ def test_a_wrong_value_is_refused_where_it_is_typed(serve: Serve, open_page: Ope
     assert page.get_by_label("Latitude").input_value() == before
 
 
+def test_a_write_that_the_device_does_not_take_is_told_field_by_field(serve: Serve, open_page: OpenPage) -> None:
+    """Its power fails while it stores: what it has afterwards is the old rate, and the page must not say otherwise."""
+    page = configured(serve("twin:xbus?cut=1"), open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    page.get_by_role("button", name="Apply", exact=True).click()
+    until(page, "document.querySelector('.outcomes li') !== null", timeout_s=40)
+    assert "Output configuration" in page.inner_text(".outcomes")
+    picture(page, "rejected-1440")
+    page.get_by_role("button", name="Back to the changes").click()
+    until(page, "document.querySelector('.applybar')?.innerText.includes('1 change')")
+
+
 def set_baud(page: Page, words: str) -> None:
     """Ask for another rate of the first port, on trial."""
     page.locator("[data-field=words] select").first.select_option(label=words)

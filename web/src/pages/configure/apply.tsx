@@ -1,6 +1,7 @@
 /** The bar at the foot: what will be written, why it cannot be, how it goes, what came of it. */
 import { signal } from "@preact/signals";
 import { count } from "../../ui/format";
+import type { Job } from "../../wire/types";
 import { Icon } from "../../ui/icons";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
@@ -17,7 +18,8 @@ export function ApplyBar({ model }: { readonly model: Model }) {
   const last = applied.value[model.id];
   const job = last === undefined ? undefined : jobOf(model, last);
   const running = model.control.value?.running;
-  if (job && (!isOver(job) || names.length === 0)) return <Progress model={model} id={job.id} />;
+  // What the device did not take is read first; the changes are still there behind it.
+  if (job && (!isOver(job) || names.length === 0 || !tookAll(job))) return <Progress model={model} id={job.id} />;
   if (names.length === 0) {
     return running ? (
       <div class="applybar" role="region" aria-label="What is being done">
@@ -77,12 +79,14 @@ function Progress({ model, id }: { readonly model: Model; readonly id: number })
       </div>
       {job && isOver(job) && (
         <button type="button" class="btn edge" onClick={dismiss}>
-          Good
+          {tookAll(job) ? "Good" : "Back to the changes"}
         </button>
       )}
     </div>
   );
 }
+
+const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.length === 0;
 
 /** Writes what was changed; what could harm is asked once more. */
 function apply(model: Model, names: readonly string[]): void {

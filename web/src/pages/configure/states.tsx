@@ -82,6 +82,7 @@ export function ViewOnlyBand() {
 export function LostBand({ model }: { readonly model: Model }) {
   const device = model.device.value;
   if (!device || device.status === "live" || device.status === "idle") return null;
+  if (model.control.value?.trial?.state === "unreachable") return null; // the deck says more
   return (
     <div class={`band ${device.status === "connecting" ? "calm" : ""}`} role="status">
       <span class={`dot ${device.status === "connecting" ? "off" : "bad"}`} />
