@@ -132,7 +132,7 @@ def create_app(
     app.state.recorder = tape
     app.state.viser = Viser(hub)
     app.state.rerun = Rerun(hub, config.rerun_connect)
-    app.state.foxglove = Foxglove(hub, config.foxglove)
+    app.state.foxglove = Foxglove(hub, config.foxglove, access)
     app.state.library = catalogue
     app.state.shelf = shelf
     app.state.exports = Exports(hub, catalogue, shelf, config.data)

@@ -33,7 +33,7 @@ import re
 import secrets
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Literal
+from typing import Any, Literal
 from urllib.parse import parse_qs, urlencode, urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -82,6 +82,12 @@ class Access:
         names = {"localhost", config.host, platform.node(), platform.node().partition(".")[0] + ".local"}
         self._hosts = {name.lower() for name in (*names, *config.allowed_hosts) if name}
         self._origins = {origin.lower().rstrip("/") for origin in config.allowed_origins}
+
+    def rules(self) -> dict[str, Any]:
+        """The settings that make the same rules elsewhere, tokens that were made up among them."""
+        names = ("host", "port", "allowed_hosts", "allowed_origins")
+        made = {"view_token": self.view_token, "control_token": self.control_token}
+        return {**{name: getattr(self.config, name) for name in names}, **made}
 
     def role_of(self, token: str) -> Role | None:
         """What a token allows. Compared in constant time."""

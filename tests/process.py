@@ -71,6 +71,7 @@ class ServerProcess:
             errors="replace",
             start_new_session=True,
         )
+        self.data = data
         self.lines: list[str] = []
         self._certificate = data / "tls" / "certificate.pem"
         if "--tls-cert" in arguments:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fastapi import APIRouter, WebSocket
 
-from server.views.foxglove import SUBPROTOCOLS, Foxglove
+from server.views.foxglove import Foxglove
+from server.views.foxglove_server import MOST_UP, SUBPROTOCOLS
 from server.views.proxy import ViewError, relay, turn_away
 
 router = APIRouter()
 
-MOST_UP = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_DOWN = 16 * 1024 * 1024  # what is advertised comes in one message
 
 
@@ -19,8 +19,8 @@ async def foxglove(socket: WebSocket) -> None:
     """A viewer that speaks the protocol, for as long as both sides want."""
     bridge: Foxglove = socket.app.state.foxglove
     try:
-        port = await bridge.port()
+        door = await bridge.door()
     except ViewError as error:
         await turn_away(socket, error)
         return
-    await relay(socket, port, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)
+    await relay(socket, door, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)

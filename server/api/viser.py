@@ -13,6 +13,7 @@ import asyncio
 import json
 from typing import Annotated
 
+import msgspec
 from fastapi import APIRouter, Depends, Query, Request, WebSocket
 from fastapi.responses import RedirectResponse, Response
 from starlette.websockets import WebSocketDisconnect
@@ -22,7 +23,7 @@ from server.api.errors import ApiError, responses
 from server.api.page import HEADERS
 from server.serving import MOST_FROM_VIEWER
 from server.views.aside import PER_S
-from server.views.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
+from server.views.proxy import VIEWER_POLICY, ViewError, anything, fetch, relay, turn_away
 from server.views.replayed import Replayed
 from server.views.viser import Viser
 
@@ -48,7 +49,7 @@ async def begin_scene(
 ) -> dict[str, str]:
     """Begin a 3D scene; its address, as soon as it can be opened."""
     try:
-        await viser.port(device)
+        await viser.door(device)
     except ViewError as error:
         raise ApiError(503, "no-view", error.message, error.hint) from None
     return {"address": f"/viser/{device}/" if device else "/viser/"}
@@ -68,7 +69,7 @@ async def scene(request: Request, viser: OneViser, key: str = "") -> Response:
     """viser's page for all devices, or for one; starts viser when it does not run."""
     gzip = "gzip" in request.headers.get("accept-encoding", "")
     try:
-        page = await fetch(await viser.port(key), "/", most=MOST_PAGE, gzip=gzip)
+        page = await fetch(await viser.door(key), "/", most=MOST_PAGE, gzip=gzip)
     except ViewError as error:
         raise ApiError(503, "no-view", error.message, error.hint) from None
     headers = {**PAGE_HEADERS, "content-type": page.kind, "cache-control": "no-cache"}
@@ -83,14 +84,19 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
     """viser's WebSocket, for as long as both sides want."""
     viser: Viser = socket.app.state.viser
     try:
-        port = await viser.port(key)
+        door = await viser.door(key)
     except ViewError as error:
         await turn_away(socket, error)
         return
     viser.looked_at(key)
     try:
         await relay(
-            socket, port, speaks=lambda name: name.startswith("viser-v"), most_up=MOST_FROM_VIEWER, most_down=MOST_DOWN
+            socket,
+            door,
+            speaks=lambda name: name.startswith("viser-v"),
+            most_up=MOST_FROM_VIEWER,
+            most_down=MOST_DOWN,
+            passes=anything if socket.state.role == "control" else only_looks,
         )
     finally:
         viser.left(key)
@@ -122,6 +128,24 @@ async def recorded_scene(socket: WebSocket, recording: str) -> None:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         await viser.end(key)
+
+
+class _Said(msgspec.Struct):
+    """Of a message of viser's browser, what sort it is."""
+
+    type: str
+
+
+def only_looks(message: bytes | str) -> bool:
+    """May who only looks send this to viser? Where they look from, which is their own; a scene's panel and its mesh are
+    everybody's: to choose there needs control."""
+    try:
+        return isinstance(message, bytes) and _SAID.decode(message).type == "ViewerCameraMessage"
+    except msgspec.MsgspecError:
+        return False
+
+
+_SAID = msgspec.msgpack.Decoder(_Said)
 
 
 async def _follow(viser: Viser, key: str) -> None:

@@ -1,13 +1,14 @@
 """Foxglove, Lichtblick, PlotJuggler: how do they attach to what is live? (`--foxglove`, which is off by default)
 
-    ws://127.0.0.1:8765             on this machine: no token, as for everything on loopback; it can only be read
-    ws://HOST:8080/foxglove         through our own port, with its token (?token=…), its TLS and its checks
+    ws://127.0.0.1:8765             on this machine; it can only be read
+    ws://HOST:8080/foxglove         through our own port, with its TLS
 
 The first listens on loopback only, whatever --host says; beyond this machine there is the second and nothing else. The
-web application of Foxglove is a foreign page: its origin must be among `allowed_origins` to use the second.
+same rules hold for both (server/auth.py): where the server needs a token, each needs it (?token=…), and the web
+application of Foxglove is a foreign page whose origin must be among `allowed_origins`.
 
-The protocol is spoken by Foxglove's own SDK in a process of its own (server/views/foxglove_aside.py), which is started
-after the server serves and again when it has fallen over, later each time.
+The protocol is spoken in a process of its own (server/views/foxglove_aside.py), which is started after the server
+serves and again when it has fallen over, later each time.
 """
 
 from __future__ import annotations
@@ -18,14 +19,15 @@ import logging
 from collections.abc import Mapping
 from typing import Any
 
+from server.auth import Access
 from server.live.hub import Hub
 from server.views.aside import Aside
+from server.views.door import Door, new_secret
 from server.views.proxy import ViewError
 
 MODULE = "server.views.foxglove_aside"
 OFF = -1
 DEFAULT_PORT = 8765  # where Foxglove's own tools look first
-SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 START_S = 60.0
 AGAIN_S, LONGEST_S = 1.0, 60.0
 STEADY_S = 120.0  # having run for so long, the next fall counts as the first
@@ -38,11 +40,14 @@ class Foxglove:
 
     Args:
         wanted: port on loopback; 0 for any free one; OFF for none.
+        access: the rules for whoever comes to that port.
     """
 
-    def __init__(self, hub: Hub, wanted: int) -> None:
+    def __init__(self, hub: Hub, wanted: int, access: Access) -> None:
         self._hub = hub
         self._wanted = wanted
+        self._access = access
+        self._secret = new_secret()
         self._task: asyncio.Task[None] | None = None
         self._aside: Aside | None = None
         self._ended = asyncio.Event()
@@ -59,8 +64,8 @@ class Foxglove:
             self._served = asyncio.get_running_loop().create_future()
             self._task = asyncio.create_task(self._keep_running(), name="foxglove")
 
-    async def port(self) -> int:
-        """Where it listens, on loopback.
+    async def door(self) -> Door:
+        """Where it listens, on loopback, and what to say there.
 
         Raises:
             ViewError: it is not wanted, or not there.
@@ -69,7 +74,7 @@ class Foxglove:
             raise ViewError("This server does not speak the Foxglove protocol.", "Start it with --foxglove.")
         try:
             async with asyncio.timeout(START_S):
-                return await asyncio.shield(self._served)
+                return Door(await asyncio.shield(self._served), self._secret)
         except TimeoutError:
             raise ViewError("The Foxglove bridge is not there.", "The events of the page say why.") from None
 
@@ -91,7 +96,7 @@ class Foxglove:
             try:
                 with contextlib.suppress(OSError):
                     await self._aside.start()
-                    self._aside.say(op="serve", port=self._wanted)
+                    self._aside.say(op="serve", port=self._wanted, secret=self._secret, rules=self._access.rules())
                     await self._ended.wait()
             finally:
                 aside, self._aside = self._aside, None
@@ -104,7 +109,7 @@ class Foxglove:
     def _told(self, words: Mapping[str, Any]) -> None:
         if words["op"] == "served" and self._served is not None and not self._served.done():
             self._served.set_result(int(words["port"]))
-            text = f"The Foxglove protocol is spoken on ws://127.0.0.1:{words['port']} and, with a token, at /foxglove."
+            text = f"The Foxglove protocol is spoken on ws://127.0.0.1:{words['port']} and at /foxglove."
             self._hub.event("", "device", "info", text)
         elif words["op"] == "failed":
             hint = f"Is port {self._wanted} in use? Give another: --foxglove PORT, or 0 for any free one."

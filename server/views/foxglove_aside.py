@@ -1,56 +1,44 @@
 """`python -m server.views.foxglove_aside`: the process that speaks the Foxglove WebSocket protocol.
 
-    told:  {"op": "serve", "port": …}        begin, on a loopback port (0: any free one)
+    told:  {"op": "serve", "port": …,        begin, on a loopback port (0: any free one)
+            "secret": …, "rules": {…}}       who says the secret comes through our own port and was let in there; others
+                                             are judged here, by the same rules (server/auth.py): settings of Config
     says:  {"op": "served", "port": …} or {"op": "failed", "why": …}
 
 Every channel becomes a topic of JSON messages (server/views/topics.py), every attitude a foxglove.FrameTransform from
 ENU to the device, every latitude and longitude a foxglove.LocationFix, and what happens a foxglove.Log. A channel is
-asked for and encoded only while somebody has subscribed to it. Who does not keep up loses the oldest messages of their
-own queue, which the SDK keeps; nobody else notices. Clients can publish and call nothing: no capability says so.
+asked for and encoded only while somebody has subscribed to it. The messages are written by Foxglove's SDK, the protocol
+is spoken by server/views/foxglove_server.py.
 """
 
 from __future__ import annotations
 
+import json
 import threading
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
-import foxglove
-from foxglove import channels, messages
+from foxglove import messages
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import MultipleValuesError
+from websockets.http11 import Request, Response
 
+from server.auth import Access, RefusedError
 from server.codec import Samples
+from server.config import Config
 from server.version import VERSION
+from server.views.door import knows
+from server.views.foxglove_server import FoxgloveServer
 from server.views.poses import ENU_FROM, READ, Look, looks_of, multiply
 from server.views.told import Told
 from server.views.topics import Encoder, schema_of, stamps, topic_of
 
 WORLD = "ENU"
-BACKLOG = 4096  # messages that wait for one client: two seconds of 2 kHz
-
-
-class Subscriptions:
-    """Who listens to what; the SDK tells from threads of its own."""
-
-    def __init__(self, changed: Any) -> None:
-        self._changed = changed
-        self._lock = threading.Lock()
-        self._count: Counter[int] = Counter()
-
-    def __contains__(self, channel: int) -> bool:
-        return self._count[channel] > 0
-
-    def on_subscribe(self, client: Any, channel: Any) -> None:
-        self._count_one(channel.id, 1)
-
-    def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        self._count_one(channel.id, -1)
-
-    def _count_one(self, channel: int, by: int) -> None:
-        with self._lock:
-            self._count[channel] = max(0, self._count[channel] + by)
-        self._changed()
+LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
+PATH = "/foxglove"  # of our own port: the same rules hold
 
 
 @dataclass(slots=True)
@@ -59,15 +47,55 @@ class Topics:
 
     device: str  # its name; a device is known by another once it has told who it is
     encoder: Encoder
-    plain: foxglove.Channel
-    transform: Any = None
-    fix: Any = None
+    plain: int  # ids of what is advertised; 0 for what is not
+    transform: int = 0
+    fix: int = 0
     look: Look | None = None
     topics: list[str] = field(default_factory=list)
 
     @property
-    def all(self) -> list[Any]:
-        return [one for one in (self.plain, self.transform, self.fix) if one is not None]
+    def all(self) -> list[int]:
+        return [id for id in (self.plain, self.transform, self.fix) if id]
+
+
+class Porter:
+    """Who is let in.
+
+    Args:
+        secret: said by who was let in already, at our own port.
+        rules: settings of `Config` by which all others are judged, tokens among them.
+    """
+
+    def __init__(self, secret: str, rules: Mapping[str, Any]) -> None:
+        self._secret = secret
+        self._access = Access(Config(**{**rules, **{name: tuple(rules[name]) for name in LISTS}}))
+
+    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A refusal, or None."""
+        try:
+            headers = {name.lower(): request.headers[name] for name in request.headers}
+        except MultipleValuesError:
+            return connection.respond(HTTPStatus.BAD_REQUEST, "A header came twice.\n")
+        if knows(headers, self._secret):
+            return None
+        if urlsplit(headers.get("origin", "")).scheme not in ("", "http", "https"):
+            del headers["origin"]  # a program with a page of its own (file://, app://): no page of the web can say so
+        token = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
+        client = str((connection.remote_address or ("",))[0])
+        try:
+            self._access.check(PATH, "GET", headers, client=client, query_token=token, websocket=True)
+        except RefusedError as refused:
+            problem = refused.problem
+            answer = connection.respond(
+                HTTPStatus(refused.status),
+                json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}),
+            )
+            del answer.headers["content-type"]
+            answer.headers["content-type"] = "application/json"
+            if refused.retry_s:
+                answer.headers["retry-after"] = str(refused.retry_s)
+            return answer
+        return None
 
 
 class Bridge:
@@ -76,30 +104,21 @@ class Bridge:
     def __init__(self, told: Told) -> None:
         self._told = told
         self._lock = threading.RLock()
-        self._context = foxglove.Context()
-        self._listeners = Subscriptions(self._subscribe)
-        self._server: Any = None
+        self._server = FoxgloveServer(f"imuscope {VERSION}", self._subscribe)
         self._topics: dict[int, Topics] = {}
         self._taken: set[str] = set()
         self._asked: list[int] = []
-        self._log = channels.LogChannel("/events", context=self._context)
+        self._log = self._well_known("/events", messages.Log)
         self._next_event = 0
 
-    def serve(self, port: int) -> None:
+    def serve(self, port: int, porter: Porter) -> None:
         """Begin to listen, and say where."""
         try:
-            self._server = foxglove.start_server(
-                name=f"imuscope {VERSION}",
-                host="127.0.0.1",
-                port=port,
-                server_listener=self._listeners,  # type: ignore[arg-type] # it hears what it wants to hear
-                context=self._context,
-                message_backlog_size=BACKLOG,
-            )
-        except Exception as error:  # the SDK's own, of many kinds: a port that is taken
-            self._told.say(op="failed", why=str(error)[:200])
+            served = self._server.start(port, porter.admit)
+        except OSError as error:
+            self._told.say(op="failed", why=(error.strerror or str(error))[:200])
             return
-        self._told.say(op="served", port=self._server.port)
+        self._told.say(op="served", port=served)
 
     def arrange(self) -> None:
         """Advertise what is new, take back what is gone."""
@@ -110,8 +129,7 @@ class Bridge:
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
                 topics = self._topics.pop(id)
                 self._taken -= set(topics.topics)
-                for channel in topics.all:
-                    channel.close()
+                self._server.withdraw(topics.all)
             looks = {look.id: look for look in looks_of(self._told.devices, list(infos.values()))}
             for id, info in infos.items():
                 if id not in self._topics:
@@ -124,12 +142,13 @@ class Bridge:
         topics = self._topics.get(samples.channel)
         if topics is None or samples.n == 0:
             return
-        if topics.plain.id() in self._listeners:
+        server = self._server
+        if server.is_wanted(topics.plain):
             for time, body in topics.encoder.messages(samples):
-                topics.plain.log(body, log_time=time)
-        if topics.transform is not None and topics.transform.id() in self._listeners:
+                server.send(topics.plain, time, body)
+        if server.is_wanted(topics.transform):
             self._transforms(topics, samples)
-        if topics.fix is not None and topics.fix.id() in self._listeners:
+        if server.is_wanted(topics.fix):
             self._fixes(topics, samples)
 
     def events(self, told: list[Mapping[str, Any]]) -> None:
@@ -140,7 +159,7 @@ class Bridge:
             if event["seq"] < self._next_event:
                 continue
             self._next_event = event["seq"] + 1
-            if self._log.id() in self._listeners:
+            if self._server.is_wanted(self._log):
                 level = {"caution": levels.Warning, "fault": levels.Error}.get(event["level"], levels.Info)
                 words = messages.Log(
                     timestamp=_stamp(int(event["time"] * 1e9)),
@@ -148,15 +167,15 @@ class Bridge:
                     message=event["text"],
                     name=names.get(event["device"], "imuscope"),
                 )
-                self._log.log(words, log_time=int(event["time"] * 1e9))
+                self._server.send(self._log, int(event["time"] * 1e9), words.encode())
 
     # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _advertise(self, device: Mapping[str, Any], info: Mapping[str, Any]) -> Topics:
         topic = topic_of(device, info, self._taken)
         self._taken.add(topic)
-        about = {"message": info["message"], "quantity": info["name"], "unit": info["unit"], "frame": info["frame"]}
-        plain = foxglove.Channel(topic, schema=schema_of(info), context=self._context, metadata=about)
+        schema = schema_of(info)
+        plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
         return Topics(str(device["name"]), Encoder(info), plain, topics=[topic])
 
     def _also(self, topics: Topics, device: Mapping[str, Any], info: Mapping[str, Any], look: Look | None) -> None:
@@ -164,15 +183,19 @@ class Bridge:
         topics.look = look
         if look is None:
             return
-        if look.attitude and look.attitude.channel == info["id"] and topics.transform is None:
+        if look.attitude and look.attitude.channel == info["id"] and not topics.transform:
             name = self._name(device, "attitude")
             topics.topics.append(name)
-            topics.transform = channels.FrameTransformChannel(name, context=self._context)
+            topics.transform = self._well_known(name, messages.FrameTransform)
         place = look.position and look.position.kind == "place" and look.position.channel == info["id"]
-        if place and topics.fix is None:
+        if place and not topics.fix:
             name = self._name(device, "position")
             topics.topics.append(name)
-            topics.fix = channels.LocationFixChannel(name, context=self._context)
+            topics.fix = self._well_known(name, messages.LocationFix)
+
+    def _well_known(self, topic: str, message: Any) -> int:
+        schema = message.get_schema()
+        return self._server.advertise(topic, "protobuf", schema.name, schema.data, schema.encoding)
 
     def _name(self, device: Mapping[str, Any], what: str) -> str:
         name = topic_of(device, {"group": "", "title": what, "name": what, "id": device["id"]}, self._taken)
@@ -197,7 +220,7 @@ class Bridge:
                 translation=messages.Vector3(x=0.0, y=0.0, z=0.0),
                 rotation=messages.Quaternion(x=x, y=y, z=z, w=w),
             )
-            topics.transform.log(message, log_time=time)
+            self._server.send(topics.transform, time, message.encode())
 
     def _fixes(self, topics: Topics, samples: Samples) -> None:
         look = topics.look
@@ -212,14 +235,12 @@ class Bridge:
                 message = messages.LocationFix(
                     timestamp=_stamp(time), frame_id=look.title, latitude=a, longitude=b, altitude=c
                 )
-                topics.fix.log(message, log_time=time)
+                self._server.send(topics.fix, time, message.encode())
 
     def _subscribe(self) -> None:
         """Ask for what somebody wants, and for nothing else."""
         with self._lock:
-            wanted = sorted(
-                id for id, topics in self._topics.items() if any(one.id() in self._listeners for one in topics.all)
-            )
+            wanted = sorted(id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all)))
             if wanted != self._asked:
                 self._asked = wanted
                 self._told.subscribe(wanted)
@@ -236,7 +257,7 @@ def main() -> None:
     told.heard_events = bridge.events
     for message in told.messages():
         if isinstance(message, Mapping):
-            bridge.serve(int(message["port"]))
+            bridge.serve(int(message["port"]), Porter(str(message["secret"]), message["rules"]))
             continue
         if told.changed:
             told.changed = False

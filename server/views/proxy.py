@@ -3,7 +3,8 @@
     browser ──our port, our rules (server/auth.py)──> here ──127.0.0.1──> the viewer's port
 
 What goes through is chosen, not copied: of a request its path and nothing of its headers, so no token and no cookie
-reaches a library; of a WebSocket the subprotocols that its viewer speaks. Sizes are limited both ways. Each side is
+reaches a library; of a WebSocket the subprotocols that its viewer speaks, and of the messages those that whoever sends
+them may send. The viewer's port knows us by a secret (server/views/door.py). Sizes are limited both ways. Each side is
 closed with the other. A browser that takes nothing holds up only its own pipe: messages wait in the viewer, which keeps
 the newest state (viser) or drops the oldest (Foxglove), and after `STUCK_S` the browser is disconnected.
 """
@@ -22,6 +23,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from server.auth import refuse
+from server.views.door import Door
 from server.wire import Problem
 
 OPEN_S = 10.0
@@ -62,7 +64,7 @@ class ViewError(Exception):
         self.hint = hint
 
 
-async def fetch(port: int, path: str, *, most: int, gzip: bool) -> Page:
+async def fetch(door: Door, path: str, *, most: int, gzip: bool) -> Page:
     """A file of a viewer's server.
 
     Args:
@@ -72,7 +74,7 @@ async def fetch(port: int, path: str, *, most: int, gzip: bool) -> Page:
         ViewError: it does not answer, or with more than that.
     """
     try:
-        page = await asyncio.to_thread(_fetch, port, path, most + 1, gzip)
+        page = await asyncio.to_thread(_fetch, door, path, most + 1, gzip)
     except (OSError, http.client.HTTPException):
         raise ViewError("The viewer does not answer.", "Reload in a moment.") from None
     if len(page.body) > most:
@@ -80,10 +82,11 @@ async def fetch(port: int, path: str, *, most: int, gzip: bool) -> Page:
     return page
 
 
-def _fetch(port: int, path: str, most: int, gzip: bool) -> Page:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=OPEN_S)
+def _fetch(door: Door, path: str, most: int, gzip: bool) -> Page:
+    connection = http.client.HTTPConnection("127.0.0.1", door.port, timeout=OPEN_S)
     try:
-        connection.request("GET", path, headers={"Accept-Encoding": "gzip" if gzip else "identity"})
+        headers = {"Accept-Encoding": "gzip" if gzip else "identity", **door.headers}
+        connection.request("GET", path, headers=headers)
         answer = connection.getresponse()
         kind = answer.getheader("content-type", "application/octet-stream")
         encoding = answer.getheader("content-encoding", "")
@@ -92,19 +95,31 @@ def _fetch(port: int, path: str, most: int, gzip: bool) -> Page:
         connection.close()
 
 
+def anything(message: bytes | str) -> bool:
+    return True
+
+
 async def relay(
-    browser: WebSocket, port: int, *, speaks: Callable[[str], bool], most_up: int, most_down: int, path: str = "/"
+    browser: WebSocket,
+    door: Door,
+    *,
+    speaks: Callable[[str], bool],
+    most_up: int,
+    most_down: int,
+    passes: Callable[[bytes | str], bool] = anything,
 ) -> None:
     """Accept a browser's WebSocket and be the pipe to a viewer's until either ends.
 
     Args:
         speaks: which of the browser's subprotocols are offered to the viewer.
         most_up, most_down: bytes in a message from the browser, and to it.
+        passes: which of the browser's messages reach the viewer; the others are dropped.
     """
     offered = [Subprotocol(name) for name in browser.scope.get("subprotocols", []) if speaks(name)]
     try:
         viewer = await connect(
-            f"ws://127.0.0.1:{port}{path}",
+            f"ws://127.0.0.1:{door.port}/",
+            additional_headers=door.headers,
             subprotocols=offered or None,
             compression=None,
             max_size=most_down,
@@ -119,7 +134,7 @@ async def relay(
         return
     try:
         await browser.accept(viewer.subprotocol)
-        await _pump(browser, viewer, most_up)
+        await _pump(browser, viewer, most_up, passes)
     finally:
         await viewer.close()
 
@@ -130,8 +145,10 @@ async def turn_away(browser: WebSocket, why: ViewError) -> None:
     await refuse(browser.scope, browser.receive, browser.send, 503, problem)
 
 
-async def _pump(browser: WebSocket, viewer: ClientConnection, most_up: int) -> None:
-    up = asyncio.create_task(_up(browser, viewer, most_up), name="browser to viewer")
+async def _pump(
+    browser: WebSocket, viewer: ClientConnection, most_up: int, passes: Callable[[bytes | str], bool]
+) -> None:
+    up = asyncio.create_task(_up(browser, viewer, most_up, passes), name="browser to viewer")
     down = asyncio.create_task(_down(browser, viewer), name="viewer to browser")
     try:
         await asyncio.wait((up, down), return_when=asyncio.FIRST_COMPLETED)
@@ -158,7 +175,7 @@ class _TooLargeError(Exception):
     """The browser sent more in one message than it may."""
 
 
-async def _up(browser: WebSocket, viewer: ClientConnection, most: int) -> None:
+async def _up(browser: WebSocket, viewer: ClientConnection, most: int, passes: Callable[[bytes | str], bool]) -> None:
     with contextlib.suppress(ConnectionClosed):
         while True:
             message = await browser.receive()
@@ -168,7 +185,8 @@ async def _up(browser: WebSocket, viewer: ClientConnection, most: int) -> None:
             body = message["text"] if body is None else body
             if len(body) > most:
                 raise _TooLargeError
-            await viewer.send(body)
+            if passes(body):
+                await viewer.send(body)
 
 
 async def _down(browser: WebSocket, viewer: ClientConnection) -> None:

@@ -29,6 +29,7 @@ import numpy as np
 import viser
 from viser import _messages
 
+from server.views.door import closed
 from server.views.meshes import MOST_BYTES, Mesh, MeshError, read
 from server.views.poses import ENU_FROM, Look, Quaternion, Vector, about_z, from_x, multiply, yaw_of
 
@@ -66,10 +67,12 @@ class Scene:
 
     Args:
         title: what the panel is called.
+        secret: what whoever comes has to say.
     """
 
-    def __init__(self, title: str) -> None:
-        self._server = viser.ViserServer("127.0.0.1", 0, label=title, verbose=False)
+    def __init__(self, title: str, secret: str) -> None:
+        with closed(secret):
+            self._server = viser.ViserServer("127.0.0.1", 0, label=title, verbose=False)
         self.port = self._server.get_port()
         self._lock = threading.RLock()
         self._looks: Sequence[Look] = ()

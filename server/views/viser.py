@@ -26,6 +26,7 @@ from typing import Any
 
 from server.live.hub import Hub
 from server.views.aside import Aside
+from server.views.door import Door, new_secret
 from server.views.proxy import ViewError
 from server.views.replayed import Replayed
 
@@ -56,6 +57,7 @@ class Viser:
         self._hub = hub
         self._idle_s = idle_s
         self._aside: Aside | None = None
+        self._secret = new_secret()
         self._scenes: dict[str, SceneState] = {}
         self._replays: dict[str, Replayed] = {}
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
@@ -67,7 +69,7 @@ class Viser:
         """Of viser's process; None while it does not run."""
         return None if self._aside is None else self._aside.pid
 
-    async def port(self, key: str) -> int:
+    async def door(self, key: str) -> Door:
         """Where the scene of this key is served; begins it when it is not there.
 
         Raises:
@@ -84,11 +86,11 @@ class Viser:
                     raise ViewError(f"There are {MOST_SCENES} scenes already.", "Close one of their pages.")
                 scene = self._scenes[key] = SceneState()
                 assert self._aside is not None
-                self._aside.say(op="open", key=key, **self._about(key))
+                self._aside.say(op="open", key=key, secret=self._secret, **self._about(key))
                 self._leave_later(key)
         try:
             async with asyncio.timeout(START_S):
-                return await asyncio.shield(scene.port)
+                return Door(await asyncio.shield(scene.port), self._secret)
         except TimeoutError:
             raise ViewError(f"viser did not start within {START_S:g} s.", "The server's log may say why.") from None
 

@@ -1,6 +1,7 @@
 """`python -m server.views.viser_aside`: the process in which viser runs. Started by server/views/viser.py.
 
-told:  {"op": "open", "key": "", "title": …}      begin a scene: "" of all devices, else of the one with this id
+told:  {"op": "open", "key": "", "title": …,      begin a scene: "" of all devices, else of the one with this id;
+        "secret": …}                              who does not say this is not let in (server/views/door.py)
        {"op": "close", "key": …}
 says:  {"op": "scene", "key": …, "port": …}       it is served on this loopback port
 """
@@ -54,7 +55,7 @@ class Stage:
         if words["op"] == "open" and key not in self._scenes:
             if "devices" in words:
                 self._recorded[key] = looks_of(words["devices"], words["channels"])
-            scene = self._scenes[key] = Scene(str(words["title"]))
+            scene = self._scenes[key] = Scene(str(words["title"]), str(words["secret"]))
             scene.arrange(self._of(key))
         elif words["op"] == "close" and key in self._scenes:
             self._scenes.pop(key).close()
