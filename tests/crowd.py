@@ -18,6 +18,7 @@ import struct
 import time
 from array import array
 from collections import defaultdict
+from collections.abc import AsyncIterator
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -104,7 +105,6 @@ async def stalled(url: str, times: list[float]) -> None:
             while not _hung_up(connection):
                 await asyncio.sleep(0.05)
             times.append(time.monotonic() - began)
-            connection.transport.abort()
 
 
 async def flooding(url: str, counted: list[int]) -> None:
@@ -141,8 +141,10 @@ def _hung_up(connection: ClientConnection) -> bool:
         return True
 
 
-def _connected(url: str, *, narrow: bool = False) -> Any:
-    """A WebSocket like a page's. `narrow`: with as little memory between here and the server as the system allows."""
+@contextlib.asynccontextmanager
+async def _connected(url: str, *, narrow: bool = False) -> AsyncIterator[ClientConnection]:
+    """A WebSocket like a page's, left without a word. `narrow`: with as little memory between here and the server as
+    the system allows."""
     options: dict[str, Any] = {"subprotocols": [SUBPROTOCOL], "compression": None, "max_size": None, "origin": url}
     options |= {"ping_interval": None}
     if narrow:
@@ -152,7 +154,11 @@ def _connected(url: str, *, narrow: bool = False) -> Any:
         plain.connect((parts.hostname, parts.port))
         plain.setblocking(False)
         options |= {"sock": plain, "max_queue": 1}
-    return connect(url.replace("http", "ws", 1) + "/ws", **options)
+    connection = await connect(url.replace("http", "ws", 1) + "/ws", **options)
+    try:
+        yield connection
+    finally:
+        connection.transport.abort()
 
 
 async def _subscribe(connection: ClientConnection) -> None:

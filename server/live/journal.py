@@ -5,7 +5,7 @@
     hub: control       a job on a device began, and how it ended
     hub: recorder      a recording began, ended, failed
 
-What a device says of its own accord (answers, lines of text) is for --log-level debug. Browsers and refused requests
+Frames one by one (commands, answers, lines of text) are for --log-level debug. Browsers and refused requests
 are told where they are met (server/api/live.py, server/auth.py), in the same form (server/logs.py).
 """
 
@@ -20,7 +20,7 @@ from server.live.hub import Hub
 log = logging.getLogger("imuscope.journal")
 
 LEVELS = {"info": logging.INFO, "caution": logging.WARNING, "fault": logging.ERROR}
-CHATTER = ("reply", "text")
+CHATTER = ("reply", "text", "command")  # what a command was for is told by its job
 OFTEN = ("gap", "reject", "clock")  # a bad cable brings many a second
 _ENDED = {"done": logging.INFO, "stopped": logging.INFO, "failed": logging.WARNING}
 
@@ -69,9 +69,10 @@ class Journal:
         known = self._jobs.get(state.device, {})
         now: dict[int, str] = {}
         for job in (*reversed(state.done), *([state.running] if state.running is not None else [])):
-            now[job.id] = job.state
-            if known.get(job.id) == job.state:
+            if job.id in now or known.get(job.id) == job.state:
+                now[job.id] = job.state
                 continue
+            now[job.id] = job.state
             data = {"job": job.id, "title": job.title, "state": job.state}
             if job.state == "running":
                 _write(logging.INFO, "job", state.device, f"Job {job.id}, {job.title}, began.", data)
