@@ -14,6 +14,7 @@ is spoken by server/views/foxglove_server.py.
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -252,6 +253,7 @@ def _stamp(time: int) -> messages.Timestamp:
 
 def main() -> None:
     """Until standard input ends."""
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # whoever is refused: server/auth.py's words are enough
     told = Told()
     bridge = Bridge(told)
     told.heard_events = bridge.events
