@@ -52,7 +52,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.lateness import RECENT_NS, STALL_NS, Lateness, Spread
+from protocols.lateness import RECENT_NS, Lateness, Spread
 
 Array = NDArray[Any]
 
@@ -153,9 +153,7 @@ class Mapping:
         if self.late.rows and not fresh.all():
             x, delay = x[fresh], delay[fresh]
         if len(x):
-            self.late.add(x, delay, size)
-            if delay[0] > STALL_NS and delay[-1] < delay[0]:
-                self.late.stalled(arrival, float(delay[0]))
+            self.late.add(x, delay, size, arrival)
 
     def _keep(self, x: float, y: float) -> None:
         """One point of the envelope; at the end of a bucket the line is fitted anew."""

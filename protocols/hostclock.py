@@ -98,7 +98,7 @@ class HostClock:
         self.byte_time_ns = byte_time_ns
         self.restarts = -1
         self.breaks: list[float] = []
-        self._holds_ns = holds_ns
+        self.holds_ns = holds_ns
         self._unknown_ns = unknown_ns
         self._now: Mapping | None = None
         self._before: Mapping | None = None  # the mapping before the last restart, for rows of the same chunk
@@ -221,7 +221,7 @@ class HostClock:
         mine = np.flatnonzero(rows.source == self._main)
         if len(mine):
             size = float(rows.size if isinstance(rows.size, int) else rows.size[mine[0]])
-            now.late.add(x[mine], delay[mine], size)
+            now.late.add(x[mine], delay[mine], size, arrival)
 
     def _goes_back(self, part: Part) -> bool:
         """Does a message go back against its own last time?"""
@@ -292,7 +292,7 @@ class HostClock:
         return new
 
     def _mapping(self, device: int, sent: int) -> Mapping:
-        return Mapping(device, sent, Lateness(self._holds_ns, self.byte_time_ns), self._unknown_ns)
+        return Mapping(device, sent, Lateness(self.holds_ns, self.byte_time_ns), self._unknown_ns)
 
     def _following(self, device: int, sent: int, arrival: int) -> Mapping:
         """A mapping that begins with this row. Host time does not run backwards there."""
@@ -328,6 +328,11 @@ class HostClock:
     def uncertainty_ns(self) -> float:
         """± of the mapping. Infinite before the first row."""
         return self._now.uncertainty() if self._now else float("inf")
+
+    @property
+    def rows(self) -> int:
+        """How many delays the mapping has seen."""
+        return self._now.late.rows if self._now else 0
 
     @property
     def spread(self) -> Spread:

@@ -87,8 +87,10 @@ class Lateness:
         self._x = np.full(KEPT, -np.inf)
         self._size = 0.0
 
-    def add(self, x: Array, delay: Array, size: float) -> None:
-        """Keep rows: x in ns, their delays, bytes of a frame."""
+    def add(self, x: Array, delay: Array, size: float, arrival: int) -> None:
+        """Keep rows that came together: x in ns, their delays, bytes of a frame, unix ns at which the last came."""
+        if delay[0] > STALL_NS and len(x) > 1 and delay[-1] < delay[0] and self.rows >= FEWEST:
+            self.stalls.append((arrival, float(delay[0])))
         start = self.rows % KEPT
         count = len(x)
         self.rows += count
@@ -100,10 +102,6 @@ class Lateness:
             rows = np.arange(start, start + count) % KEPT
             self._delays[rows] = delay
             self._x[rows] = x
-
-    def stalled(self, arrival: int, late: float) -> None:
-        """Frames came all at once, the first of them so late."""
-        self.stalls.append((arrival, late))
 
     def recent(self, newest: float) -> NDArray[np.float64]:
         """Delays of the last seconds before `newest`, ascending; those of out-of-date rows left out."""

@@ -183,6 +183,15 @@ class MessageHealth:
 
 
 @dataclass(slots=True)
+class TimeCause:
+    """What makes the arrival times of a device uneven, and what helps."""
+
+    kind: Literal["bursts", "resets", "stalls", "network"]
+    text: str  # one sentence or two
+    remedy: str
+
+
+@dataclass(slots=True)
 class DeviceHealth:
     """Figures of one device; rates over the last second, counts since the session began. What was refused, verified
     or not is counted since its bytes are read in this way: a key that is given later begins anew."""
@@ -205,6 +214,7 @@ class DeviceHealth:
     verified: int | None = None  # samples whose frames passed every check; null where a protocol does not tell
     unverified: int | None = None  # samples shown although their frames could not be checked
     dropped: int = 0  # samples dropped for this browser
+    time_cause: TimeCause | None = None  # why arrival times are uneven; null while they are not
 
 
 @dataclass(slots=True)

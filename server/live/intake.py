@@ -13,6 +13,7 @@ after it *in the stream*, whichever layouts those two have, so their times are l
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -23,14 +24,16 @@ from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.hostclock import HostClock, Part
 from protocols.schema import Field, Message
 from protocols.sentences import Sentences
+from server.live.causes import NETWORKS, cause_of
 from server.live.channels import Channels
 from server.live.health import Figures
 from server.live.hub import Hub
 from server.live.incidents import Blame, Incidents
 from server.live.raws import Raws
+from server.wire import TimeCause
 
-NETWORKS = ("tcp", "tcp-listen", "udp")
 NETWORK_NS = 1e6  # of a local network, one way: how long the quickest packet takes is not to be seen from one end
+RESETS = 100  # remembered
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
@@ -114,12 +117,14 @@ class Line:
         kind: of the link (wire.DeviceInfo.link).
         capacity: bytes/s that it can carry, None where that is not known.
         holds_ns: for how long an adapter in it is known to keep bytes back, 0 where there is none or nobody knows.
+        port: what the kernel calls it, "" where it is no serial port.
     """
 
     byte_time_ns: float = 0
     kind: str = ""
     capacity: float | None = None
     holds_ns: float = 0
+    port: str = ""
 
 
 class Intake:
@@ -160,6 +165,7 @@ class Intake:
         self._rejects_before = 0  # since the last frame that was good
         unknown_ns = NETWORK_NS if line.kind in NETWORKS else 0
         self.clock = HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns)
+        self._resets: deque[float] = deque(maxlen=RESETS)  # unix s
         self._breaks: list[float] = []  # where the clock's mapping began anew, unix s, as far as not told yet
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
@@ -204,6 +210,10 @@ class Intake:
                 self._identify(self.identity)
 
     # ── time ──
+
+    def cause(self, now: float) -> TimeCause | None:
+        """What makes its times uneven."""
+        return cause_of(self.clock, self._resets, kind=self._line.kind, port=self._line.port, now=now)
 
     def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
         """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
@@ -270,6 +280,8 @@ class Intake:
             elif isinstance(event, Gap):
                 self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
             elif isinstance(event, Step):
+                if event.kind == "reset":
+                    self._resets.append(event.arrival_ns / 1e9)
                 self._quiet_until = max(self._quiet_until, event.arrival_ns / 1e9 + SETTLED_S)
                 self._incidents.step(event, _time_after(event, batches, times))
             else:

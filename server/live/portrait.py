@@ -69,7 +69,12 @@ class Portrait:
 
 
 def health(
-    device: str, figures: Figures, clock: HostClock | None, capacity: float | None, now: float
+    device: str,
+    figures: Figures,
+    clock: HostClock | None,
+    capacity: float | None,
+    now: float,
+    cause: wire.TimeCause | None = None,
 ) -> wire.DeviceHealth:
     """The figures for the page.
 
@@ -77,6 +82,7 @@ def health(
         clock: of the device, mapped to the host's; None while there is none.
         capacity: bytes/s that its link can carry, None where that is not known.
         now: unix s.
+        cause: why its times are uneven.
     """
     messages = figures.report(now)
     known = clock is not None and clock.uncertainty_ns < float("inf")
@@ -98,6 +104,7 @@ def health(
         last_arrival=figures.last_arrival,
         drift_ppm=clock.drift_ppm if clock is not None and known else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
+        time_cause=cause,
     )
 
 

@@ -176,7 +176,8 @@ class Senders:
         found = []
         for sender in self.all:
             clock = sender.intake.clock if sender.intake is not None else None
-            found.append(health(sender.portrait.info.id, sender.figures, clock, capacity, now))
+            cause = sender.intake.cause(now) if sender.intake is not None else None
+            found.append(health(sender.portrait.info.id, sender.figures, clock, capacity, now, cause))
         for one in found[1:]:
             one.rejects, one.rejects_by = found[0].rejects, found[0].rejects_by
         return found

@@ -26,6 +26,7 @@ from typing import Literal
 from protocols.events import Event
 from server import wire
 from server.links.base import Chunk, Link, LinkError
+from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.listeners import Listeners
 from server.live.advice import Advice
 from server.live.hub import Hub
@@ -347,12 +348,12 @@ class Session:
 
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
-        baud = self._link.baud
+        link = self._link
         self._intake = Reader(
             self._hub,
             self._senders,
-            self._speech.decoder(protocol, self._reading, self._link.kind),
-            line=Line(10e9 / baud if baud else 0, self._link.kind, self._link.capacity),
+            self._speech.decoder(protocol, self._reading, link.kind),
+            line=Line(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link)),
             about=self._speech.about(protocol),
             on_events=self._heard,
         )

@@ -21,6 +21,7 @@ const health: DeviceHealth = {
   verified: null,
   unverified: null,
   dropped: 0,
+  time_cause: null,
 };
 const quiet = { gaps: 0, lost: 0, rejects: 0 };
 const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;

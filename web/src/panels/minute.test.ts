@@ -21,6 +21,7 @@ const report = (time: number, more: Partial<DeviceHealth> = {}): DeviceHealth =>
   verified: null,
   unverified: null,
   dropped: 0,
+  time_cause: null,
   ...more,
 });
 

@@ -33,7 +33,7 @@ export function healthAt(detail: Pick<RecordingDetail, "t0" | "devices" | "chann
   const capacity = about?.link === "serial" && about.baud !== null ? about.baud / BITS : null;
   return {
     device, time: t, rate: Math.max(0, ...rates.values()), messages, gaps, lost, rejects, bytes: NaN, bytes_per_s: NaN, capacity,
-    jitter_ms: null, last_arrival: null, drift_ppm: null, uncertainty_ms: null, rejects_by: by, verified: null, unverified: null, dropped: 0,
+    jitter_ms: null, last_arrival: null, drift_ppm: null, uncertainty_ms: null, rejects_by: by, verified: null, unverified: null, dropped: 0, time_cause: null,
     ...(fared ? figuresAt(fared, t) : {}),
   };
 }

@@ -148,6 +148,14 @@ export interface MessageHealth {
   readonly count: number;
 }
 
+/** What makes the arrival times of a device uneven, and what helps. */
+export interface TimeCause {
+  readonly kind: "bursts" | "resets" | "stalls" | "network";
+  /** one sentence or two */
+  readonly text: string;
+  readonly remedy: string;
+}
+
 /**
  * Figures of one device; rates over the last second, counts since the session began. What was refused, verified
  * or not is counted since its bytes are read in this way: a key that is given later begins anew.
@@ -181,6 +189,8 @@ export interface DeviceHealth {
   readonly unverified: number | null;
   /** samples dropped for this browser */
   readonly dropped: number;
+  /** why arrival times are uneven; null while they are not */
+  readonly time_cause: TimeCause | null;
 }
 
 /** The newest payload of a kind that nobody has described: a vendor's own type, a number newer than the tables. */
