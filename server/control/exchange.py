@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from protocols.events import Batch, Event, Reply
+from protocols.schema import Field
 from server.control.values import identifier
 from server.live.hub import Hub
 from server.wire import ExchangeEntry, Level
@@ -148,7 +149,8 @@ class ExchangeLog:
             ms = max(0.0, (arrival - self._asked_at) * 1e3)
             self._asked_at = None
         level: Level = "caution" if name in ("Error", "Warning") else "info"
-        self._add("rx", name, frame, said(values), ms=ms, level=level, time=arrival)
+        fields = event.message.fields if isinstance(event, Batch | Reply) else ()
+        self._add("rx", name, frame, said(values, fields), ms=ms, level=level, time=arrival)
 
     def _read(self, event: Event) -> tuple[str, Mapping[str, Any], bytes, float]:
         """Name, values, bytes and arrival of what was heard."""
@@ -191,11 +193,21 @@ class ExchangeLog:
         self._hub.exchange(entry)
 
 
-def said(values: Mapping[str, Any]) -> str:
-    """The values of a frame, short enough for a line."""
-    parts = [_said(name, value) for name, value in values.items() if not name.startswith("reserved")]
+def said(values: Mapping[str, Any], fields: Sequence[Field] = ()) -> str:
+    """The values of a frame, short enough for a line; those of enumerations with their meaning."""
+    meanings = {field.name: field.choices for field in fields if field.choices}
+    parts = [
+        _said(name, value) + _meaning(meanings.get(name), value)
+        for name, value in values.items()
+        if not name.startswith("reserved")
+    ]
     text = ", ".join(parts[:SHOWN_VALUES]) + (" …" if len(parts) > SHOWN_VALUES else "")
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+
+
+def _meaning(choices: Mapping[int, str] | None, value: Any) -> str:
+    """What stands behind a number that has a meaning."""
+    return f" ({choices[value]})" if choices and isinstance(value, int) and value in choices else ""
 
 
 def _said(name: str, value: Any) -> str:

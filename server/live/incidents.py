@@ -184,8 +184,10 @@ def _values(reply: Reply) -> str:
     for field_ in reply.message.fields:
         if field_.base == 16 and isinstance(shown.get(field_.name), int):
             shown[field_.name] = identifier(shown[field_.name])
-    parts = [f"{name} {value}" for name, value in plain(shown).items() if not isinstance(value, list | dict)]
-    if len(parts) > SHOWN_VALUES:
-        parts = [part for part in parts if part.split(" ", 1)[1].strip("0")]
+    choices = {field_.name: field_.choices for field_ in reply.message.fields}
+    told = {name: value for name, value in plain(shown).items() if not isinstance(value, list | dict)}
+    if len(told) > SHOWN_VALUES:
+        told = {name: value for name, value in told.items() if str(value).strip("0")}
+    parts = [f"{name} {choices.get(name, {}).get(value, value)}" for name, value in told.items()]
     text = ", ".join(parts[:SHOWN_VALUES]) + (" …" if len(parts) > SHOWN_VALUES else "")
     return f": {text[:160]}" if text else ""

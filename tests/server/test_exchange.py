@@ -8,7 +8,7 @@ import numpy as np
 
 from protocols.events import Batch, Reply
 from protocols.registry import PROTOCOLS
-from protocols.schema import Message
+from protocols.schema import Field, Message
 from protocols.xbus.frames import build
 from server.control.desks import decode
 from server.control.exchange import KEPT, MOST_A_SECOND, ExchangeLog, said
@@ -114,6 +114,12 @@ def test_samples_are_no_exchange_unless_asked_for() -> None:
     one.matched(batch)
     one.flush()
     assert (one.tail()[-1].name, one.tail()[-1].hex) == ("MTData2", stream.hex())
+
+
+def test_an_error_code_is_in_words() -> None:
+    fields = (Field("code", "u1", choices={4: "parameter invalid"}),)
+    assert said({"code": 4}, fields) == "code 4 (parameter invalid)"
+    assert said({"code": 99}, fields) == "code 99"
 
 
 def test_values_are_short() -> None:
