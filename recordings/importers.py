@@ -26,7 +26,7 @@ from recordings.blocks import MAGIC, Damage, Recording
 from recordings.container import RecordingError
 from recordings.pace import Pace
 from recordings.parts import McapSource, Part, Source, SourceDevice
-from recordings.tables import CsvSource, JsonSource
+from recordings.tables import CsvSource, MessageSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
@@ -177,7 +177,7 @@ def _mcap(path: Path) -> Source:
             next(iter(recording.blocks()), None)  # the first records name the channels
         if any(topic.name.startswith("rx/") and topic.encoding != "json" for topic in recording.topics.values()):
             return McapSource(path)
-    return JsonSource(path)
+    return MessageSource(path)
 
 
 def _csv(path: Path, protocol: str) -> Source:

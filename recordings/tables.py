@@ -1,4 +1,4 @@
-"""Numbers that somebody else has decoded: CSV with a time column, and MCAP files whose messages are JSON.
+"""Numbers that somebody else has decoded: CSV with a time column, and MCAP files of other programs.
 
     CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
             1760000000.00,0.1,0.2,24.5
@@ -9,8 +9,8 @@ it; text is read as ISO 8601, UTC where it names no zone. Times that are not sin
 was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are skipped;
 fields are parted by comma, semicolon or tab. What is no number is an empty cell, and told.
 
-    MCAP    one table a topic; a number within objects and short arrays is a column: position.x, covariance.0; the log
-            time is its time. Messages in other encodings (protobuf, ros1, cdr) are not read, and it is told which.
+    MCAP    one table a topic; a number in its messages is a column (recordings/foreign.py: JSON, protobuf, ROS 2); the
+            log time is when it arrived. Messages that cannot be read are left out, and it is told which.
 
 A table becomes channels by the names of its columns: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
 """
@@ -20,7 +20,6 @@ from __future__ import annotations
 import codecs
 import csv
 import io
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -36,6 +35,7 @@ from numpy.typing import NDArray
 
 from recordings.blocks import DATA, LENGTH, TIME, Damage, Recording, Topic
 from recordings.container import RecordingError
+from recordings.foreign import Numbers, Reader, reader_of, unit_of
 from recordings.parts import Part, SourceDevice
 
 Floats = NDArray[np.float64]
@@ -45,7 +45,7 @@ TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
 UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 SINCE_1970 = 1e8  # s; smaller times are counted from something else
 BLOCK_BYTES = 4 << 20
-LONGEST_ARRAY = 16
+FAR_OFF_S = 86_400.0  # a stamp further from when it came is of another clock
 MOST_COLUMNS = 500
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
@@ -279,11 +279,11 @@ def _unique(names: list[str]) -> list[str]:
     return out
 
 
-class JsonSource(TableSource):
+class MessageSource(TableSource):
     """An MCAP file of another program.
 
     Raises:
-        RecordingError: none of its messages are JSON.
+        RecordingError: none of its messages can be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -292,31 +292,40 @@ class JsonSource(TableSource):
             if not recording.chunks:
                 next(iter(recording.blocks()), None)
             topics = list(recording.topics.values())
-        if not any(topic.encoding == "json" for topic in topics):
+        if not any(reader_of(topic) for topic in topics):
             kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
-            hint = "Messages in JSON are read; others can be turned into it by the program that wrote them."
+            hint = "JSON is read, and protobuf and ROS 2 messages whose schema is in the file."
             raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
 
     def rows(self) -> Iterator[Rows]:
         left_out: set[str] = set()
         headings: dict[int, list[str]] = {}
+        readers: dict[int, Reader | None] = {}
         self.damage.clear()
         with Recording(self.path) as recording:
             for block in recording.blocks():
                 for number in np.unique(block.table[0]).tolist():
                     topic = recording.topics.get(number)
-                    if topic is None or topic.encoding != "json":
+                    if number not in readers:
+                        readers[number] = reader_of(topic) if topic is not None else None
+                    read = readers[number]
+                    if topic is None or read is None:
                         left_out.add(_other(topic))
                         continue
                     rows = block.of(number)
                     bodies = [
-                        _leaves(bytes(block.data[at : at + size]))
+                        read(bytes(block.data[at : at + size]))
                         for at, size in zip(rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True)
                     ]
                     names = headings.setdefault(number, _names(bodies))
-                    time = rows[TIME] / 1e9
-                    columns = {name: (np.array([body.get(name, np.nan) for body in bodies]), "") for name in names}
-                    yield Rows(topic.name, time, time, columns, block.done / max(recording.size, 1))
+                    arrival = rows[TIME] / 1e9
+                    stamps = np.array([body.stamp for body in bodies])
+                    time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
+                    columns = {
+                        name: (np.array([body.of.get(name, np.nan) for body in bodies]), unit_of(topic, name))
+                        for name in names
+                    }
+                    yield Rows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
             self.damage.extend(recording.damage)
         self.damage.extend(Damage(-1, words) for words in sorted(left_out))
 
@@ -327,29 +336,8 @@ def _other(topic: Topic | None) -> str:
     return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
 
 
-def _names(bodies: list[dict[str, float]]) -> list[str]:
-    return list(dict.fromkeys(name for body in bodies for name in body))[:MOST_COLUMNS]
-
-
-def _leaves(data: bytes) -> dict[str, float]:
-    """The numbers of a JSON message by their path; none of one that cannot be read."""
-    found: dict[str, float] = {}
-
-    def walk(value: Any, path: str, depth: int) -> None:
-        if isinstance(value, bool | int | float):
-            found[path or "value"] = float(value)
-        elif isinstance(value, dict) and depth < 8:
-            for name, inside in value.items():
-                walk(inside, f"{path}.{name}" if path else name, depth + 1)
-        elif isinstance(value, list) and depth < 8 and len(value) <= LONGEST_ARRAY:
-            for number, inside in enumerate(value):
-                walk(inside, f"{path}.{number}" if path else str(number), depth + 1)
-
-    try:
-        walk(json.loads(data), "", 0)
-    except (ValueError, RecursionError, OverflowError):
-        return {}
-    return found
+def _names(bodies: list[Numbers]) -> list[str]:
+    return list(dict.fromkeys(name for body in bodies for name in body.of))[:MOST_COLUMNS]
 
 
 def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
