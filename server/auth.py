@@ -261,7 +261,7 @@ class Guard:
                 socket = scope["type"] == "websocket"
                 role = self._access.check(path, method, headers, client=client, query_token=token, websocket=socket)
                 scope.setdefault("state", {})["role"] = role
-            elif token and method == "GET" and self._access.judge(token, client, headers):
+            elif token and scope["type"] == "http" and method == "GET" and self._access.judge(token, client, headers):
                 await self._remember(scope, send, token)
                 return
         except RefusedError as refusal:
