@@ -24,6 +24,8 @@ from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.hostclock import HostClock, Part
 from protocols.schema import Field, Message
 from protocols.sentences import Sentences
+from server.links.base import Link
+from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.live.causes import NETWORKS, cause_of
 from server.live.channels import Channels
 from server.live.health import Figures
@@ -125,6 +127,11 @@ class Line:
     capacity: float | None = None
     holds_ns: float = 0
     port: str = ""
+
+    @classmethod
+    def of(cls, link: Link) -> Line:
+        """What is known of an open link."""
+        return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link))
 
 
 class Intake:

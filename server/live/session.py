@@ -26,9 +26,9 @@ from typing import Literal
 from protocols.events import Event
 from server import wire
 from server.links.base import Chunk, Link, LinkError
-from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.listeners import Listeners
 from server.live.advice import Advice
+from server.live.deafness import Deafness, not_understood
 from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.patience import SILENT_S, Patience
@@ -91,7 +91,7 @@ class Session:
         self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
-        self._patience = Patience()
+        self._patience, self._deafness = Patience(), Deafness()
         self._stalled = False
         self._looks = 0  # since bytes came last
         self._dirty = False
@@ -227,10 +227,8 @@ class Session:
         return wait
 
     async def _pause(self, seconds: float | None) -> None:
-        try:
+        with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._retry_now.wait(), seconds)
-        except TimeoutError:
-            return
 
     # ── for others in the server ─────────────────────────────────────────────────────────────────────────────────────
 
@@ -348,12 +346,11 @@ class Session:
 
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
-        link = self._link
         self._intake = Reader(
             self._hub,
             self._senders,
-            self._speech.decoder(protocol, self._reading, link.kind),
-            line=Line(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link)),
+            self._speech.decoder(protocol, self._reading, self._link.kind),
+            line=Line.of(self._link),
             about=self._speech.about(protocol),
             on_events=self._heard,
         )
@@ -474,15 +471,16 @@ class Session:
                 self._dirty = True
                 self._drain(final=True)
             if self.info.status == "live" and looked and quiet > self._patience.limit:
-                self._fell_silent(quiet)
+                hint = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
+                self._fell_silent(f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
+            elif self.info.status == "live" and self._deafness.look(now, self._figures, meant=self._patience.hushed):
+                self._fell_silent(*not_understood(self._link))
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
         self._senders.tick(now, None if self._opened_at is not None else self.info)
 
-    def _fell_silent(self, quiet: float) -> None:
-        text = f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open."
-        hint = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
+    def _fell_silent(self, text: str, hint: str) -> None:
         self._incidents.say("link", "fault", text, data={"kind": "silent"})
         self._set(status="lost", message=text, hint=hint, last_arrival=self._figures.last_arrival)
         if self._intake is not None:

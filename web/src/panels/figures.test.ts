@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { figuresOf, recentOf, verdict } from "./figures";
+import { figuresOf, recentOf, timeWords, verdict } from "./figures";
 
 const health: DeviceHealth = {
   device: "1",
@@ -41,6 +41,18 @@ describe("figuresOf", () => {
     expect(figures.age.tone).toBe("bad");
     expect(figures.shareText.tone).toBe("warn");
     expect(figures.dropped.tone).toBe("warn");
+  });
+  it("says how far off device times may be, rounded up, and marks it while that could be mended", () => {
+    const bound = (ms: number | null) => figuresOf({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
+    expect(bound(0.36)).toEqual({ value: "± 0.4", unit: "ms", tone: "" });
+    expect(bound(0.062).value).toBe("± 0.07");
+    expect(bound(15.2).value).toBe("± 16");
+    expect(bound(0.4).value).toBe("± 0.4");
+    expect(bound(null).value).toBe("—");
+    expect(timeWords(health)).toBe("");
+    const uneven = { ...health, time_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." } };
+    expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
+    expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
   });
   it("invents nothing before the first report", () => {
     const figures = figuresOf(undefined, quiet, undefined, 0);

@@ -83,8 +83,22 @@ export function figuresOf(
     age: { ...agoOf(old), tone: expected && old !== undefined && old > LATE_S ? "bad" : "" },
     dropped: { value: number(dropped, 0), unit: "smp", tone: dropped > 0 ? "warn" : "" },
     drift: plain({ value: signed(health?.drift_ppm ?? undefined, 1), unit: "ppm" }),
-    uncertainty: plain({ value: number(health?.uncertainty_ms ?? undefined, 2), unit: "ms" }),
+    uncertainty: boundOf(health),
   };
+}
+
+/** "± 0.4 ms": never rounded to less than it is. Coloured while something makes the times uneven that could be mended. */
+function boundOf(health: DeviceHealth | undefined): Figure {
+  const bound = health?.uncertainty_ms ?? undefined;
+  const digits = bound === undefined || bound >= 10 ? 0 : bound >= 0.1 ? 1 : 2;
+  const up = bound === undefined ? undefined : Math.ceil(bound * 10 ** digits - 1e-9) / 10 ** digits;
+  return { value: up === undefined ? number(up, 0) : `± ${number(up, digits)}`, unit: "ms", tone: health?.time_cause ? "warn" : "" };
+}
+
+/** Why arrival times are uneven, and what helps; "" while they are not. */
+export function timeWords(health: DeviceHealth | undefined): string {
+  const cause = health?.time_cause;
+  return cause ? `${cause.text} ${cause.remedy}` : "";
 }
 
 function agoOf(old: number | undefined): Quantity {

@@ -8,7 +8,7 @@ import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
-import { type Figure, type Figures, figuresOf, verdict } from "./figures";
+import { type Figure, type Figures, figuresOf, timeWords, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
 import { rejections, trustOf } from "./trust";
@@ -28,7 +28,7 @@ const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: 
   { key: "age", name: "Last sample", help: "Since the newest sample arrived at the host", spark: false },
   { key: "dropped", name: "Dropped here", help: "Samples not sent to this browser because it did not keep up", spark: false },
   { key: "drift", name: "Clock drift", help: "The device's clock against the host's", spark: false },
-  { key: "uncertainty", name: "Device time ±", help: "How well device time is known on the host's clock", spark: false },
+  { key: "uncertainty", name: "Device time", help: "How far off device times on the host's clock may be, all of them together", spark: false },
 ];
 
 /** A figure and its unit; a tag where it wants to be read. */
@@ -73,7 +73,8 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
   const reasons = mountReasons(list);
   const words = new Live();
   const note = el("p", { class: "note" }, words.node);
-  host.append(list, note);
+  const uneven = mountUneven();
+  host.append(list, note, uneven.node);
   const [figuresDue, ageDue] = [every(2), every(10)];
   return {
     update(now) {
@@ -94,12 +95,28 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       reasons.update(health, device);
       words.set(verdict(device, deps.store.events.value, health, dropped));
       note.hidden = words.node.data === "";
+      uneven.update(health);
       drawSparks(deps, id, sparks, device?.status === "lost");
     },
     dispose() {
       for (const spark of sparks.values()) spark.dispose();
       list.remove();
       note.remove();
+      uneven.node.remove();
+    },
+  };
+}
+
+/** Why the times of a device are uneven, and what helps; hidden while they are not. */
+function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealth | undefined): void } {
+  const words = new Live();
+  const node = el("p", { class: "note uneven" }, words.node);
+  node.hidden = true;
+  return {
+    node,
+    update(health) {
+      words.set(timeWords(health));
+      node.hidden = words.node.data === "";
     },
   };
 }
@@ -179,18 +196,20 @@ function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, g
 }
 
 /** Keys that the page's title line and the phone's strip share. */
-export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "age"];
+export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "uncertainty", "age"];
 
-const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: "samples lost", rejects: "rejects", shareText: "% of link", jitter: "ms jitter", age: "old" };
+const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: "samples lost", rejects: "rejects", shareText: "% of link", jitter: "ms jitter", uncertainty: "ms device time", age: "old" };
 
 /** Health in one line, for the phone. */
 export function mountStrip(host: HTMLElement, deps: Deps): Panel {
+  const why = new Live();
   const items = STRIP.map((key) => {
     const [value, unit] = [new Live(), new Live()];
     const box = el("b", {}, value.node);
     host.append(el("span", {}, box, el("span", { class: "u" }, unit.node)));
     return { key, value, unit, box };
   });
+  host.append(el("span", {}, why.node));
   const due = every(4);
   return {
     update(now) {
@@ -198,13 +217,15 @@ export function mountStrip(host: HTMLElement, deps: Deps): Panel {
       const id = view.value.device ?? "";
       const recent = recently(deps, id);
       const expected = selected(deps)?.status !== "ended";
-      const figures = figuresOf(deps.store.health.value.get(id), recent, ageOf(deps, id), deps.store.dropped(), expected);
+      const health = deps.store.health.value.get(id);
+      const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected);
       for (const { key, value, unit, box } of items) {
         const figure = figures[key];
         value.set(key === "age" ? `${figure.value} ${figure.unit.replace(" ago", "")}` : figure.value);
         unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
         box.className = figure.tone ? `tag ${figure.tone}` : "";
       }
+      why.set(timeWords(health));
     },
     dispose: () => host.replaceChildren(),
   };
