@@ -107,6 +107,7 @@ class Link(ABC):
         capacity: bytes/s that the link can carry, None where that is not known (a network, a file).
         baud: the rate in use, None where there is none.
         notices: standing remarks for the page, each a sentence with its fix.
+        finds_rate: `open` listens at each rate until something is understood.
     """
 
     kind: LinkKind
@@ -117,6 +118,14 @@ class Link(ABC):
         self.capacity: float | None = None
         self.baud: int | None = None
         self.notices: list[str] = []
+
+    @property
+    def finds_rate(self) -> bool:
+        return False
+
+    def give_up(self, error: LinkError) -> None:
+        """Have `read` end with this error, as if the link had died, where the link can: it is opened again then."""
+        return
 
     @abstractmethod
     async def open(self, progress: Progress | None = None) -> None:

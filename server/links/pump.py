@@ -183,6 +183,10 @@ class PumpedLink(Link):
             raise closed(self.source)
         return await self._inbox.take()
 
+    def give_up(self, error: LinkError) -> None:
+        if self._inbox is not None:
+            self._inbox.fail(error)
+
     async def close(self) -> None:
         if self._pump is not None:
             self._pump.stop()

@@ -117,6 +117,10 @@ class SerialLink(PumpedLink):
         self._empty_reads = 0
         self._start(self._port.fileno(), self._on_readable)
 
+    @property
+    def finds_rate(self) -> bool:
+        return self.line.baud is None
+
     async def relink(self, baud: int | None = None) -> None:
         before = self.line
         self.line = replace(self.line, baud=baud or self.baud or self.line.baud)

@@ -444,6 +444,14 @@ class TwinLink(Link):
         self._bench.release()
         self.baud, self.capacity, self.notices = self._serial.baud, self._serial.capacity, self._serial.notices
 
+    @property
+    def finds_rate(self) -> bool:
+        return self._open_baud is None
+
+    def give_up(self, error: LinkError) -> None:
+        if self._serial is not None:
+            self._serial.give_up(error)
+
     async def read(self) -> list[Chunk]:
         if self._serial is None:
             raise closed(self.source)

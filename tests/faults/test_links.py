@@ -29,7 +29,7 @@ from typing import Any
 import pytest
 
 from tests.faults.stage import frames, stage, told, until
-from tests.links.bench import Pty, pty
+from tests.links.bench import Pty, device, pty
 from tests.process import tied
 
 TCP_REPAIR = 19  # Linux: close such a socket, and the other side hears nothing
@@ -257,5 +257,30 @@ def test_udp_that_falls_silent_and_speaks_again() -> None:
                 await until(lambda: here.samples == 20, "all that came is there")
                 assert here.bytes == frames(0, 10) + frames(15, 25)
                 await until(lambda: here.health.lost == 5, "what did not come is counted")
+
+    run(check())
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
+    """It is noise then, without an end: told as such; where no rate was given, the new one is found."""
+
+    async def check() -> None:
+        with device(115_200) as bench:
+            source = f"serial://{bench.slave}" + "?baud=115200" * known
+            async with stage(source) as here:
+                await until(here.status("live"), "it streams")
+                assert bench.device is not None
+                bench.device.baud = 460_800
+                await until(here.status("lost"), "it is told")
+                words, hint = told(here.info)
+                assert "nothing in them could be read" in words
+                assert "rate" in hint
+                if not known:
+                    await until(here.status("live"), "it is found at the new rate")
+                    assert here.info.baud == 460_800
+                    return
+                bench.device.baud = 115_200
+                await until(here.status("live"), "it is read again without being opened anew")
 
     run(check())
