@@ -1,0 +1,133 @@
+"""A page of strangers in the browser of somebody who has imuscope on their machine: it reads nothing and does nothing.
+
+Two dangers that only a real browser shows whole: what a page of another origin can send without being asked (forms,
+"simple" requests, beacons, WebSockets), and a name that its owner lets resolve to this machine (DNS rebinding), under
+which the page would be of one origin with the server.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+from playwright.sync_api import Page, sync_playwright
+
+from tests import chromium
+from tests.process import ServerProcess
+
+NAME = "rebound.example"
+
+ATTACK = """async ([target, socketTarget, device]) => {
+  const seen = {};
+  const note = async (name, attempt) => {
+    try { seen[name] = await attempt(); } catch (error) { seen[name] = String(error.name); }
+  };
+  const paths = ["/api/recordings/start", "/api/recordings/mark", "/api/devices", `/api/devices/${device}/retry`,
+                 `/api/devices/${device}/run`, `/api/devices/${device}/raw`, "/api/ports/scan"];
+  const body = '{"source": "udp://:0", "name": "Reset", "text": "gotcha"}';
+  for (const path of paths) {
+    for (const kind of ["text/plain", "application/x-www-form-urlencoded", "multipart/form-data; boundary=x", ""])
+      await note(`${kind} to ${path}`, async () => {
+        const headers = kind ? {"content-type": kind} : {};
+        const how = {method: "POST", mode: "no-cors", credentials: "include", headers, body};
+        return (await fetch(target + path, how)).type;
+      });
+    await note(`json to ${path}`, async () => (await fetch(target + path,
+      {method: "POST", credentials: "include", headers: {"content-type": "application/json"}, body})).status);
+    await note(`nothing to ${path}`, async () => (await fetch(target + path, {method: "POST", mode: "no-cors"})).type);
+    navigator.sendBeacon(target + path, new Blob([body], {type: "text/plain"}));
+  }
+  await note("delete", async () => (await fetch(`${target}/api/devices/${device}`, {method: "DELETE"})).status);
+  await note("read", async () => (await fetch(`${target}/api/devices`)).text());
+  for (const [name, path, protocol] of [["live", "/ws", "imuscope.v1"], ["foxglove", "/foxglove", "foxglove.sdk.v1"],
+                                        ["rerun", "/rerun/live", undefined], ["viser", "/viser", "viser-v1.1.1"]])
+    await note(`socket ${name}`, () => new Promise(resolve => {
+      const socket = new WebSocket(socketTarget + path, protocol ? [protocol] : []);
+      socket.onopen = () => resolve("open");
+      socket.onmessage = () => resolve("message");
+      socket.onerror = () => resolve("refused");
+    }));
+  const frame = document.createElement("iframe");
+  frame.name = "sink";
+  document.body.append(frame);
+  const form = document.createElement("form");
+  const action = target + "/api/recordings/start";
+  Object.assign(form, {method: "post", action, target: "sink", enctype: "text/plain"});
+  const loaded = new Promise(resolve => frame.addEventListener("load", resolve, {once: true}));
+  document.body.append(form);
+  form.submit();
+  await Promise.race([loaded, new Promise(resolve => setTimeout(resolve, 3000))]);
+  return seen;
+}"""
+
+
+class _Blank(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("content-type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><title>Strangers</title><body></body>")
+
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture
+def stranger() -> Iterator[str]:
+    """The address of somebody else's web server."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), _Blank) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/"
+        server.shutdown()
+
+
+@pytest.fixture
+def visitor() -> Iterator[Page]:
+    """A page in a browser for which NAME is this machine, as its owner's name server says."""
+    path = chromium.find()
+    if path is None and (os.environ.get("CI") or os.environ.get("IMUSCOPE_NEEDS_BROWSER")):
+        pytest.fail("no Chromium")
+    if path is None:
+        pytest.skip("no Chromium")
+    with sync_playwright() as playwright:
+        rule = f"--host-resolver-rules=MAP {NAME} 127.0.0.1"
+        engine = playwright.chromium.launch(executable_path=path, args=[*chromium.ARGUMENTS, rule])
+        yield engine.new_page()
+        engine.close()
+
+
+def state(server: ServerProcess) -> tuple[Any, ...]:
+    """All that a request could have changed."""
+    devices = [(one["id"], one["source"], one["status"]) for one in httpx.get(f"{server.url}/api/devices").json()]
+    exchange = httpx.get(f"{server.url}/api/devices/{devices[0][0]}/exchange").json()
+    recorder = httpx.get(f"{server.url}/api/recorder").json()
+    return devices, exchange, recorder, httpx.get(f"{server.url}/api/recordings").json()
+
+
+def test_a_foreign_page_reads_nothing_and_does_nothing(server: ServerProcess, stranger: str, visitor: Page) -> None:
+    [device] = httpx.get(f"{server.url}/api/devices").json()
+    before = state(server)
+
+    visitor.goto(stranger)
+    seen = visitor.evaluate(ATTACK, [server.url, server.url.replace("http", "ws"), device["id"]])
+    assert state(server) == before
+    sockets = {name: what for name, what in seen.items() if name.startswith("socket")}
+    assert set(sockets.values()) == {"refused"}
+    assert seen["read"] == "TypeError"  # sent, as any page's may be, but never shown to the page
+    assert not [name for name, what in seen.items() if isinstance(what, int)]  # no answer was readable
+    assert {"opaque", "refused", "TypeError"} >= set(seen.values())
+
+    # The same page under a name of its owner that leads here: of one origin with the server, if the server let it.
+    rebound = f"http://{NAME}:{urlsplit(server.url).port}"
+    visitor.goto(rebound)
+    seen = visitor.evaluate(ATTACK, [rebound, rebound.replace("http", "ws"), device["id"]])
+    assert state(server) == before
+    assert {what for name, what in seen.items() if name.startswith("socket")} == {"refused"}
+    assert {what for name, what in seen.items() if name.startswith("json") or name == "delete"} == {403}
+    assert "bad-host" in seen["read"]
