@@ -1,0 +1,251 @@
+"""All at once, for minutes: is anything lost, late, or growing?
+
+    4 devices × 2 kHz ══ ptys ══> server ── WebSocket × 20 ──> clients that keep up
+                                    ├── one recording, from before the first byte
+                                    └── one export, of a minute of one of them
+
+    python tests/bench/load.py                                   four devices, 20 browsers, 10 minutes
+    python tests/bench/load.py --devices 1 --clients 50          … as budgeted for one device
+    python tests/bench/load.py --disturb                         in the second half also one stalled, one slow and one
+                                                                 flooding client: the others' figures side by side
+    … --minutes 0.5 to try it · --save to keep the result (load.json, load-50.json, load-disturbed.json)
+
+Figures: bytes sent by the devices against bytes received and bytes in the recording (by count and CRC-32); samples
+dropped for clients that keep up; latency from the arrival of a message's oldest sample at the server to a client; how
+late the devices themselves could write; the server's memory every 5 s, with its slope over the second half; its share
+of a core. The yardstick for the latency is the machine: `late_p99_ms`, how late a process is that only sleeps and
+writes.
+
+Verdict, and the exit status: nothing lost, nothing dropped, p99 ≤ 50 ms, memory flat (≤ 1 MB/min once the history is
+full; it is limited to `--memory-mb`, so that it is full early).
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from recordings.container import Writer  # noqa: E402
+from tests import crowd  # noqa: E402
+from tests.bench.cpu import seconds_of  # noqa: E402
+from tests.bench.memory import Memory  # noqa: E402
+from tests.bench.report import percentile, report  # noqa: E402
+from tests.bench.speakers import Speakers, frames, heard_in, numbered  # noqa: E402
+from tests.process import ServerProcess  # noqa: E402
+
+EARLIER, EARLIER_S = "20260101T000000Z-earlier", 60  # the recording that is exported
+SETTLE_S = 8.0
+BUDGET = {"lost": 0, "dropped": 0, "p99_ms": 50.0, "memory_mb_per_min": 1.0}
+
+
+class Api:
+    """The server's HTTP side."""
+
+    def __init__(self, url: str) -> None:
+        self._client = httpx.AsyncClient(base_url=url, timeout=60)
+
+    async def get(self, path: str) -> Any:
+        return (await self._client.get(path)).raise_for_status().json()
+
+    async def post(self, path: str, body: Any = None) -> Any:
+        return (await self._client.post(path, json=body if body is not None else {})).raise_for_status().json()
+
+    async def received(self) -> dict[str, int]:
+        """Bytes by device, of /metrics."""
+        text = (await self._client.get("/metrics")).raise_for_status().text
+        found = {}
+        for line in text.splitlines():
+            if line.startswith("imuscope_link_received_bytes_total{"):
+                found[line.split('device="')[1].split('"')[0]] = int(float(line.rsplit(" ", 1)[1]))
+        return found
+
+    async def drops(self) -> int:
+        text = (await self._client.get("/metrics")).raise_for_status().text
+        (line,) = [line for line in text.splitlines() if line.startswith("imuscope_dropped_samples_total")]
+        return int(float(line.rsplit(" ", 1)[1]))
+
+
+async def exported(api: Api) -> dict[str, Any]:
+    """The export of the recording that was made before; how it went."""
+    began = time.monotonic()
+    job = await api.post(f"/api/recordings/{EARLIER}/exports", {"format": "csv"})
+    while True:
+        state = next(one for one in await api.get("/api/recordings/exports") if one["id"] == job["id"])
+        if state["state"] in ("done", "failed", "cancelled"):
+            return {"state": state["state"], "seconds": time.monotonic() - began, "bytes": state["size"]}
+        await asyncio.sleep(0.5)
+
+
+def figures_of(goods: list[crowd.Good]) -> dict[str, Any]:
+    """What the clients that keep up saw since they were told to count."""
+    ages = sorted(age for good in goods for age in good.ages)
+    return {
+        "dropped": sum(good.lost for good in goods),
+        "messages": sum(good.messages for good in goods),
+        "p50_ms": 1e3 * percentile(ages, 0.5),
+        "p99_ms": 1e3 * percentile(ages, 0.99),
+        "max_ms": 1e3 * ages[-1] if ages else None,
+        "worst_client_p99_ms": max(1e3 * percentile(sorted(good.ages), 0.99) for good in goods),
+    }
+
+
+class Run:
+    """One run: the server, who sends and who reads."""
+
+    def __init__(self, options: argparse.Namespace, server: ServerProcess, speakers: Speakers) -> None:
+        self.options, self.server, self.speakers = options, server, speakers
+        self.seconds = options.minutes * 60
+        self.api = Api(server.url)
+        self.goods = [crowd.Good() for _ in range(options.clients)]
+        self.tasks: list[asyncio.Task[Any]] = []
+        self.out: dict[str, Any] = {}
+        self.thrown_out: list[float] = []
+        self.answered = [0]
+
+    def start(self, work: Any) -> None:
+        self.tasks.append(asyncio.create_task(work))
+
+    async def measure(self) -> dict[str, Any]:
+        for good in self.goods:
+            self.start(good.run(self.server.url))
+        await asyncio.gather(*(good.connected.wait() for good in self.goods))
+        await asyncio.to_thread(self.speakers.go)
+        await asyncio.sleep(SETTLE_S)
+        memory = Memory(self.server.process.pid)
+        self.start(memory.watch())
+        export = asyncio.create_task(exported(self.api))
+        used, began = seconds_of(self.server.process.pid), time.monotonic()
+        mine = time.process_time()
+        halves = await self.halves()
+        elapsed = time.monotonic() - began
+        shares = {
+            "server_core_share": (seconds_of(self.server.process.pid) - used) / elapsed,
+            "clients_core_share": (time.process_time() - mine) / elapsed,
+            "devices_core_share": seconds_of(self.speakers.pid) / (elapsed + SETTLE_S),
+        }
+        sent = await asyncio.to_thread(self.speakers.sent)
+        await self.all_there(sent)
+        self.out = {
+            **halves,
+            **shares,
+            "late_p99_ms": sent["late_p99_ms"],
+            "late_max_ms": sent["late_max_ms"],
+            "export": await export,
+            "memory": memory.told(),
+        }
+        await self.api.post("/api/recordings/stop")
+        for task in self.tasks:
+            task.cancel()
+        ended = await asyncio.gather(*self.tasks, return_exceptions=True)
+        self.out["broken"] = [repr(one) for one in ended if one and not isinstance(one, asyncio.CancelledError)]
+        return self.out
+
+    async def halves(self) -> dict[str, Any]:
+        """The figures of the whole time; with disturbers, of the half without and the half with them."""
+        for good in self.goods:
+            good.begin()
+        if not self.options.disturb:
+            await asyncio.sleep(self.seconds)
+            return figures_of(self.goods)
+        await asyncio.sleep(self.seconds / 2)
+        calm = figures_of(self.goods)
+        for work in (
+            crowd.stalled(self.server.url, self.thrown_out),
+            crowd.slow(self.server.url, 20_000),
+            crowd.flooding(self.server.url, self.answered),
+        ):
+            self.start(work)
+        for good in self.goods:
+            good.begin()
+        await asyncio.sleep(self.seconds / 2)
+        disturbed = figures_of(self.goods)
+        others = {"stalled_thrown_out": len(self.thrown_out), "flood_answered": self.answered[0]}
+        others["dropped_for_them"] = await self.api.drops()
+        return {**disturbed, "calm": calm, "disturbed": disturbed, **others}
+
+    async def all_there(self, sent: dict[str, Any]) -> None:
+        """Wait until the server has read what the devices have written."""
+        whole = sum(one["bytes"] for one in sent["devices"])
+        for _ in range(200):
+            if sum((await self.api.received()).values()) >= whole:
+                return
+            await asyncio.sleep(0.05)
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """Server and devices around a run; then what is in the recordings."""
+    length = options.minutes * 60 + SETTLE_S + 2
+    with tempfile.TemporaryDirectory() as folder, Speakers(options.devices, options.rate, length) as speakers:
+        data = Path(folder)
+        config = data / "imuscope.toml"
+        config.write_text(f"memory_mb = {options.memory_mb}\nrecord_head = false\n")
+        write_recording(data / "recordings" / f"{EARLIER}.mcap", options.rate)
+        sources = [f"serial://{terminal}?baud=2000000&protocol=xbus" for terminal in speakers.terminals]
+        with ServerProcess(*sources, data=data, arguments=("--record", "--config", str(config))) as server:
+            out = asyncio.run(Run(options, server, speakers).measure())
+        sent = speakers.sent()["devices"]
+        heard = heard_in([path for path in sorted((data / "recordings").glob("*.mcap")) if path.stem != EARLIER])
+    out["bytes_sent"] = sum(one["bytes"] for one in sent)
+    out["bytes_recorded"] = sum(one["bytes"] for one in heard.values())
+    ours = [(one["bytes"], one["crc32"]) for one in sent]
+    out["recorded_as_sent"] = sorted(ours) == sorted((one["bytes"], one["crc32"]) for one in heard.values())
+    return out
+
+
+def write_recording(path: Path, rate: float) -> None:
+    """A recording of one device, as it would be after `EARLIER_S`."""
+    path.parent.mkdir(parents=True)
+    writer = Writer(path, {"title": "Earlier"})
+    writer.device("1", {"source": "load", "protocol": "xbus"})
+    template = frames(0, round(rate), rate)
+    for second in range(EARLIER_S):
+        data = numbered(template, second * len(template), rate).tobytes()
+        writer.chunk("1", "rx", data, (1_767_225_600 + second) * 10**9)
+    writer.close()
+
+
+def verdict(out: dict[str, Any]) -> dict[str, bool]:
+    """Of each promise, whether it was kept."""
+    return {
+        "nothing_lost": out["recorded_as_sent"] and not out["broken"],
+        "nothing_dropped": out["dropped"] == 0,
+        "in_time": out["p99_ms"] <= BUDGET["p99_ms"],
+        "memory_flat": out["memory"]["mb_per_min"] <= BUDGET["memory_mb_per_min"],
+        "export_done": out["export"]["state"] == "done",
+    }
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Devices, browsers, a recording and an export at once.")
+    parser.add_argument("--devices", type=int, default=4)
+    parser.add_argument("--clients", type=int, default=20)
+    parser.add_argument("--rate", type=float, default=2000)
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--memory-mb", type=int, default=64, help="of history; full after a minute at 4 × 2 kHz")
+    parser.add_argument("--disturb", action="store_true", help="a stalled, a slow and a flooding client")
+    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    options = parser.parse_args()
+    out = measure(options)
+    kept = verdict(out)
+    asked = {name: getattr(options, name) for name in ("devices", "clients", "rate", "minutes", "memory_mb", "disturb")}
+    name = "load-disturbed" if options.disturb else "load" if options.clients == 20 else f"load-{options.clients}"
+    report(name, {**asked, **out, "budget": BUDGET, "verdict": kept})
+    if not all(kept.values()):
+        print(json.dumps([promise for promise, ok in kept.items() if not ok]), file=sys.stderr)
+    return int(not all(kept.values()))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

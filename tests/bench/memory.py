@@ -1,0 +1,62 @@
+"""How does the memory of a process go over time? Looked at every few seconds, told as a curve and its slope."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+EVERY_S = 5.0
+MOST_KEPT = 240  # points of a curve that is kept
+
+
+def resident_mb(pid: int) -> float:
+    """What a process has in RAM, 10⁶ bytes."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) * 1024 / 1e6
+    return float("nan")
+
+
+def curve(points: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """Of (minutes, MB) points: the curve, thinned; its slope over the second half, MB a minute; beginning and end."""
+    late = [point for point in points if point[0] >= points[-1][0] / 2] if points else []
+    slope = 0.0
+    if len(late) >= 3:
+        minutes, megabytes = np.array(late).T
+        slope = float(np.polyfit(minutes, megabytes, 1)[0])
+    thin = points[:: max(1, -(-len(points) // MOST_KEPT))]
+    return {
+        "mb_per_min": slope,
+        "first_mb": points[0][1] if points else None,
+        "last_mb": points[-1][1] if points else None,
+        "max_mb": max((mb for _, mb in points), default=None),
+        "minutes": [round(minutes, 2) for minutes, _ in thin],
+        "mb": [round(mb, 1) for _, mb in thin],
+    }
+
+
+class Memory:
+    """The curve of one process."""
+
+    def __init__(self, pid: int, every_s: float = EVERY_S) -> None:
+        self._pid, self._every_s = pid, every_s
+        self.points: list[tuple[float, float]] = []
+        self._began = time.monotonic()
+
+    def look(self) -> None:
+        """One point more."""
+        self.points.append(((time.monotonic() - self._began) / 60, resident_mb(self._pid)))
+
+    async def watch(self) -> None:
+        """Look again and again."""
+        while True:
+            self.look()
+            await asyncio.sleep(self._every_s)
+
+    def told(self) -> dict[str, Any]:
+        return curve(self.points)
