@@ -68,8 +68,19 @@ def peek(path: Path) -> Peek | None:
     if not head:
         return Peek(suffix[1:], damaged="It is empty.") if suffix in ASK_ANYWAY else None
     if suffix == ".csv":
-        return Peek("csv", devices=[Device("1", path.name)])
+        return Peek("csv", devices=[Device("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)
+
+
+def _csv_edits(path: Path, head: bytes) -> sidecar.Edits:
+    first = head.split(b"\n", 1)[0]
+    if len(first) == len(head):  # many markers are a long line
+        try:
+            with path.open("rb") as file:
+                first = file.readline(sidecar.MOST_BYTES)
+        except OSError:
+            return sidecar.Edits()
+    return sidecar.from_csv(first)
 
 
 def _mcap(path: Path) -> Peek:

@@ -5,7 +5,8 @@
                                            "markers": [{"id", "time", "kind", "text", "device"}]}
 
 What is not in it stays as the recording has it: in the metadata `edit` of an MCAP file, where the same words stand as
-strings (lists as JSON), so that a download carries them to another imuscope. The file beside wins.
+strings (lists as JSON), so that a download carries them to another imuscope; a CSV file has them in a line of comment.
+The file beside wins.
 
 It is written whole or not at all. One that cannot be read counts as none; it is kept under another name when something
 is written in its place.
@@ -82,6 +83,7 @@ class Edits:
         return out
 
 
+CSV_EDIT = "# imuscope edit: "  # begins the first line of a CSV file that was handed over
 FIRST_MARKER = 1_000_001  # ids of markers put in later begin here: those of the file itself are counted from 1
 
 
@@ -136,6 +138,19 @@ def from_metadata(told: Mapping[str, str]) -> Edits:
     if "pinned" in told:
         body["pinned"] = told["pinned"].lower() in ("true", "1")
     return from_plain(body)
+
+
+def from_csv(first: bytes) -> Edits:
+    """Edits of the first line of a CSV file; nothing where it is any other line."""
+    line = first.decode("utf-8-sig", errors="replace")
+    if not line.startswith(CSV_EDIT):
+        return Edits()
+    try:
+        told = json.loads(line.removeprefix(CSV_EDIT))
+    except (ValueError, RecursionError):
+        return Edits()
+    known = told.items() if isinstance(told, dict) else ()
+    return from_metadata({name: value for name, value in known if isinstance(value, str)})
 
 
 def _load(path: Path) -> dict[str, Any]:

@@ -45,6 +45,7 @@ TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
 UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 SINCE_1970 = 1e8  # s; smaller times are counted from something else
 BLOCK_BYTES = 4 << 20
+LONGEST_LINE = 4 << 20  # of the comment in which a CSV file that was handed over has its markers
 FAR_OFF_S = 86_400.0  # a stamp further from when it came is of another clock
 MOST_COLUMNS = 500
 ODD = "\ufffd"
@@ -207,10 +208,10 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
     """Lines before the heading, delimiter, headings, first row."""
     skip = 0
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        line = file.readline(1 << 16)
+        line = file.readline(LONGEST_LINE)
         while line and (line.startswith("#") or not line.strip()):
             skip += 1
-            line = file.readline(1 << 16)
+            line = file.readline(LONGEST_LINE)
         second = file.readline(1 << 16)
     delimiter = max(",;\t", key=line.count)
     if line.count(delimiter) == 0:

@@ -15,7 +15,7 @@ from starlette.requests import ClientDisconnect
 
 from recordings import sidecar
 from recordings.container import RecordingError
-from recordings.handover import original, whole
+from recordings.handover import file_name, original, whole
 from recordings.library import Entry, NamingError
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.catalogue import Catalogue
@@ -123,7 +123,7 @@ async def edit_recording(recording: str, body: Edit, library: TheLibrary) -> Rec
     _bounded(body.file, MOST_TITLE, "The name")
     _bounded(body.notes, MOST_NOTES, "The notes")
     if len(body.tags or ()) > MOST_TAGS:
-        raise ApiError(422, "bad-request", f"At most {MOST_TAGS} tags can be given.", "")
+        raise ApiError(422, "bad-request", f"At most {MOST_TAGS} tags can be given.", "Notes hold any text.")
     for tag in body.tags or ():
         _bounded(tag, MOST_TAG, "A tag")
     tags = (
@@ -151,7 +151,9 @@ async def add_marker(recording: str, body: Mark, library: TheLibrary, entry: One
     if body.time is None or not math.isfinite(body.time):
         raise ApiError(422, "bad-request", "A marker needs a time.", "Unix seconds, within the recording.")
     if len(entry.edits.markers) >= MOST_MARKERS:
-        raise ApiError(422, "bad-request", f"A recording can have {MOST_MARKERS} markers of that kind.", "")
+        raise ApiError(
+            422, "bad-request", f"A recording can have {MOST_MARKERS} markers of that kind.", "Notes hold any text."
+        )
     marker = sidecar.Marker(body.time, body.kind, body.text, body.device)
     kept = await _tried(recording, lambda: library.library.mark(recording, marker))
     library.changed()
@@ -178,14 +180,15 @@ async def undelete_recording(recording: str, library: TheLibrary) -> RecordingIn
 
 @router.get(
     "/{recording}/download",
-    responses={**bytes_of("application/x-mcap"), **responses(404, 409, 422)},
+    responses={**bytes_of("application/x-mcap", "text/csv"), **responses(404, 409, 422)},
     response_class=StreamingResponse,
 )
 async def download(recording: str, library: TheLibrary, entry: OneEntry) -> StreamingResponse:
-    """One file with everything in it: bytes, times, events, markers, title, tags, notes (MCAP)."""
+    """One file with everything in it: bytes, times, events, markers, title, tags, notes (MCAP; of a CSV file CSV)."""
     if library.is_recording(entry):
         raise not_now(recording)
-    return _file(f"{entry.path.stem}.mcap", "application/x-mcap", lambda out: whole(entry, out))
+    name = file_name(entry)
+    return _file(name, "text/csv" if name.endswith("csv") else "application/x-mcap", lambda out: whole(entry, out))
 
 
 @router.get(
@@ -224,7 +227,9 @@ def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingR
 
 def _bounded(text: str | None, most: int, what: str) -> None:
     if text is not None and len(text) > most:
-        raise ApiError(422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "")
+        raise ApiError(
+            422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "Make it shorter."
+        )
 
 
 async def _tried(recording: str, work: Callable[[], Changed]) -> Changed:

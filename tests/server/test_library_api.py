@@ -11,10 +11,13 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from recordings.blocks import Recording
+from recordings.importers import open_file
 from recordings.library import Library
 from recordings.parts import McapSource
+from recordings.tables import TableSource
 from server.config import Config
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
@@ -182,6 +185,50 @@ def test_a_capture_is_downloaded_as_a_recording(running: Running, folder: Path, 
     assert b"".join(part.data for part in source.parts()) == kept
     assert source.devices["1"].protocol == "xbus"
     assert not source.damage
+
+
+def test_what_others_made_is_handed_over_with_what_was_changed_about_it(running: Running, folder: Path) -> None:
+    """A table has no place for a title, tags, markers; they went lost with the download."""
+    table = "time (s),acc.x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n}\n" for n in range(50))
+    (folder / "table.csv").write_text(table, encoding="utf-8-sig")
+    with (folder / "theirs.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start("theirs")
+        channel = writer.register_channel("/pose", "json", 0)
+        for n in range(50):
+            writer.add_message(channel, round(1.76e18) + n * 10**7, b'{"x": 1}', 0)
+        writer.add_attachment(1, 1, "note.txt", "text/plain", b"theirs")
+        writer.finish()
+    client = running.client
+    assert client.get(f"{URL}/table/download").content == (folder / "table.csv").read_bytes()
+    assert client.get(f"{URL}/theirs/download").content == (folder / "theirs.mcap").read_bytes()
+    for name, suffix in (("table", "csv"), ("theirs", "mcap")):
+        client.patch(f"{URL}/{name}", json={"title": "Größer", "tags": ["yard"], "notes": "two\nlines"})
+        client.post(f"{URL}/{name}/markers", json={"text": "x" * 2000, "time": 1.76e9})
+        for n in range(40):  # a line longer than what is looked at first
+            client.post(f"{URL}/{name}/markers", json={"text": f"{n} " + "y" * 1990, "time": 1.76e9})
+        got = client.get(f"{URL}/{name}/download")
+        assert f'filename="{name}.{suffix}"' in got.headers["content-disposition"]
+        told = client.put(f"{URL}/upload", params={"name": f"{name}-2.{suffix}"}, content=got.content, headers=FILE)
+        again = told.json()
+        assert (again["title"], again["tags"], again["notes"]) == ("Größer", ["yard"], "two\nlines")
+        assert again["markers"] == 41
+        client.patch(f"{URL}/{name}-2", json={"title": "Anew"})
+        twice = client.get(f"{URL}/{name}-2/download").content
+        back = client.put(f"{URL}/upload", params={"name": f"{name}-3.{suffix}"}, content=twice, headers=FILE).json()
+        assert (back["title"], back["markers"]) == ("Anew", 41)
+    reader = make_reader(io.BytesIO(twice))
+    assert len(list(reader.iter_messages())) == 50
+    assert [one.name for one in reader.iter_attachments()] == ["note.txt"]
+    summary = reader.get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.metadata_count == 2
+    assert len(list(reader.iter_metadata())) == 2
+    source = open_file(folder / "table-3.csv")
+    assert isinstance(source, TableSource)
+    (rows,) = source.rows()
+    assert rows.columns["acc.x"][0].tolist() == list(range(50))
 
 
 def test_an_export_is_a_job_whose_file_is_fetched(running: Running, folder: Path) -> None:

@@ -32,7 +32,7 @@ it("tells nothing where nothing is known", () => {
 
 it("makes the minute that the little pictures show, with what was lost in it", () => {
   const minute = minuteAt(fared, [gap], "1", 1005.5);
-  expect(minute.map(({ time }) => time)).toEqual([1001.99, 1002.99, 1003.99, 1004.99, 1005.5]);
-  expect(minute.map(({ rate }) => rate)).toEqual([40, 100, 100, 0, 0]);
-  expect(minute.map(({ lost }) => lost)).toEqual([0, 0, 0, 100, 100]);
+  expect(minute.map(({ time }) => time)).toEqual([1001.49, 1001.99, 1002.49, 1002.99, 1003.49, 1003.99, 1004.49, 1004.99, 1005.49]);
+  expect(minute.map(({ rate }) => rate)).toEqual([40, 40, 100, 100, 100, 100, 0, 0, 0]);
+  expect(minute.map(({ lost }) => lost)).toEqual([0, 0, 0, 0, 0, 0, 100, 100, 100]);
 });

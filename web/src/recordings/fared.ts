@@ -23,6 +23,8 @@ export interface Fared {
 
 /** Rates are those of this many seconds, as live. */
 const OVER_S = 2;
+/** A live device is told of twice a second. */
+const REPORTS: readonly number[] = [0.49, 0.99];
 /** Asked for on either side, s: playing it at 50× asks every ten seconds. */
 const REACH_S = 600;
 /** After a refusal it is not asked again at once, ms. */
@@ -79,7 +81,8 @@ export function minuteAt(fared: Fared, events: readonly EventInfo[], device: str
     const whole = second + 1 <= t;
     // The second that is under way counts as the one before it: half a second's samples are no lower rate.
     const rate = Math.max(0, ...counts.map((one) => one[whole ? k : Math.max(0, k - 1)] ?? 0));
-    out.push({ time: Math.min(second + 0.99, t), rate, gaps, lost, rejects, jitter: fared.jitter_ms[k] ?? undefined, drift: fared.drift_ppm[k] ?? undefined });
+    const moment = { rate, gaps, lost, rejects, jitter: fared.jitter_ms[k] ?? undefined, drift: fared.drift_ppm[k] ?? undefined };
+    for (const part of REPORTS) if (second + part <= t) out.push({ ...moment, time: second + part });
   }
   return out;
 }

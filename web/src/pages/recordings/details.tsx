@@ -57,7 +57,7 @@ function Actions({ info }: { readonly info: RecordingInfo }) {
         <Icon name="wave" />
         Open
       </a>
-      <a class="btn edge" href={server.downloadUrl(info.id)} download={info.file} title="One file with everything in it; another imuscope opens it">
+      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title="One file with everything in it; another imuscope opens it">
         <Icon name="download" />
         Download
       </a>

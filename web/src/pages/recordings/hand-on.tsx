@@ -69,7 +69,7 @@ export function HandOn({ replay }: { readonly replay: Replay }) {
         Export…
       </button>
       <RerunButton replay={replay} />
-      <a class="btn edge" href={server.downloadUrl(info.id)} download={info.file} title="One file with everything in it; another imuscope opens it">
+      <a class="btn edge" href={server.downloadUrl(info.id)} download="" title="One file with everything in it; another imuscope opens it">
         <Icon name="download" />
         Download
       </a>
