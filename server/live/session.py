@@ -26,7 +26,6 @@ from typing import Literal
 from protocols.events import Event
 from server import wire
 from server.links.base import Chunk, Link, LinkError
-from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.listeners import Listeners
 from server.live.advice import Advice
 from server.live.deafness import Deafness, not_understood
@@ -350,8 +349,8 @@ class Session:
         self._intake = Reader(
             self._hub,
             self._senders,
-            self._speech.decoder(protocol, self._reading, (link := self._link).kind),
-            line=Line(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link)),
+            self._speech.decoder(protocol, self._reading, self._link.kind),
+            line=Line.of(self._link),
             about=self._speech.about(protocol),
             on_events=self._heard,
         )
