@@ -1,0 +1,174 @@
+"""Is mapped time as good as the design promises, behind every line and adapter, whatever the device's clock does?
+
+After 10 s: the spread around truth at most 0.2 ms, the constant bias within ±, and never backwards. Truth is the end of
+the frame on the wire (airtime.py). Where the adapter's timer is in step with the stream, nobody who sees arrivals alone
+can tell a slow clock from a delay that shrinks: there the ± must say so, and is all that is promised.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from protocols.hostclock import HostClock
+from tests.protocols.airtime import MS, PACKET, Device, S, Stream, Way, errors, mapped, reset, settled, stepped, stream
+
+SPREAD_NS = 0.2 * MS
+SIZES = (20, 45, 88, 200)
+RATES = (100, 400, 1000, 2000)
+BAUDS = (115_200, 460_800, 921_600)
+FULLEST = 0.85  # of a line: above, frames queue for good
+
+
+def clock_of(given: Stream, way: Way) -> HostClock:
+    """As a session makes it: a timer of 1 ms is known (sysfs tells), one of 16 ms is not, to be on the safe side."""
+    return HostClock(given.byte_ns, holds_ns=way.timer_ms * MS if 0 < way.timer_ms <= 1 else 0)
+
+
+def held(given: Stream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS) -> HostClock:
+    """Everything that is promised of a stream; `begins`: when its clock was started or stepped, s."""
+    told = mapped(given, clock_of(given, way))
+    error = errors(given, told)
+    assert (np.diff(told.host) > 0).all(), "never backwards"
+    for begin, over in zip(begins, [*begins[1:], np.inf], strict=True):
+        late = settled(given, begins=(begin,)) & (given.true < over * S)
+        assert late.any()
+        assert np.ptp(error[late]) <= spread_ns
+        assert (np.abs(error[late]) <= told.bound[late]).all()
+    assert told.clock.restarts == len(begins) - 1
+    return told.clock
+
+
+def lines() -> list[tuple[int, int, int]]:
+    """(baud, samples/s, bytes) that fit a line; every fourth of them, which leaves each value in several."""
+    fit = [one for one in itertools.product(BAUDS, RATES, SIZES) if one[1] * one[2] * 10 < FULLEST * one[0]]
+    return fit[::4]
+
+
+@pytest.mark.parametrize("ppm", [-50.0, 50.0])
+@pytest.mark.parametrize(("baud", "rate", "size"), lines())
+def test_a_line_without_an_adapter(baud: int, rate: int, size: int, ppm: float) -> None:
+    tick_ns = 100_000 if rate < 1000 else 1000
+    way = Way(baud, loss=0.05)
+    held(stream(Device(((rate, size),), ppm, tick_ns), way, 20, seed=rate), way)
+
+
+@pytest.mark.parametrize("ppm", [-50.0, 50.0])
+@pytest.mark.parametrize(("baud", "rate", "size"), [one for one in lines() if one[1] * one[2] * 0.016 > 2 * PACKET])
+def test_an_adapter_that_gathers_62_bytes_or_waits_16_ms(baud: int, rate: int, size: int, ppm: float) -> None:
+    """The comb is gone: consecutive samples are spaced evenly, though they arrive in bursts."""
+    way = Way(baud, timer_ms=16, loss=0.05)
+    given = stream(Device(((rate, size),), ppm), way, 25, seed=rate)
+    held(given, way)
+    late = np.flatnonzero(settled(given))
+    told = mapped(given, clock_of(given, way)).host[late]
+    steps = np.diff(told) / np.diff(given.true[late])
+    grain = 500 * rate / S  # float64 seconds since 1970 resolve 0.24 µs
+    assert np.abs(steps - 1).max() < 0.006 + grain
+
+
+@pytest.mark.parametrize("ppm", [-50.0, 0.0, 50.0])
+@pytest.mark.parametrize(("timer_ms", "rate"), [(1, 100), (1, 400), (1, 1000), (16, 100)])
+def test_what_a_timer_in_step_with_the_stream_hides_is_in_the_bound(timer_ms: float, rate: int, ppm: float) -> None:
+    way = Way(460_800, timer_ms=timer_ms)
+    given = stream(Device(((rate, 20),), ppm), way, 30, seed=3)
+    told = mapped(given, clock_of(given, way))
+    late = settled(given)
+    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
+    assert (told.bound[late] < 2.2 * timer_ms * MS + SPREAD_NS).all()
+    assert (np.diff(told.host) > 0).all()
+
+
+@pytest.mark.parametrize("timer_ms", [0, 16])
+@pytest.mark.parametrize("messages", [((400, 60), (400, 30)), ((100, 88), (4, 150)), ((200, 40), (50, 120), (1, 200))])
+def test_messages_of_different_sizes_fall_on_one_line(messages: tuple[tuple[float, int], ...], timer_ms: float) -> None:
+    way = Way(921_600, timer_ms)
+    given = stream(Device(messages, ppm=-50, tick_ns=100_000), way, 25, seed=2)
+    clock = clock_of(given, way)
+    told = mapped(given, clock)
+    late = settled(given)
+    assert np.ptp(errors(given, told)[late]) <= SPREAD_NS
+    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
+    for size in np.unique(given.size):
+        assert (np.diff(told.host[given.size == size]) > 0).all()
+
+
+@pytest.mark.parametrize("timer_ms", [0, 16])
+@pytest.mark.parametrize("by_s", [3.0, 0.2, 86_400.0, -0.1, -2.0, -15.0])
+def test_a_clock_that_jumps_is_mapped_anew_at_its_first_row_and_never_backwards(by_s: float, timer_ms: float) -> None:
+    way = Way(115_200, timer_ms)
+    given = stepped(stream(Device(ppm=50), way, 34, seed=1), 17, by_s)
+    clock = held(given, way, (0.0, 17.0))
+    assert clock.restarts == 1
+
+
+@pytest.mark.parametrize("timer_ms", [0, 16])
+@pytest.mark.parametrize("at_s", [3.0, 17.0])
+def test_a_device_that_starts_again_is_mapped_anew(at_s: float, timer_ms: float) -> None:
+    way = Way(115_200, timer_ms)
+    given = reset(stream(Device(ppm=-50), way, at_s + 17, seed=5), at_s)
+    told = mapped(given, clock_of(given, way))
+    late = settled(given, begins=(at_s,))
+    assert told.clock.restarts == 1
+    assert np.ptp(errors(given, told)[late]) <= SPREAD_NS
+    assert (np.abs(errors(given, told))[late] <= told.bound[late]).all()
+    assert (np.diff(told.host) >= 0).all()
+
+
+@pytest.mark.parametrize("timer_ms", [0, 16])
+def test_a_host_that_did_not_read_moves_nothing_and_is_known(timer_ms: float) -> None:
+    way = Way(115_200, timer_ms, stalls=((12.0, 12.3), (20.0, 21.0)))
+    given = stream(Device(ppm=50), way, 25, seed=3)
+    clock = held(given, way)
+    assert [round(late / S, 1) for _, late in clock.stalls] == [0.3, 1.0]
+
+
+def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
+    """A constant 0.3 ms one way cannot be seen from one end: the session adds what nobody can know."""
+    way = Way(0, network_ms=3, wake_us=40)
+    given = stream(Device(((400, 60),), ppm=-50), way, 25, seed=1)
+    told = mapped(given, HostClock(unknown_ns=MS))
+    late = settled(given)
+    error = errors(given, told)[late]
+    assert np.ptp(error) <= SPREAD_NS
+    assert (np.abs(error) <= told.bound[late]).all()
+    assert told.clock.spread.top > 5 * MS
+
+
+@pytest.mark.parametrize("drain_ms", [1, 8, 33, 500])
+def test_how_often_the_stream_is_drained_makes_no_difference_that_matters(drain_ms: float) -> None:
+    """Live every 8 ms, a recording that is opened every second: the same code, and the same times to 0.1 ms."""
+    way = Way(115_200, timer_ms=16)
+    given = stream(Device(ppm=50), way, 20, seed=4)
+    usual = mapped(given, clock_of(given, way))
+    other = mapped(given, clock_of(given, way), drain_ms=drain_ms)
+    late = settled(given)
+    assert np.abs(usual.host - other.host)[late].max() < 0.1 * MS
+
+
+# -- what is seen in the delays ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("baud", "rate", "size"), lines())
+def test_a_clean_line_is_not_taken_for_an_adapter_or_a_busy_host(baud: int, rate: int, size: int) -> None:
+    for way in (Way(baud), Way(baud, timer_ms=1), Way(baud, wake_us=300, loss=0.05)):
+        clock = mapped(stream(Device(((rate, size), (4, 150)), ppm=50), way, 8, seed=size)).clock
+        assert not clock.spread.bursts
+        assert clock.stalls == []
+
+
+@pytest.mark.parametrize(("baud", "rate", "size"), [(115_200, 100, 88), (115_200, 100, 20), (921_600, 100, 200)])
+def test_an_adapter_with_a_long_timer_is_seen(baud: int, rate: int, size: int) -> None:
+    way = Way(baud, timer_ms=16)
+    clock = mapped(stream(Device(((rate, size),), ppm=50), way, 8, seed=size)).clock
+    assert clock.spread.bursts
+    assert clock.stalls == []
+
+
+def test_a_busy_host_is_not_an_adapter() -> None:
+    """Its delays thin out; an adapter's end sharply."""
+    clock = mapped(stream(Device(((400, 60),)), Way(921_600, wake_us=3000), 8)).clock
+    assert clock.spread.top > 2 * MS
+    assert not clock.spread.bursts
