@@ -36,7 +36,7 @@ from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 
 from protocols.framing import Bytes, Ints
 from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
-from recordings.container import PROFILE, RecordingError
+from recordings.container import PROFILE, READABLE, RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -149,7 +149,7 @@ class Recording:
                     raise RecordingError(f"{path.name} is no MCAP file.", "It does not begin as one.")
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
-            raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.") from None
+            raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
         self.topics: dict[int, Topic] = {}
         self.metadata: list[tuple[str, dict[str, str]]] = []
         self.damage: list[Damage] = []

@@ -64,6 +64,7 @@ _SNAPSHOT_SCHEMA = {
 }
 
 
+READABLE = "Is it there, and may this server read it?"
 _FREE = "Free some space, or delete recordings; what was recorded until now is kept."
 _HINTS = {
     errno.ENOSPC: _FREE,
@@ -242,7 +243,7 @@ class Writer:
 
     def _write(self, records: list[bytes]) -> None:
         if self._closed:
-            raise RecordingError(f"{self.path.name} is closed.")
+            raise RecordingError(f"{self.path.name} is closed.", "Begin another recording.")
         try:
             self._file.write(records)
         except OSError as error:

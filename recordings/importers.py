@@ -23,7 +23,7 @@ import numpy as np
 from protocols.registry import guess, lenient
 from recordings import inertial_logs
 from recordings.blocks import MAGIC, Damage, Recording
-from recordings.container import RecordingError
+from recordings.container import READABLE, RecordingError
 from recordings.pace import Pace
 from recordings.parts import McapSource, Part, Source, SourceDevice
 from recordings.tables import CsvSource, MessageSource
@@ -152,7 +152,7 @@ def open_file(path: Path, protocol: str = "") -> Source:
     except IsADirectoryError:
         raise RecordingError(f"{path.name} is a folder.", "Give a file in it.") from None
     except OSError as error:
-        raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.") from None
+        raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
     if not head:
         raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
     if head.startswith(MAGIC):

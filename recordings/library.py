@@ -275,7 +275,7 @@ class Library:
             typed = name.strip()
             typed = typed[: -len(path.suffix)] if typed.lower().endswith(path.suffix.lower()) else typed
             if not any(c.isalnum() for c in typed):
-                raise NamingError("A file's name needs a letter or a digit.", "")
+                raise NamingError("A file's name needs a letter or a digit.", "Try another name.")
             target = path.with_name(clean_name(typed + path.suffix))
             if target == path:
                 return entry

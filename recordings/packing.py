@@ -86,7 +86,9 @@ def _nothing_lost(source: Recording) -> None:
     """What was torn off is gone; what stands behind a damage is not, and must not be thrown away."""
     for damage in source.damage:
         if source.chunks or source.size - damage.offset > LOST_BYTES:
-            raise RecordingError(f"{source.path.name} is damaged and stays as it is: {damage.words}")
+            raise RecordingError(
+                f"{source.path.name} is damaged and stays as it is: {damage.words}", "All that is whole opens."
+            )
 
 
 def is_loose(path: Path) -> bool:

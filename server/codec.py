@@ -90,13 +90,15 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
     at = 0
     while at < len(data):
         if len(data) - at < HEADER.size:
-            raise WireError(f"{len(data) - at} bytes at {at} are no frame", "A frame's header has 40 bytes.")
+            raise WireError(f"{len(data) - at} bytes at {at} are no frame.", "A frame's header has 40 bytes.")
         opcode, flags, count, channel, n, dropped, sequence, size, _, now = HEADER.unpack_from(data, at)
         if opcode != OPCODE_SAMPLES or channel not in dtypes or size > len(data) - at or size < HEADER.size:
-            raise WireError(f"no sample frame of a known channel at {at}", f"opcode {opcode}, channel {channel}")
+            raise WireError(
+                f"No frame of a known channel begins at {at}.", f"Its opcode is {opcode}, its channel {channel}."
+            )
         names = ("f8", "f8", *dtypes[channel])
         if count != len(names):
-            raise WireError(f"channel {channel} has {len(names)} columns, the frame {count}", "Read `channels` first.")
+            raise WireError(f"Channel {channel} has {len(names)} columns, the frame {count}.", "Read `channels` first.")
         columns, start = [], at + HEADER.size
         for name in names:
             columns.append(np.frombuffer(data, "<" + name, n, start))
@@ -155,7 +157,10 @@ def decode_text(text: str) -> BrowserText:
     try:
         message = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise WireError("A text frame must be JSON.", str(error)) from None
+        where = (
+            f"It fails at character {error.pos + 1}." if isinstance(error, json.JSONDecodeError) else "Is it complete?"
+        )
+        raise WireError("A text frame must be JSON.", where) from None
     if not isinstance(message, dict):
         raise WireError("A text frame must be a JSON object.", 'For example {"op": "ping", "t": 1}.')
     match message.get("op"):

@@ -47,6 +47,7 @@ from server.logs import LEVELS, STYLES
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 MOST_MEMORY_MB = 65_536
+_WORDS = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
 SECRETS = ("key", "view_token", "control_token")
 
 
@@ -244,7 +245,7 @@ def _converted(name: str, value: Any, default: Any) -> Any:
         return float(value)
     if type(value) is not type(default):
         shown = "…" if name in SECRETS else repr(value)  # however it is written
-        raise ConfigError(f"{name} must be {type(default).__name__}, not {shown}.")
+        raise ConfigError(f"{name} must be {_WORDS.get(type(default), 'a path')}, not {shown}.")
     return value
 
 
@@ -257,7 +258,7 @@ def _map(value: Any) -> MapTiles:
         if name not in known:
             raise ConfigError(f"map.{name} is no setting; there are: {', '.join(known)}.")
         if not isinstance(text, str):
-            raise ConfigError(f"map.{name} must be str, not {text!r}.")
+            raise ConfigError(f"map.{name} must be text, not {text!r}.")
     found = MapTiles(**value)
     parts = urlsplit(found.tiles)
     missing = [part for part in ("{z}", "{x}", "{y}") if part not in found.tiles]

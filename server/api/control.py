@@ -105,7 +105,7 @@ async def send_raw(body: Raw, desk: OneDesk, desks: AllDesks) -> wire.Job:
     except ValueError:
         raise ApiError(422, "bad-request", "This is not hex.", "Two digits a byte: FA FF 30 00 D1.") from None
     if not 0 < len(data) <= MOST_RAW:
-        raise ApiError(422, "bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "")
+        raise ApiError(422, "bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
     words = "Bytes that nobody has checked are sent to the device; they may change anything in it."
     confirmed([Danger("", words)], body.confirmed)
     return desk.add(f"Send {len(data)} bytes", desks.jobs.raw(desk, data)).job

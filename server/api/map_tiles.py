@@ -90,7 +90,7 @@ class TileSource:
         except urllib.error.HTTPError as error:
             error.close()
             if error.code in (404, 410):
-                raise ApiError(404, "not-found", "The tile server has no such tile.") from None
+                raise ApiError(404, "not-found", "The tile server has no such tile.", "It may cover less.") from None
             raise _unusable(f"answered {error.code}") from None
         except (OSError, ValueError) as error:  # no such host, refused, too slow, an address that is none
             raise _unusable(f"cannot be reached: {getattr(error, 'reason', error)}") from None
@@ -131,6 +131,6 @@ async def get_tile(
     if not source.settings.tiles:
         raise ApiError(404, "not-found", "No tile server is configured.", "See [map] in server/config.py.")
     if x >= 1 << z or y >= 1 << z:
-        raise ApiError(404, "not-found", f"There is no tile {x}, {y} at zoom {z}.")
+        raise ApiError(404, "not-found", f"There is no tile {x}, {y} at zoom {z}.", "Both are less than 2^z.")
     kind, data = await source.tile(z, x, y)
     return Response(data, media_type=kind, headers={"cache-control": KEEP, "x-content-type-options": "nosniff"})

@@ -32,7 +32,9 @@ def _refused(error: RecorderError) -> ApiError:
 
 def _bounded(text: str, most: int, what: str) -> None:
     if len(text) > most:
-        raise ApiError(422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "")
+        raise ApiError(
+            422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "Make it shorter."
+        )
 
 
 @router.get("/api/recorder")

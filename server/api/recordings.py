@@ -201,9 +201,7 @@ async def query_device(
 
 def _span(t0: float, t1: float) -> tuple[float, float]:
     if not (math.isfinite(t0) and math.isfinite(t1)) or t1 < t0:
-        raise ApiError(
-            422, "bad-span", f"t0 = {t0:g} and t1 = {t1:g} are no stretch of time.", "Unix seconds, t0 ≤ t1."
-        )
+        raise ApiError(422, "bad-span", f"From {t0:g} to {t1:g} is no stretch of time.", "Unix seconds, t0 ≤ t1.")
     return t0, t1
 
 

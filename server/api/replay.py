@@ -19,6 +19,8 @@ from server.links.file import SPEEDS
 
 router = APIRouter(tags=["recordings"])
 
+HINT_SPEED = f"From {SPEEDS[0]:g} to {SPEEDS[1]:g} times as fast as it was."
+
 
 def file_of(recording: str, request: Request) -> Path:
     """ApiError where there is no such recording."""
@@ -37,7 +39,7 @@ def source_of(path: Path, play: Play) -> str:
         ApiError: it cannot be played like that, or not be read.
     """
     if not SPEEDS[0] <= play.speed <= SPEEDS[1]:
-        raise ApiError(422, "bad-request", f"speed {play.speed:g} is outside {SPEEDS[0]:g} … {SPEEDS[1]:g}.", "")
+        raise ApiError(422, "bad-request", f"A speed of {play.speed:g} is too much or too little.", HINT_SPEED)
     options = [f"speed={play.speed:g}"] if play.speed != 1 else []
     if play.loop:
         options.append("loop=1")

@@ -95,7 +95,7 @@ async def file(request: Request, name: str = "") -> Response:
         headers = {**PAGE_HEADERS, "cache-control": "no-cache", "content-type": KINDS[path.suffix]}
         return FileResponse(path, headers=headers)
     if name not in NAMES:
-        raise ApiError(404, "not-found", f"The viewer has no file {name:.80}.")
+        raise ApiError(404, "not-found", f"The viewer has no file {name:.80}.", "Open /rerun/.")
     data = request.app.state.data
     try:
         folder = await asyncio.to_thread(viewer_files, data)

@@ -109,7 +109,7 @@ async def recorded_scene(socket: WebSocket, recording: str) -> None:
     try:
         store = await socket.app.state.shelf.opened(recording)
     except (KeyError, FileNotFoundError, RecordingError):
-        await turn_away(socket, ViewError("This recording cannot be opened."))
+        await turn_away(socket, ViewError("This recording cannot be opened.", "Its page says why."))
         return
     await socket.accept()
     replayed = Replayed(store)

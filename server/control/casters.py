@@ -34,6 +34,7 @@ MOST_TABLE = 262_144
 READ = 4096
 NAMED = 5  # mount points told
 PORT, TLS_PORT = 2101, 443
+TRIED = "It is tried again and again; nothing needs to be done."
 
 
 class CorrectionError(Exception):
@@ -116,7 +117,7 @@ class CasterStream:
                 yield self._first
             while data := await self._reader.read(READ):
                 yield data
-        raise CorrectionError("The caster ended the stream.")
+        raise CorrectionError("The caster ended the stream.", TRIED)
 
     async def _dechunked(self) -> AsyncIterator[bytes]:
         """What HTTP's chunks carry."""
@@ -131,7 +132,7 @@ class CasterStream:
             try:
                 size = int(head.split(b";")[0] or b"-", 16)
             except ValueError:
-                raise CorrectionError("The caster sent something that is no HTTP.") from None
+                raise CorrectionError("The caster sent something that is no HTTP.", "Is it a caster?") from None
             if size <= 0 or size > 1 << 24:
                 return
             while len(kept) < size + 2:
@@ -199,7 +200,7 @@ async def _attempt(caster: Caster, gga: bytes, *, version: int) -> CasterStream 
         stream = await _judged(caster, version, head, first, reader, writer)
     except TimeoutError:
         writer.close()
-        raise CorrectionError(f"{where} took the request and does not answer.") from None
+        raise CorrectionError(f"{where} took the request and does not answer.", TRIED) from None
     except OSError:
         writer.close()
         return None

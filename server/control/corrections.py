@@ -33,7 +33,7 @@ from protocols.events import Event, Reply
 from protocols.isb.writing import sentence
 from protocols.rtcm import Splitter, epoch_ms
 from protocols.xbus.frames import build as xbus_frame
-from server.control.casters import CONNECT_S, READ, Caster, CasterStream, CorrectionError, connect
+from server.control.casters import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
 from server.control.forms import Corrections
 from server.links.base import LinkError
 from server.links.sources import is_host, is_printable
@@ -123,7 +123,7 @@ class _Tcp:
         assert self._streams is not None
         while data := await self._streams[0].read(READ):
             yield data
-        raise CorrectionError(f"{self._host}:{self._port} ended the stream.")
+        raise CorrectionError(f"{self._host}:{self._port} ended the stream.", TRIED)
 
     async def report(self, gga: bytes) -> None:
         """A plain address asks for nothing."""
@@ -157,10 +157,10 @@ class _File:
                         last = epoch if epoch is not None else last
                         yield frame
         except OSError as error:
-            raise CorrectionError(f"{self._path} cannot be read: {error.strerror}.", over=True) from None
+            raise CorrectionError(f"{self._path} cannot be read: {error.strerror}.", HINT, over=True) from None
         if splitter.rejected:
             log.info("%s: %d stretches are no messages", self._path, splitter.rejected)
-        raise CorrectionError(f"{self._path.name} has been played.", over=True)
+        raise CorrectionError(f"{self._path.name} has been played.", "Forward it again to play it again.", over=True)
 
     async def report(self, gga: bytes) -> None:
         """A file asks for nothing."""
@@ -319,11 +319,11 @@ class Forwarding:
                 try:
                     data = await asyncio.wait_for(anext(chunks), SILENT_S)
                 except TimeoutError:
-                    raise CorrectionError(f"Nothing came for {SILENT_S:.0f} s.") from None
+                    raise CorrectionError(f"Nothing came for {SILENT_S:.0f} s.", TRIED) from None
                 except StopAsyncIteration:
                     return
                 except OSError as error:
-                    raise CorrectionError(f"The stream broke: {error.strerror or error}.") from None
+                    raise CorrectionError(f"The stream broke: {error.strerror or error}.", TRIED) from None
                 for one in self._splitter.feed(data):
                     await self._forward(one.name, bytes.fromhex(one.line))
         finally:
@@ -333,7 +333,7 @@ class Forwarding:
     async def _forward(self, name: str, message: bytes) -> None:
         """One whole message to the device."""
         if not self._is_there():
-            raise CorrectionError("The device was removed.", over=True)
+            raise CorrectionError("The device was removed.", "Forward them to another.", over=True)
         xbus = self._session.info.protocol == "xbus"
         await self._session.idle()  # a message between a setting and its acknowledgement would be answered with Error
         self._counts.asked_at = time.monotonic()  # before: a twin answers at once

@@ -45,6 +45,7 @@ PORT_BACK_S = 60.0  # a port that vanished (USB restarts with the device) may ta
 UNREACHABLE = (
     "The device answers neither at the new rate nor at the old one: it is unreachable until its power is cycled."
 )
+SLOWER = "Ask for less, or for a rate that its cable carries."
 RESTORE_HINT = "Start “Restore communication”, then switch the device off and on while it runs."
 
 
@@ -159,7 +160,7 @@ class Hand:
             back = None
         if back is None:
             await self.go_back("The device does not answer with the new settings.")
-            raise JobError("The device did not answer with the new settings; it went back to the old ones.")
+            raise JobError("The device did not answer with the new settings; it went back to the old ones.", SLOWER)
         written = [replace(one, got=back.get(one.setting, one.got)) for one in written]
         if await self._ask():
             await self._end("kept", "The settings are kept.")

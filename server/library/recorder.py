@@ -152,7 +152,7 @@ class Recorder:
         """
         now = self._now
         if now is None:
-            raise RecorderError("not-now", "Nothing is being recorded.", "")
+            raise RecorderError("not-now", "Nothing is being recorded.", "Begin a recording first.")
         await self._end(now)
         return self.state
 
@@ -219,7 +219,9 @@ class Recorder:
             try:
                 session = self._sessions.get(device.partition(".")[0])  # one that shares a link is on its first's
             except KeyError:
-                raise RecorderError("not-found", f"There is no device {device:.40}.", "") from None
+                raise RecorderError(
+                    "not-found", f"There is no device {device:.40}.", "GET /api/devices lists them."
+                ) from None
             found[session.info.id] = session
         if not found:
             raise RecorderError("not-found", "No device was chosen.", "Leave `devices` out to record all.")

@@ -78,7 +78,7 @@ async def fetch(door: Door, path: str, *, most: int, gzip: bool) -> Page:
     except (OSError, http.client.HTTPException):
         raise ViewError("The viewer does not answer.", "Reload in a moment.") from None
     if len(page.body) > most:
-        raise ViewError("The viewer answered with more than it should.")
+        raise ViewError("The viewer answered with more than it should.", "Is it of the installed version?")
     return page
 
 

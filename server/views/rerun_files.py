@@ -103,14 +103,14 @@ def _address(process: subprocess.Popen[bytes], log: Path) -> str:
             break
         waiting.wait(0.05)
     lines = log.read_text(errors="replace").strip().splitlines()
-    raise ViewError("Rerun's program did not start its viewer.", lines[-1][:200] if lines else "")
+    raise ViewError("Rerun's program did not start its viewer.", lines[-1][:200] if lines else "Try again in a moment.")
 
 
 def _keep(address: str, path: Path) -> None:
     with urllib.request.urlopen(address, timeout=60) as answer:
         data = answer.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:
-        raise ViewError("The viewer of the installed Rerun is larger than expected.")
+        raise ViewError("The viewer of the installed Rerun is too large.", "Install the version that imuscope names.")
     aside = path.with_name(f".{path.name}.{os.getpid()}.making")
     aside.write_bytes(gzip.compress(data, LEVEL, mtime=0))
     os.replace(aside, path)

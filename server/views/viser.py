@@ -161,7 +161,9 @@ class Viser:
             await self._aside.start()
         except OSError as error:
             self._aside = None
-            raise ViewError(f"viser cannot be started: {error.strerror or error}.") from None
+            raise ViewError(
+                f"The 3D scene cannot be started: {error.strerror or error}.", "Try again in a moment."
+            ) from None
 
     async def _stop(self, why: str) -> None:
         self._forget(why)
