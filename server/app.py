@@ -121,7 +121,7 @@ def create_app(
         lifespan=lifespan,
         docs_url=None,  # these two pages load scripts from other hosts
         redoc_url=None,
-        responses=errors.responses(401, 403, 500),
+        responses=errors.responses(401, 403, 411, 413, 415, 429, 500),  # what every route can answer
     )
     app.state.hub = hub
     app.state.metrics = Metrics(hub)

@@ -40,8 +40,13 @@ LINK_STATUS = {"bad-source": 400, "busy": 409, "not-found": 404, "denied": 403}
 
 def problem(status: int, kind: str, message: str, hint: str = "", headers: Any = None) -> JSONResponse:
     """An error response."""
-    body = ProblemBody(kind=kind, message=message, hint=hint)
+    body = ProblemBody(kind=kind, message=_sendable(message), hint=_sendable(hint))
     return JSONResponse(body.model_dump(), status, headers={"cache-control": "no-store", **(headers or {})})
+
+
+def _sendable(text: str) -> str:
+    """Half a character (JSON can name one) cannot be sent: what quotes it must not fail on it."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -52,6 +57,11 @@ def responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 def bytes_of(*kinds: str) -> dict[int | str, dict[str, Any]]:
     """For OpenAPI: what is answered is a file, or samples, of one of these media types."""
     return {200: {"content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in kinds}}}
+
+
+def _place(loc: tuple[int | str, ...]) -> str:
+    """Where in a request: changes.OutputConfiguration.outputs."""
+    return ".".join(f"{part!s:.40}" for part in loc[1:5]) or "body"
 
 
 def install(app: FastAPI) -> None:
@@ -82,7 +92,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _(_: Request, error: RequestValidationError) -> Response:
         found = error.errors()
-        parts = [f"{'.'.join(str(part) for part in one['loc'][1:]) or 'body'}: {one['msg']}" for one in found[:4]]
+        parts = [f"{_place(one['loc'])}: {one['msg']:.120}" for one in found[:4]]
         return problem(422, "bad-request", "; ".join(parts) + ".", "The shapes are listed at /openapi.json.")
 
     @app.exception_handler(Exception)
