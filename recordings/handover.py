@@ -89,7 +89,7 @@ def _with_edits(file: BinaryIO, edits: sidecar.Edits, format: str, out: BinaryIO
 
 
 def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
-    """Copy an MCAP file with metadata behind its messages; False, and nothing written, where its end is not to be found.
+    """Copy an MCAP file with metadata behind its messages; False, and nothing written, where its end is not found.
 
     All that was there keeps its place, so the index of its messages holds; only the summary moves.
     """

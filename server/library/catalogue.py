@@ -5,8 +5,9 @@
     hub.recorder              what is being written now
 
 What the list wants to know of a recording beyond its file (motion, losses, counts) is kept when its columns are first
-found; one that was recorded here is opened for that as soon as it is packed. A file that somebody drops into the folder
-is told of within `LOOK_S` where somebody watches.
+found; one that was recorded here is opened for that as soon as it is packed, and others one after the other while
+somebody looks at the library and nothing is recorded. A file that somebody drops into the folder is told of within
+`LOOK_S` where somebody watches.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Coroutine
 from dataclasses import asdict
 from pathlib import Path
@@ -31,6 +33,8 @@ log = logging.getLogger("imuscope.library")
 
 FOLDER = "recordings"
 LOOK_S = 2.0
+LOOKED_AT_S = 60.0  # after it was listed somebody is thought to look at the library
+MOST_BYTES = 100_000_000  # of a file that is opened only to show its motion: seconds of a core, at low priority
 
 
 class Catalogue:
@@ -50,6 +54,8 @@ class Catalogue:
         self._stamp: object = None
         self._watcher: asyncio.Task[None] | None = None
         self._looking: set[asyncio.Task[None]] = set()
+        self._listed = -LOOKED_AT_S
+        self._tried: set[tuple[Path, int, float]] = set()
 
     def path(self, recording: str) -> Path:
         """The file of a recording. KeyError: there is none of that id."""
@@ -65,6 +71,7 @@ class Catalogue:
         if await self._learn(entries):
             entries = await asyncio.to_thread(self.library.all, search)
         if self.shelf is not None and self._hub.outboxes:  # a person looks, and will open one
+            self._listed = time.monotonic()
             self._keep(self.shelf.prepare(), "preparing to open")
         return [self.told(entry) for entry in entries]
 
@@ -135,24 +142,37 @@ class Catalogue:
         """A recording of ours is packed: open it once, aside, so that the list shows its motion and losses."""
         self.changed()
         if self.shelf is not None:
-            self._keep(self._look_at(path), f"looking at {path.name}")
+            self._keep(self._look_at(path.stem), f"looking at {path.name}")
 
     def _keep(self, work: Coroutine[Any, Any, None], name: str) -> None:
         task = asyncio.get_running_loop().create_task(work, name=name)
         self._looking.add(task)
         task.add_done_callback(self._looking.discard)
 
-    async def _look_at(self, path: Path) -> None:
+    async def _look_at(self, recording: str) -> None:
         assert self.shelf is not None
         try:
-            columns = await self.shelf.opened(path.stem)
-            await asyncio.to_thread(self.library.learn, path.stem, columns)
+            columns = await self.shelf.opened(recording)
+            await asyncio.to_thread(self.library.learn, recording, columns)
         except (KeyError, OSError):
             return  # it is gone by now
         except RecordingError as error:
-            log.info("%s cannot be opened: %s", path.name, error)
+            log.info("%s cannot be opened: %s", recording, error)
             return
         self.changed()
+
+    def _look_into_one(self, entries: list[Entry]) -> None:
+        """The newest of those that nobody opened is opened for the list, unless one is already."""
+        busy = self._looking or (self._hub.recorder is not None and self._hub.recorder.running)
+        if self.shelf is None or busy or time.monotonic() - self._listed > LOOKED_AT_S:
+            return
+        for entry in entries:
+            mark = (entry.path, entry.size, entry.modified)
+            if entry.indexed or entry.deleted is not None or entry.size > MOST_BYTES or mark in self._tried:
+                continue
+            self._tried.add(mark)
+            self._keep(self._look_at(entry.id), f"looking at {entry.path.name}")
+            return
 
     # ── watching ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -186,6 +206,7 @@ class Catalogue:
         if learned or (self._stamp is not None and stamp != self._stamp):
             self.changed()
         self._stamp = stamp
+        self._look_into_one(entries)
 
     async def _learn(self, entries: list[Entry]) -> bool:
         """Keep what is to be known of recordings that were opened since; whether there was one."""

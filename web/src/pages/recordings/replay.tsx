@@ -24,6 +24,7 @@ import { Markers } from "./markers";
 import { mountOverview } from "./overview";
 import { PageOverlays } from "./overlays";
 import { HandOn } from "./hand-on";
+import { SettingsDialog, SettingsLine } from "./settings";
 import { Transport } from "./transport";
 
 /** The address follows what is on screen this often, ms: a reload finds its place. */
@@ -64,6 +65,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
         </Dialog>
       )}
       <RerunPanel />
+      <SettingsDialog replay={replay} app={app} />
       <PageOverlays app={app} />
     </div>
   );
@@ -190,6 +192,7 @@ function About({ replay }: { readonly replay: Replay }) {
           </button>
         ))}
       </div>
+      <SettingsLine replay={replay} />
       <Markers replay={replay} />
     </aside>
   );
