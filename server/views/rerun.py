@@ -27,6 +27,7 @@ from typing import Any
 from server.live.hub import Hub
 from server.views.aside import Aside
 from server.views.proxy import ViewError
+from server.views.rerun_elsewhere import Elsewhere
 
 log = logging.getLogger("imuscope.views")
 
@@ -132,12 +133,11 @@ class Feed:
 
     Args:
         device: id; "" for all.
-        connect: address of a Rerun viewer elsewhere that is streamed to; "" for browsers.
     """
 
-    def __init__(self, hub: Hub, device: str = "", connect: str = "") -> None:
+    def __init__(self, hub: Hub, device: str = "") -> None:
         self._hub = hub
-        self._wish = {"device": device, "connect": connect}
+        self._device = device
         self._aside: Aside | None = None
         self._still: list[bytes] = []
         self._kept: deque[tuple[float, bytes]] = deque()
@@ -151,7 +151,7 @@ class Feed:
             await self._aside.start()
         except OSError as error:
             raise ViewError("The stream for Rerun does not start.", str(error.strerror)) from None
-        self._aside.say(op="open", **self._wish)
+        self._aside.say(op="open", device=self._device, connect="")
 
     async def stop(self) -> None:
         """End it, and wait until it is gone."""
@@ -217,18 +217,16 @@ class Rerun:
 
     def __init__(self, hub: Hub, connect: str = "", idle_s: float = IDLE_S) -> None:
         self._hub = hub
-        self._connect = connect
         self._idle_s = idle_s
         self._starting = asyncio.Lock()
-        self._elsewhere: Feed | None = None
+        self._elsewhere = Elsewhere(hub, connect) if connect else None
         self.feeds: dict[str, Feed] = {}
         self.slots = asyncio.Semaphore(MOST_STREAMS)
 
     async def start(self) -> None:
         """Stream to a viewer elsewhere, where that was asked for."""
-        if self._connect:
-            self._elsewhere = Feed(self._hub, connect=self._connect)
-            await self._elsewhere.start()
+        if self._elsewhere is not None:
+            self._elsewhere.start()
 
     @contextlib.asynccontextmanager
     async def look(self, device: str) -> AsyncIterator[tuple[Feed, Viewer]]:
@@ -262,6 +260,8 @@ class Rerun:
 
     async def close(self) -> None:
         """End all streams."""
-        feeds = [*self.feeds.values(), *([self._elsewhere] if self._elsewhere is not None else [])]
+        stops = [feed.stop() for feed in self.feeds.values()]
+        if self._elsewhere is not None:
+            stops.append(self._elsewhere.stop())
         self.feeds.clear()
-        await asyncio.gather(*(feed.stop() for feed in feeds))
+        await asyncio.gather(*stops)

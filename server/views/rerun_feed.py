@@ -8,13 +8,15 @@ second, whatever the rates of the devices. What is said on standard output:
 
 `still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went.
 `past`: samples of before, which the server remembered; `newest`: arrival of the newest sample. With an address of a
-viewer elsewhere, everything goes there instead, and nothing is said.
+viewer elsewhere, everything goes there instead, no more than it takes, and what is said is in rerun_elsewhere.py.
 """
 
 from __future__ import annotations
 
 import base64
+import os
 import time
+import traceback
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -35,6 +37,8 @@ PAUSE_S = 0.5  # at least, between two layouts
 HISTORY_S = 30.0
 SHOWN_S = 30.0  # of plots
 TRACK_S, TRACK_POINTS = 1.0, 3600  # an hour
+TAKEN_S = 0.5  # waited for a viewer elsewhere to take what was sent
+STEADY_S = 5.0  # having taken everything for so long, it is there
 SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
 
 
@@ -45,6 +49,7 @@ class Feed:
         self._told = told
         self._device = str(wish["device"])
         self._remote = str(wish["connect"])
+        self._stuck_s = float(wish.get("stuck_s", 0))
         self._stream = rr.RecordingStream("imuscope live")
         self._bytes = None if self._remote else rr.binary_stream(self._stream)
         self._devices: dict[str, Device] = {}
@@ -59,6 +64,8 @@ class Feed:
         self._past: list[Samples] = []
         self._next = 0.0
         self._laid_out = 0.0
+        self._taken = self._refused = 0.0  # since when a viewer elsewhere takes everything, or nothing
+        self._is_reached = False
 
     def lay_out(self) -> None:
         """Devices or channels are others than before: what is static, and the layout, anew. Not before there is a
@@ -108,16 +115,45 @@ class Feed:
         now = time.monotonic()
         if self._past:
             past, self._past = self._past, []
+            if not self._is_taken():
+                return
             for one in past:
                 self._send(one.channel, [one], live=False)
             self._say(newest=max(float(one.columns[0][-1]) for one in past), past=True)
         if now >= self._next and self._live:
             self._next = now + PERIOD_S
             live, self._live = self._live, {}
+            if not self._is_taken():
+                return
             newest = max(float(one.columns[0][-1]) for parts in live.values() for one in parts)
             for number, parts in live.items():
                 self._send(number, parts)
             self._say(newest=newest)
+
+    def _is_taken(self) -> bool:
+        """Has a viewer elsewhere taken what was sent? More would only fill memory: the SDK keeps all of it.
+
+        Ends the process when nothing was taken for a while: the SDK does not connect anew; a new process does.
+        """
+        if not self._remote:
+            return True
+        taken = True
+        try:
+            self._stream.flush(timeout_sec=TAKEN_S)
+        except RuntimeError:
+            taken = False
+        now = time.monotonic()
+        if not taken:
+            self._taken, self._refused = 0.0, self._refused or now
+            if now - self._refused > self._stuck_s:
+                self._told.say(op="stuck")
+                os._exit(1)
+            return False
+        self._refused, self._taken = 0.0, self._taken or now
+        if not self._is_reached and now - self._taken >= STEADY_S:
+            self._is_reached = True
+            self._told.say(op="reached")
+        return True
 
     def _send(self, number: int, parts: Sequence[Samples], *, live: bool = True) -> None:
         info = self._infos[number]
@@ -189,20 +225,24 @@ class Feed:
             self._told.say(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
 
 
-def main() -> int:
+def main() -> None:
     """Feed until the server ends."""
     told = Told()
     feed: Feed | None = None
-    for message in told.messages():
-        if isinstance(message, Mapping):
-            if message["op"] == "open":
-                feed = Feed(told, message)
-        elif feed is not None:
-            if told.changed:
-                feed.lay_out()
-            feed.take(message)
-    return 0
+    try:
+        for message in told.messages():
+            if isinstance(message, Mapping):
+                if message["op"] == "open":
+                    feed = Feed(told, message)
+            elif feed is not None:
+                if told.changed:
+                    feed.lay_out()
+                feed.take(message)
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)  # a stream that is let go waits for a viewer that takes nothing, for ever
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

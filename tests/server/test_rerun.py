@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import contextlib
 import json
 import re
+import socket
 import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import numpy as np
@@ -20,8 +25,13 @@ from rerun.error_utils import RerunWarning
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from recordings.rrd.chunks import name_of
+from server import wire
+from server.codec import Samples
+from server.live.channels import Piece
+from server.live.hub import Hub
 from server.views.proxy import ViewError
-from server.views.rerun import AHEAD, MOST_LIVE, PAST_BYTES, Viewer
+from server.views.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
 from tests.process import ROOT, ServerProcess
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
@@ -83,6 +93,19 @@ def test_a_recording_is_streamed_whole_or_in_part_or_thinned(client: httpx.Clien
     assert 90 < len(numbers(part[acceleration], "Scalars:scalars")) < 110
     thin = saved(client.get(address, params={"most": 50}), tmp_path / "thin.rrd")
     assert len(numbers(thin[acceleration], "Scalars:scalars")) <= 50
+
+
+def test_what_a_browser_gets_of_a_recording_is_told(client: httpx.Client) -> None:
+    address = "/api/recordings/drive/amount"
+    found = client.get(address).json()
+    assert found["rows"] == found["shown"] > 1000
+    assert (found["most"], found["every"]) == (0, 1)
+    assert found["whole_s"] == pytest.approx(3.5, abs=0.6)
+    begin = client.get("/api/recordings/drive").json()["t0"]
+    part = client.get(address, params={"t0": begin, "t1": begin + 1}).json()
+    assert 0 < part["rows"] < found["rows"] / 2
+    assert client.get(address, params={"t0": 5, "t1": 4}).status_code == 422
+    assert client.get("/api/recordings/none/amount").status_code == 404
 
 
 def saved(answer: httpx.Response, path: Path) -> dict[str, list[object]]:
@@ -180,6 +203,81 @@ def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
     asyncio.run(look())
 
 
+def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False) -> dict[str, Any]:
+    """A batch as the process of a feed says it."""
+    text = base64.b64encode(data).decode()
+    return {"op": "batch", "still": still, "anew": False, "past": past, "newest": newest, "data": text}
+
+
+def test_who_comes_late_gets_the_newest_first_and_what_is_kept_is_bounded() -> None:
+    async def look() -> None:
+        feed = Feed(Hub(lambda: 100.0))
+        feed._told(batch(0.0, b"still", still=True))
+        for n in range(40):
+            feed._told(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
+        assert sum(len(data) for _, data in feed._kept) <= KEPT_BYTES
+        viewer = feed.join()
+        feed._told(batch(99.0, b"now"))  # what is live overtakes what was before
+        taken = [await viewer.take() for _ in range(AHEAD)]
+        assert [data[:5].rstrip(b"\0") for _, data in taken] == [b"still", b"now", b"39", b"38"]
+        assert feed.lag_ms(taken[1][0]) == 1000
+        rest = 0
+        while viewer.past:
+            viewer.acknowledge(viewer.sent)
+            rest += len((await viewer.take())[1])
+        assert 0 < rest <= PAST_BYTES
+
+    asyncio.run(look())
+
+
+class Said:
+    """What a feed's process is told and what it says, without the process."""
+
+    def __init__(self, devices: list[Any], channels: dict[int, Any]) -> None:
+        self.devices, self.channels, self.changed = devices, channels, True
+        self.batches: list[dict[str, Any]] = []
+
+    def say(self, **words: Any) -> None:
+        self.batches.append(words)
+
+    def subscribe(self, channels: list[int], past: list[int], history: float) -> None:
+        self.asked = (channels, history)
+
+
+@pytest.mark.parametrize("rate", [100, 2000])
+def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
+    rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Three seconds of a device, told 60 times a second, on a clock of the test's."""
+    from server.views import rerun_feed
+
+    clock = SimpleNamespace(now=50.0)
+    monkeypatch.setattr(rerun_feed, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
+    columns = [{"name": name, "unit": "m/s²", "label": "", "axis": name, "bits": []} for name in "xyz"]
+    info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "Acceleration", "group": "", "doc": ""}
+    told = Said(
+        [{"id": "d", "name": "D"}], {7: info | {"kind": "vector", "unit": "m/s²", "frame": "", "columns": columns}}
+    )
+    feed = rerun_feed.Feed(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    feed.lay_out()
+    sent = 0
+    for tick in range(180):
+        clock.now = 50.0 + tick / 60
+        n = rate * (tick + 1) // 60 - sent
+        at = np.arange(sent, sent + n) / rate
+        feed.take([Samples(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
+        sent += n
+    live = [words for words in told.batches if words["op"] == "batch" and not words["still"]]
+    assert 30 <= len(live) <= 3 * 60
+    whole = tmp_path / "live.rrd"
+    rows = 0
+    for words in live:
+        whole.write_bytes(base64.b64decode(words["data"]))
+        [chunk] = entities(whole)[name_of(("D", "Acceleration [m/s²]"))]
+        rows += chunk.num_rows
+    assert sent - rate / 10 <= rows <= sent  # what the last batch did not yet have comes with the next
+
+
 def test_a_server_starts_without_importing_rerun() -> None:
     code = "import sys, server.app, server.cli, server.views.rerun; print([n for n in sys.modules if 'rerun_b' in n])"
     said = subprocess.run(
@@ -234,9 +332,49 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
         elsewhere.wait()
 
 
-def free_port() -> int:
-    import socket
+def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> None:
+    """One that hangs: it accepts the connection and reads nothing. Rerun's SDK keeps all that is sent to such a one."""
+    from server.views import rerun_elsewhere
 
+    async def look(address: str) -> None:
+        now = asyncio.get_running_loop().time
+        hub = Hub(now)
+        hub.set_device(wire.DeviceInfo("1", "D", "twin:xbus", "twin", "live"))
+        columns = [wire.ColumnInfo(name, "f8", axis=name) for name in "xyz"]
+        channel = hub.advertise(wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns))
+        elsewhere = rerun_elsewhere.Elsewhere(hub, address, again_s=0.1, stuck_s=1.0)
+        elsewhere.start()
+        highest, pids = 0, set[int]()
+        try:
+            async with asyncio.timeout(120):
+                while len(pids) < 2:  # until it is begun again
+                    at = now() - np.arange(2000, 0, -1) / 2000 * 0.02
+                    hub.publish([Piece(channel, [at, at, at, at, at])])
+                    hub.request_flush()
+                    await asyncio.sleep(0.02)  # fifty times what a device sends
+                    if elsewhere.pid is not None:
+                        pids.add(elsewhere.pid)
+                        highest = max(highest, resident_mb(elsewhere.pid))
+        finally:
+            await elsewhere.stop()
+        assert 0 < highest < 400, f"{highest} MB"
+        texts = [event.text for event in hub.log if address in event.text]
+        assert len(texts) == 1
+        assert "does not take" in texts[0]
+
+    with socket.create_server(("127.0.0.1", 0)) as hole:
+        asyncio.run(look(f"rerun+http://127.0.0.1:{hole.getsockname()[1]}/proxy"))
+
+
+def resident_mb(pid: int) -> int:
+    """Memory of a process; 0 when it is gone."""
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+        return int(next(line for line in lines if line.startswith("VmRSS")).split()[1]) // 1024
+    return 0
+
+
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
