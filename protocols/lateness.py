@@ -86,11 +86,12 @@ class Lateness:
         self._delays = np.zeros(KEPT)
         self._x = np.full(KEPT, -np.inf)
         self._size = 0.0
+        self._late, self._late_since = 0.0, 0  # how late the first frame of what may be a stall was, and when it came
 
     def add(self, x: Array, delay: Array, size: float, arrival: int) -> None:
         """Keep rows that came together: x in ns, their delays, bytes of a frame, unix ns at which the last came."""
-        if delay[0] > STALL_NS and len(x) > 1 and delay[-1] < delay[0] and self.rows >= FEWEST:
-            self.stalls.append((arrival, float(delay[0])))
+        if self._late or delay[0] > STALL_NS:
+            self._catches_up(float(delay[0]), float(delay[-1]), arrival)
         start = self.rows % KEPT
         count = len(x)
         self.rows += count
@@ -102,6 +103,16 @@ class Lateness:
             rows = np.arange(start, start + count) % KEPT
             self._delays[rows] = delay
             self._x[rows] = x
+
+    def _catches_up(self, first: float, last: float, arrival: int) -> None:
+        """A frame came late: is it a stall, after which the others come all at once, and none of them lost its time?"""
+        if not self._late and self.rows >= FEWEST:
+            self._late, self._late_since = first, arrival
+        if self._late and last < self._late / 4:
+            self.stalls.append((arrival, self._late))
+            self._late = 0.0
+        elif arrival - self._late_since > self._late / 2:
+            self._late = 0.0  # the stream goes on late: a queue, not a stall
 
     def recent(self, newest: float) -> NDArray[np.float64]:
         """Delays of the last seconds before `newest`, ascending; those of out-of-date rows left out."""

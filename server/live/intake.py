@@ -289,8 +289,10 @@ class Intake:
             elif isinstance(event, Step):
                 if event.kind == "reset":
                     self._resets.append(event.arrival_ns / 1e9)
+                after = _time_after(event, batches, times)
+                before = [time for time in self._breaks if after - SETTLED_S < time <= after]
+                self._incidents.step(event, before[0] if before else after)  # the mapping may have noticed it sooner
                 self._quiet_until = max(self._quiet_until, event.arrival_ns / 1e9 + SETTLED_S)
-                self._incidents.step(event, _time_after(event, batches, times))
             else:
                 self._reply(event)
         self._mapped_anew()
@@ -308,9 +310,11 @@ class Intake:
             self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
 
     def _mapped_anew(self) -> None:
-        """A clock that ran ahead without a word of the decoder: only its mapping to host time noticed."""
-        breaks, self._breaks = self._breaks, []
-        for time in breaks:
+        """A clock that stepped without a word of the decoder: only its mapping to host time noticed. The decoder is
+        given some rows' time to say more."""
+        due = self._hub.now() - SETTLED_S
+        while self._breaks and self._breaks[0] < due:
+            time = self._breaks.pop(0)
             if time > self._quiet_until:
                 self._quiet_until = time + ANEW_S
                 text = "The device's clock jumped: its times are mapped to this host's anew from here on."

@@ -1,0 +1,213 @@
+"""From a twin's bytes to the times that a page draws, and to why they are uneven: line, adapter, session and hub are
+the real ones; the clock is moved by the test.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from protocols.hostclock import HostClock
+from protocols.xbus.device import XbusDevice
+from server import wire
+from server.links.base import LinkSettings
+from server.links.cable import Cable, Faults
+from server.links.timing import BUS_NS, byte_time_ns, holds_ns
+from server.live.causes import cause_of
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.session import Session
+from server.live.speech import speech
+from tests.protocols.airtime import EPOCH_NS, Device, Way, mapped, stream
+from tests.server.fakes import Clock, FakeLink
+
+PPM = 50
+PERIOD_NS = 10e6 / (1 + PPM * 1e-6)  # of its samples, on the host's clock
+SPREAD_S, MS = 0.2e-3, 1e-3
+
+
+class Stage:
+    """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session."""
+
+    def __init__(self, faults: Faults, kind: str = "serial") -> None:
+        self.clock = Clock()
+        self.hub = Hub(self.clock)
+        self.link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
+        self.link.kind = kind
+        self.session = Session("1", self.link, self.hub, speech(), Reading(protocol="xbus"))
+        self.began = self.clock.ns
+        self.cable = Cable(faults)
+        self.device = self._powered(0)
+        self._samples = 0
+        self.asleep_until = 0  # until when the host reads nothing, ns
+
+    def _powered(self, start_ns: int) -> XbusDevice:
+        return XbusDevice(start_ns=start_ns, clock_drift_ppm=PPM, measuring=True)
+
+    def reset(self) -> None:
+        """The device starts again, its samples in step with those before."""
+        self.device = self._powered(round(self._samples * PERIOD_NS))
+
+    async def run(self, seconds: float) -> None:
+        """Sample after sample, each chunk read when the cable has it."""
+        for _ in range(round(seconds * 100)):
+            self._samples += 1
+            now = int(self._samples * PERIOD_NS) + 1
+            while (due := self.cable.next_ns) is not None and due <= now:
+                await self._read(due)
+            self.cable.send(self.device.advance(now), now)
+            if self._samples % 10 == 0:
+                self.session.tick(self.clock())
+
+    async def _read(self, due: int) -> None:
+        self.clock.ns = self.began + max(due, self.asleep_until)
+        self.link.send(self.cable.arrived(max(due, self.asleep_until)))
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        self.hub.flush()
+
+    @property
+    def health(self) -> wire.DeviceHealth:
+        return self.session.health(self.clock())
+
+    def times(self, since_s: float) -> NDArray[np.float64]:
+        """Of the samples of a channel, as a page gets them."""
+        channel = next(one for one in self.hub.channels.values() if one.info.name == "Acceleration")
+        time = channel.ring.read()[1]
+        return np.asarray(time[time > self.began / 1e9 + since_s])
+
+    def off(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far each is from when it was sampled, s."""
+        k = np.round((times - self.began / 1e9) * 1e9 / PERIOD_NS)
+        return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
+
+
+def play(faults: Faults, test: Callable[[Stage], Any], kind: str = "serial") -> None:
+    async def run() -> None:
+        stage = Stage(faults, kind)
+        stage.session.start()
+        await asyncio.sleep(0.001)
+        await test(stage)
+        await stage.session.close()
+
+    asyncio.run(run())
+
+
+def check(stage: Stage, since_s: float) -> wire.DeviceHealth:
+    """What the issue promises of times after ten seconds."""
+    times = stage.times(since_s)
+    off = stage.off(times)
+    health = stage.health
+    assert len(times) > 300
+    assert np.ptp(off) <= SPREAD_S
+    assert health.uncertainty_ms is not None
+    assert np.abs(off).max() <= health.uncertainty_ms * MS
+    assert (np.diff(times) > 0).all()
+    assert np.abs(np.diff(off)).max() < 0.1 * MS, "no comb"
+    return health
+
+
+def test_a_good_cable_is_drawn_evenly_and_nothing_is_said_of_it() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(15)
+        health = check(stage, 10)
+        assert health.time_cause is None
+        assert health.uncertainty_ms is not None
+        assert health.uncertainty_ms < 0.4
+        assert health.drift_ppm == pytest.approx(PPM, abs=10)
+
+    play(Faults(baud=115_200), test)
+
+
+def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(15)
+        cause = check(stage, 10).time_cause
+        assert cause is not None
+        assert cause.kind == "bursts"
+        assert "latency timer" in cause.text
+        assert "latency_timer" in cause.remedy
+        assert "udev" in cause.remedy
+
+    play(Faults(baud=115_200, burst_ms=16, drop=0.02), test)
+
+
+def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(4)
+        stage.reset()
+        await stage.run(15)
+        cause = check(stage, 14.5).time_cause
+        assert cause is not None
+        assert cause.kind == "resets"
+        assert "once" in cause.text
+        [step] = [event for event in stage.hub.log if event.kind == "clock"]
+        assert step.text == "The device's clock started again from zero."
+        assert step.time == pytest.approx(stage.began / 1e9 + 4, abs=0.02)
+        assert (np.diff(stage.times(0)) > 0).all()
+
+    play(Faults(baud=115_200), test)
+
+
+def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.run(12)
+        stage.asleep_until = 12_300_000_000
+        await stage.run(4)
+        health = check(stage, 10)
+        assert health.lost == 0
+        cause = health.time_cause
+        assert cause is not None
+        assert cause.kind == "stalls"
+        assert "0.3 s" in cause.text
+        await stage.run(61)
+        assert stage.health.time_cause is None, "after a minute it is history"
+
+    play(Faults(baud=115_200), test)
+
+
+def test_every_cause_is_a_sentence_and_says_what_helps() -> None:
+    """Over a network nothing is put down to an adapter; an adapter at 1 ms is not told to be set to 1 ms."""
+    way = Way(0, network_ms=3)
+    network = mapped(stream(Device(((100, 60),)), way, 10), HostClock(unknown_ns=1e6)).clock
+    now = EPOCH_NS / 1e9 + 10
+    found = cause_of(network, [], kind="udp", port="", now=now)
+    assert found is not None
+    assert found.kind == "network"
+    late = mapped(stream(Device(), Way(timer_ms=16), 10), HostClock(86_806, holds_ns=1e6)).clock
+    hub = cause_of(late, [], kind="serial", port="ttyUSB1", now=now)
+    assert hub is not None
+    assert "latency timer of the USB adapter is 1 ms" in hub.text
+    timer = mapped(stream(Device(), Way(timer_ms=16), 10), HostClock(86_806, holds_ns=16e6)).clock
+    bursts = cause_of(timer, [], kind="serial", port="ttyUSB1", now=now)
+    assert bursts is not None
+    assert "/sys/bus/usb-serial/devices/ttyUSB1/latency_timer" in bursts.remedy
+    often = cause_of(timer, [now - 50, now - 10, now - 90], kind="serial", port="", now=now)
+    assert often is not None
+    assert "2 times" in often.text
+    for cause in (found, hub, bursts, often):
+        assert cause.text.endswith(".")
+        assert cause.remedy.endswith(".")
+
+
+def test_what_is_known_of_a_port_before_a_byte_has_come(tmp_path: Any) -> None:
+    devices = tmp_path / "bus/usb-serial/devices"
+    for name in ("ttyUSB0", "ttyUSB1"):
+        (devices / name).mkdir(parents=True)
+    (devices / "ttyUSB0/latency_timer").write_text("16\n")
+    link: Any = FakeLink("", LinkSettings(now_ns=Clock().now_ns, sys_root=tmp_path))
+    known = {}
+    for name in ("ttyUSB0", "ttyUSB1", "ttyACM0", "ttyS0"):
+        link.place = f"/dev/{name}"
+        known[name] = (holds_ns(link), round(byte_time_ns(link)))
+    assert known == {
+        "ttyUSB0": (16e6, 86_806),
+        "ttyUSB1": (BUS_NS, 86_806),
+        "ttyACM0": (BUS_NS, 0),  # the port is USB itself: its rate means nothing
+        "ttyS0": (0, 86_806),
+    }
