@@ -43,6 +43,7 @@ from mcap.records import (
 from protocols.framing import Ints
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Recording, Topic
 from recordings.container import PROFILE, RecordingError, problem
+from recordings.orphans import end_with_parent
 from recordings.records import MAGIC, bytes_of, ending, message
 
 CHUNK_BYTES = 1 << 20
@@ -282,6 +283,7 @@ def _sync_folder(folder: Path) -> None:
 
 def main() -> int:
     """`python -m recordings.packing FILE …`: pack each, with what priority is left over by others."""
+    end_with_parent()
     with contextlib.suppress(OSError, AttributeError):
         os.nice(10)
     for name in sys.argv[1:]:

@@ -108,7 +108,7 @@ class ServerProcess:
             except subprocess.TimeoutExpired:
                 self.process.kill()
         status = self.process.wait()
-        self._reader.join(5)
+        self._reader.join(30)  # of a server that was killed, what it had begun aside ends a little later
         if self.process.stdout:
             self.process.stdout.close()
         return status

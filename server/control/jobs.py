@@ -126,11 +126,27 @@ class Jobs:
                 await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
             written = await Hand(desk, driver, self._trials, record, task).apply()
         else:
-            body = errands.write_all(driver, desk.known, todo, lambda words: desk.step(task, words))
-            written = await desk.run(driver.within(body, desk.known))
+            written = await self._write_in_place(desk, task, found, todo, restart=restart)
+        self._report(desk, task, rows, written)
+
+    async def _write_in_place(
+        self, desk: Desk, task: Task, found: errands.Survey, todo: dict[str, dict[str, Any]], *, restart: bool
+    ) -> list[Written]:
+        """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
+        would stay silent, with half of the settings; the next one puts it back (server/control/trials.py)."""
+        known = all(found.values.get(name) for name in todo)
+        record = self._record(desk, found, todo, (), restart=restart) if known else None
+        if record is not None:
+            await asyncio.to_thread(self._trials.keep, record)
+        try:
+            body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words))
+            written = await desk.run(desk.driver.within(body, desk.known))
             if restart and not all(one.refused for one in written):
                 written = await self._restarted(desk, task, written)
-        self._report(desk, task, rows, written)
+            return written
+        finally:
+            if record is not None:
+                await asyncio.to_thread(self._trials.forget, record)
 
     async def _restarted(self, desk: Desk, task: Task, written: list[Written]) -> list[Written]:
         """Restart, and what the device has then."""

@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 from recordings.columns import Columns
 from recordings.container import RecordingError
 from recordings.exporters import Wish, export
+from recordings.orphans import end_with_parent
 
 STEP = 0.005
 
@@ -28,6 +29,7 @@ def main() -> int:
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices come first, and opening recordings
     signal.signal(signal.SIGTERM, _end)
+    end_with_parent()
     told = json.loads(sys.stdin.read())
     shown = 0.0
 
