@@ -45,9 +45,11 @@ export function RerunPanel() {
         <a class="btn small" href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
           Own tab
         </a>
-        <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
-          <Icon name="fit" />
-        </button>
+        {document.fullscreenEnabled && (
+          <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
+            <Icon name="fit" />
+          </button>
+        )}
         <button type="button" class="btn icon" aria-label="Close Rerun" title="Close Rerun" onClick={() => (shown.value = undefined)}>
           <Icon name="close" />
         </button>

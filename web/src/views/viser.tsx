@@ -135,13 +135,15 @@ function Panel({ title, extra, address, children }: PanelProps) {
         <span class="grow" />
         {extra}
         {address && (
-          <a class="btn small owntab" href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
+          <a class={document.fullscreenEnabled ? "btn small desk" : "btn small"} href={address} target="_blank" rel="noopener" title="Open it in a tab of its own; its address can be shared">
             Own tab
           </a>
         )}
-        <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
-          <Icon name="fit" />
-        </button>
+        {document.fullscreenEnabled && (
+          <button type="button" class="btn icon" aria-label="Full screen" title="Full screen, and back (Esc)" onClick={enlarge}>
+            <Icon name="fit" />
+          </button>
+        )}
         <button type="button" class="btn icon" aria-label="Close the 3D scene" title="Close the 3D scene" onClick={() => (sceneOpen.value = false)}>
           <Icon name="close" />
         </button>
