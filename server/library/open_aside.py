@@ -15,6 +15,7 @@ from pathlib import Path
 
 from recordings.container import RecordingError
 from recordings.importers import open_file
+from recordings.orphans import end_with_parent
 from server.library.opening import decode
 from server.live.reading import reading
 from server.live.speech import speech
@@ -24,6 +25,7 @@ STEP = 0.005
 
 def main() -> int:
     """Decode what standard input asks for; 0, or 1 when it could not be done and was told."""
+    end_with_parent()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
     words = sys.stdin.read()

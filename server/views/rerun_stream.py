@@ -14,10 +14,12 @@ import sys
 from pathlib import Path
 
 from recordings.columns import Columns
+from recordings.orphans import end_with_parent
 
 
 def main() -> int:
     """Stream what standard input asks for."""
+    end_with_parent()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
     told = json.loads(sys.stdin.read())
