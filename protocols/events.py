@@ -70,6 +70,7 @@ class Batch:
         columns: field name → array of n rows in native byte order and shown units (float64, or the wire's own integer
             or float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
         verified: False for data whose authenticity was asked for and could not be checked.
+        size: bytes of each frame on the wire, 0 where that is not known.
     """
 
     message: Message
@@ -79,6 +80,7 @@ class Batch:
     time_ns: NDArray[np.int64] | None
     columns: Mapping[str, Array]
     verified: bool = True
+    size: int = 0
 
     def __len__(self) -> int:
         return len(self.arrival_ns)

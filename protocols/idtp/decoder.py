@@ -163,7 +163,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         """One frame, the usual case of a live stream: what `_data` does, with plain numbers."""
         rows, arrivals = cut.judged.rows, cut.arrival_ns
         lost, stamp, _, key = rows[:, 0].tolist()
-        offset, _, body, _, _, sender = cut.table[:6, 0].tolist()
+        offset, size, body, _, _, sender = cut.table[:6, 0].tolist()
         offset += cut.start
         kind = self._kinds.get(key) or self._learn(key)
         payload, device = kind.payload, kind.device
@@ -180,13 +180,14 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         gathered = np.ndarray((1, payload.width), np.uint8, bytearray(cut.data[body : body + payload.width]))
         shown = Shown(payload, gathered, rows[MODE], kind.unverified, self._rotation)
         offsets, times = np.array((offset,)), np.array((time,))
-        events.append(Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified))
+        events.append(Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size))
 
     def _batch(self, cut: Cut, key: int, which: Ints | None, offsets: Ints, times: Ints, events: list[Event]) -> Batch:
         """The frames of one key; `which` None: all of them."""
         kind = self._kinds.get(key) or self._learn(key)
         payload = kind.payload
         starts, modes, arrivals = cut.table[BODY], cut.judged.rows[MODE], cut.arrival_ns
+        size = int(cut.table[SIZE, 0 if which is None else which[0]])
         if which is None:
             modes = modes.copy()  # that memory is good until the next drain only
         else:
@@ -198,7 +199,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         gathered = np.empty((len(starts), payload.width), np.uint8)
         gather(cut.array, starts, gathered)
         shown = Shown(payload, gathered, modes, kind.unverified, self._rotation)
-        return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified)
+        return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified, size)
 
     def _learn(self, key: int) -> _Kind:
         """What a key stands for."""

@@ -25,7 +25,7 @@ import numpy as np
 
 from protocols.events import Batch, Event, Late, Reply, Step
 from protocols.foreign import STARTS, find
-from protocols.framing import BODY, OFFSET, Ints, Room
+from protocols.framing import BODY, OFFSET, SIZE, Ints, Room
 from protocols.grouping import group
 from protocols.isb import messages
 from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
@@ -106,7 +106,8 @@ class IsbDecoder(StreamDecoder[Stream]):
                 self._whole[form.message.id] = payload
             columns = form.layout.columns(np.ndarray((1, width), np.uint8, payload))
             offset = np.array((cut.start + int(cut.table[OFFSET, 0]),))
-            events.append(Batch(form.message, "", cut.arrival_ns, offset, out[TIME] if timed else None, columns))
+            size, time = int(cut.table[SIZE, 0]), out[TIME] if timed else None
+            events.append(Batch(form.message, "", cut.arrival_ns, offset, time, columns, size=size))
 
     def _many(self, cut: Cut, out: Ints, events: list[Event]) -> None:
         n = out.shape[1]
@@ -126,7 +127,7 @@ class IsbDecoder(StreamDecoder[Stream]):
     def _batches(self, cut: Cut, out: Ints, which: Ints, events: list[Event]) -> None:
         """The packets of one key: one batch; two where only some have a device time."""
         first = int(which[0])
-        key = int(out[KEY, first])
+        key, size = int(out[KEY, first]), int(cut.table[SIZE, first])
         form = self._forms.get(key) or self._form(key)
         did = form.message.id
         whole = np.frombuffer(self._whole[did], np.uint8) if out[PART, first] >= 0 else _NOTHING
@@ -139,12 +140,12 @@ class IsbDecoder(StreamDecoder[Stream]):
         offsets += cut.start
         if timed in (0, len(which)):
             columns = form.layout.columns(rows)
-            events.append(Batch(form.message, "", arrivals, offsets, times if timed else None, columns))
+            events.append(Batch(form.message, "", arrivals, offsets, times if timed else None, columns, size=size))
             return
         has_time = out[TIMED][which] > 0
         for part, time in ((has_time, times[has_time]), (~has_time, None)):
             columns = form.layout.columns(rows[part])
-            events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns))
+            events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns, size=size))
 
     def _form(self, key: int) -> messages.Form:
         if len(self._forms) >= _FORMS:

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from protocols.clocks import Counter, Unwrap
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
-from protocols.framing import BODY, ID, LENGTH, OFFSET, Bytes, Ints
+from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
 from protocols.stream import StreamDecoder
@@ -174,7 +174,7 @@ class XbusDecoder(StreamDecoder[Stream]):
     def _single(self, cut: Cut, events: list[Event]) -> bool:
         """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
         usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
-        offset, _, body, length, mid = cut.table[:5, 0].tolist()
+        offset, size, body, length, mid = cut.table[:5, 0].tolist()
         layout = self._newest.get(length) if mid == MTDATA2 and self._clock in (0, _FINE) else None
         if layout is None or not layout.usual:
             return False
@@ -191,7 +191,8 @@ class XbusDecoder(StreamDecoder[Stream]):
         if not self._counter.follows(number) and (missing := int(self._counter.missing(np.array((number,)))[0])):
             events.append(Gap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
         columns = layout.layout.columns(np.ndarray((1, length), np.uint8, payload))
-        events.append(Batch(layout.message, "", cut.arrival_ns, np.array((offset,)), np.array((time,)), columns))
+        offsets, times = np.array((offset,)), np.array((time,))
+        events.append(Batch(layout.message, "", cut.arrival_ns, offsets, times, columns, size=size))
         return True
 
     def _data(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
@@ -219,7 +220,10 @@ class XbusDecoder(StreamDecoder[Stream]):
             rows = np.empty((len(starts), layout.layout.size), np.uint8)
             gather(cut.array, starts, rows)
             has_time = None if timed is None else timed[which]
-            events += _batches(layout, rows, arrivals[which], offsets[which], times[which], has_time)
+            some = _batches(layout, rows, arrivals[which], offsets[which], times[which], has_time)
+            for batch in some:
+                batch.size = int(table[SIZE, which][0])
+            events += some
             for at, size in layout.bad:
                 places = zip((starts + (cut.start + at)).tolist(), arrivals[which].tolist(), strict=True)
                 events += [Reject(place, size, "bad_item", arrival) for place, arrival in places]

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.hostclock import HostClock, Part
-from protocols.schema import Field, Message
 from protocols.sentences import Sentences
 from server.links.base import Link
 from server.links.timing import byte_time_ns, holds_ns, port_of
@@ -44,8 +43,6 @@ TOLD_ONCE = ("no_key",)  # by server/live/advice.py: that every frame is refused
 MOST_PROTECTIONS = 8  # named of one device
 HEARD = {"ubx": "u-blox receiver (UBX)", "rtcm3": "RTCM 3 source", "nmea": "NMEA 0183 device"}
 """What sends nothing but messages of that kind, the most telling kind first: any device may speak NMEA."""
-_WIRE_BYTES = {"fp1220": 4, "fp1632": 6, "bytes": 1, "ascii": 1}
-_ITEM_OVERHEAD, _FRAME_OVERHEAD = 3, 5  # bytes around an item and a frame; Xbus, and near enough for the others
 
 
 def _nothing(reply: Reply) -> Mapping[str, str]:
@@ -166,7 +163,6 @@ class Intake:
         self._identify = identify
         self._line = line
         self._counts_rejects = counts_rejects
-        self._sizes: dict[int, tuple[Message, int]] = {}
         self._sentences = Sentences()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last frame that was good
@@ -250,7 +246,7 @@ class Intake:
     def _part(self, batch: Batch) -> Part:
         assert batch.time_ns is not None
         message = batch.message
-        return Part(batch.time_ns, batch.arrival_ns, batch.offset, self._frame_size(message), id(message))
+        return Part(batch.time_ns, batch.arrival_ns, batch.offset, batch.size, id(message))
 
     def _map(self, parts: list[Part]) -> list[NDArray[np.float64]]:
         if not parts:
@@ -258,16 +254,6 @@ class Intake:
         times = self.clock.times(parts)
         self._breaks += self.clock.breaks
         return times
-
-    def _frame_size(self, message: Message) -> int:
-        """Bytes of a frame of this layout on the wire."""
-        known = self._sizes.get(id(message))
-        if known is None or known[0] is not message:
-            if len(self._sizes) > 256:
-                self._sizes.clear()
-            size = sum(_field_bytes(field) + _ITEM_OVERHEAD for field in message.fields) + _FRAME_OVERHEAD
-            known = self._sizes[id(message)] = (message, size)
-        return known[1]
 
     # ── events ──
 
@@ -374,10 +360,3 @@ def _time_after(step: Step, batches: Sequence[Batch], times: Sequence[NDArray[np
         if at < len(batch) and batch.offset[at] < offset and not math.isnan(hosts[at]):
             offset, time = float(batch.offset[at]), float(hosts[at])
     return step.arrival_ns / 1e9 if math.isnan(time) else time
-
-
-def _field_bytes(field: Field) -> int:
-    if field.fields:
-        return sum(_field_bytes(sub) for sub in field.fields)
-    size = _WIRE_BYTES.get(field.dtype) or (np.dtype(field.dtype).itemsize if field.dtype else 0)
-    return size * math.prod(max(extent, 1) for extent in field.shape)

@@ -5,6 +5,7 @@ the real ones; the clock is moved by the test.
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from protocols.events import Batch, Event
 from protocols.hostclock import HostClock
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.registry import PROTOCOLS
 from protocols.xbus.device import XbusDevice
 from server import wire
 from server.links.base import LinkSettings
@@ -211,3 +216,23 @@ def test_what_is_known_of_a_port_before_a_byte_has_come(tmp_path: Any) -> None:
         "ttyACM0": (BUS_NS, 0),  # the port is USB itself: its rate means nothing
         "ttyS0": (0, 86_806),
     }
+
+
+@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
+def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
+    """It was put together from the fields, 3 bytes around each: too much by milliseconds on a slow line."""
+    device: Any = {"xbus": XbusDevice(measuring=True), "isb": IsbDevice(), "idtp": IdtpDevice()}[protocol]
+    device.advance(0)
+    data = device.advance(2_000_000_000)
+    for step in (len(data), 64):
+        decoder = PROTOCOLS[protocol].decoder()
+        events: list[Event] = []
+        for at in range(0, len(data), step):
+            decoder.feed(data[at : at + step], at)
+            events += decoder.drain()
+        found = [event for event in events if isinstance(event, Batch) and event.size]
+        starts = np.sort(np.concatenate([batch.offset for batch in found]))
+        sizes = {int(at): batch.size for batch in found for at in batch.offset}
+        follows = [at for at, following in itertools.pairwise(starts) if at + sizes[int(at)] == following]
+        assert len(follows) > 0.9 * len(starts)
+        assert all(at + sizes[int(at)] <= following for at, following in itertools.pairwise(starts))
