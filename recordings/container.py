@@ -11,7 +11,7 @@ are made of them again when the file is opened, so a better decoder improves old
     snapshot/<device>     json                        configuration: {"values", "missing", "reason", …}
 
     metadata              name                        holds (strings)
-    of the recording      recording                   title, created (ISO 8601), host, version
+    of the recording      recording                   format, title, created (ISO 8601), host, version
     of a device           device/<device>             source, link, protocol, product, serial_number, firmware, baud, …;
                                                       written again whenever more of it is known: the last one holds
     of what came later    edit                        title, tags, notes, pinned: what a person changed
@@ -20,6 +20,9 @@ While it is recorded the file is written record by record, unbuffered and unchun
 most what had not been handed over is lost, and `sync` bounds what a power cut can take. A closed recording is rewritten
 with chunks, compression and indexes (recordings/packing.py). Both forms, and a torn one, are valid to every reader of
 MCAP that tolerates a missing end; reading is in recordings/blocks.py.
+
+`format` is 1, and so is a recording that names none. It is raised when a reader of before would misread what is
+written; a reader meets a number that it does not know with one sentence, and opens nothing (`newer`).
 
 A key never gets into a recording.
 
@@ -45,6 +48,7 @@ from recordings.records import MAGIC, bytes_of, ending, message
 Direction = Literal["rx", "tx"]
 
 PROFILE = "imuscope"
+FORMAT = 1
 RAW_ENCODING = "application/octet-stream"
 SUFFIX = ".mcap"
 RECORDING, DEVICE, EDIT = "recording", "device/", "edit"
@@ -118,7 +122,7 @@ class Writer:
         self._closed = False
         library = f"imuscope {about.get('version', '')}".strip()
         self._write([MAGIC + bytes_of(Header(PROFILE, library))])
-        self._tell(RECORDING, about)
+        self._tell(RECORDING, {**about, "format": FORMAT})
 
     def device(self, device: str, about: Mapping[str, Any]) -> None:
         """What is known about a device; the last call holds."""
@@ -307,6 +311,19 @@ class _Whole:
 
 def _strings(about: Mapping[str, Any]) -> dict[str, str]:
     return {name: "" if value is None else str(value) for name, value in about.items()}
+
+
+def newer(name: str, told: object, known: int = FORMAT) -> RecordingError | None:
+    """What to say of a file that tells a later format than is known here; None where it can be read.
+
+    Args:
+        told: what it says of its format, whatever that is; nothing counts as the first.
+    """
+    text = str(told)
+    if isinstance(told, bool) or not (text.isascii() and text.isdigit()) or int(text[:9]) <= known:
+        return None
+    words = f"{name} was written by a newer imuscope (format {text[:9]}; this one reads {known})."
+    return RecordingError(words, "Update imuscope; the file is left as it is.")
 
 
 def problem(error: OSError, path: Path) -> RecordingError:

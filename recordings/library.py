@@ -44,6 +44,7 @@ INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
 STALE_S = 3600.0  # an upload that nobody goes on with
 LONGEST_NAME = 120
+DEVICES = re.compile(r"(CON|PRN|AUX|NUL|COM\d|LPT\d)(\.|\Z)", re.I)  # what no file may be called on Windows
 _SWEEP_S = 600.0
 _COMPANIONS = (".idx",)
 
@@ -214,6 +215,8 @@ class Library:
         entry = Entry(name, list(files), size, modified, known[1], Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.peek.edits)
+        if why := sidecar.refused(path):
+            entry.peek = replace(entry.peek, damaged=why.message)
         return entry
 
     def _apply_index(self, entry: Entry, stamp: tuple[int, int]) -> None:
@@ -383,17 +386,20 @@ class Library:
 
 
 def clean_name(name: str) -> str:
-    """A file's name out of whatever somebody calls it: no folder, nothing hidden, nothing that cannot be printed.
+    """A file's name out of whatever somebody calls it: no folder, nothing hidden, nothing that cannot be printed,
+    nothing that a command takes for an option or Windows for a device.
 
     >>> clean_name("../../etc/passwd\\x00")
     'passwd.bin'
     """
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
-    text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').strip(" .")
+    text = "".join(c for c in last if c.isprintable() and c not in '<>:"|?*').rstrip(" .").lstrip(" .-")
     stem, suffix = os.path.splitext(text)
     if suffix.lower() not in SUFFIXES:
         stem, suffix = text, ".bin"
-    stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").strip(" .")
+    stem = stem.encode()[: LONGEST_NAME - len(suffix)].decode(errors="ignore").rstrip(" .").lstrip(" .-")
+    if DEVICES.match(stem):
+        stem = f"_{stem}"
     return f"{stem or 'upload'}{suffix}"
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from protocols.framing import Ints
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, TIME, Block, Damage, Recording
-from recordings.container import DEVICE, RECORDING
+from recordings.container import DEVICE, RECORDING, newer
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +91,8 @@ class McapSource:
         if not self._recording.chunks:  # its metadata are spread over the file; the first records have the names
             next(iter(self._recording.blocks()), None)
         self.about: Mapping[str, str] = self._recording.meta(RECORDING)
+        if why := newer(path.name, self.about.get("format")):
+            raise why
         self.devices: dict[str, SourceDevice] = {}
         self._learn()
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from protocols.registry import guess
 from recordings import inertial_logs, sidecar
 from recordings.blocks import MAGIC, TIME, Recording
-from recordings.container import DEVICE, EDIT, RECORDING, RecordingError
+from recordings.container import DEVICE, EDIT, RECORDING, RecordingError, newer
 from recordings.importers import GUESS_BYTES, GUESS_SCORE
 
 ASK_ANYWAY = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".csv")  # shown, even where nothing known is found in them
@@ -96,6 +96,8 @@ def _recording(recording: Recording) -> Peek:
     if not recording.chunks:
         first = next(iter(recording.blocks()), None)
     about = recording.meta(RECORDING)
+    if why := newer("It", about.get("format")):
+        return Peek("mcap", about.get("title", ""), damaged=why.message)
     found = Peek("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
     part = about.get("part", "1")
     if part not in ("", "0", "1"):

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from recordings import durable
+from recordings.container import RecordingError, newer
 
 SUFFIX = ".json"
 VERSION = 1
@@ -102,8 +103,11 @@ def write(path: Path, edits: Edits) -> None:
 
     Raises:
         OSError: it cannot be written; what was there stays.
+        RecordingError: what is there was written by a newer imuscope, and stays.
     """
     target = beside(path)
+    if why := refused(path):
+        raise why
     body: dict[str, Any] = {"imuscope": VERSION}
     for name in ("title", "tags", "notes", "pinned"):
         value = getattr(edits, name)
@@ -114,6 +118,16 @@ def write(path: Path, edits: Edits) -> None:
     if target.exists() and not _load(target):
         os.replace(target, target.with_name(f".{target.name}.unreadable"))
     durable.write(target, json.dumps(body, ensure_ascii=False, indent=1))
+
+
+def refused(path: Path) -> RecordingError | None:
+    """Why what was changed about the recording at `path` is not read; None where it is, and where there is nothing."""
+    target = beside(path)
+    try:
+        body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MOST_BYTES else {}
+    except (OSError, ValueError, RecursionError):
+        return None
+    return newer(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
 
 
 def from_plain(body: Mapping[str, Any]) -> Edits:

@@ -47,6 +47,7 @@ import yaml
 
 from protocols.schema import Field, Setting
 from recordings import durable
+from recordings.container import newer
 from server.control.forms import SnapshotBody, SnapshotInfo
 from server.control.values import comment, entry_comment
 
@@ -126,7 +127,8 @@ def to_text(snapshot: Snapshot, rows: Mapping[str, Setting]) -> str:
     taken = datetime.fromtimestamp(snapshot.taken, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     device = snapshot.product or "device"
     number = f", serial number {snapshot.serial_number}" if snapshot.serial_number else ""
-    head = [f"# Settings of {device}{number}".replace("\n", " "), f"imuscope: {FORMAT}"]
+    about = "".join(c if c.isprintable() else " " for c in f"# Settings of {device}{number}")
+    head = [about, f"imuscope: {FORMAT}"]
     head += [f"title: {_quoted(snapshot.title)}", f'taken: "{taken}"', f"reason: {_quoted(snapshot.reason)}"]
     head += [f"{name}: {_quoted(getattr(snapshot, name))}" for name in ("protocol", "product", "serial_number")]
     head += [f"firmware: {_quoted(snapshot.firmware)}", f"pinned: {'true' if snapshot.pinned else 'false'}"]
@@ -200,6 +202,8 @@ def from_text(text: str) -> Snapshot:
         SnapshotError: it is none, in words.
     """
     head = _mapping(_loaded(text), "A snapshot")
+    if why := newer("This snapshot", head.get("imuscope"), FORMAT):
+        raise SnapshotError(why.message, why.hint)
     if head.get("imuscope") != FORMAT:
         raise SnapshotError("This is no snapshot of imuscope.", f"Its first lines have `imuscope: {FORMAT}`.")
     values = {}

@@ -31,6 +31,7 @@ from typing import Any, Literal
 
 from protocols.dialogues import Driver, Known, RefusedError, SilentError, Values, Written
 from recordings import durable
+from recordings.container import newer
 from server.control import errands
 from server.control.desk import Desk, JobError, Task
 from server.control.runner import group
@@ -39,6 +40,7 @@ from server.wire import Trial
 
 log = logging.getLogger("imuscope.trials")
 
+FORMAT = 1  # of the file
 ROUNDS = 4  # new and old rate, in turn
 RESTART_S = 3.0  # a device that restarts answers after 2 s
 PORT_BACK_S = 60.0  # a port that vanished (USB restarts with the device) may take so long
@@ -93,7 +95,7 @@ class Trials:
             JobError: the disk does not take it, so the change must not begin.
         """
         try:
-            durable.write(self._path(record), json.dumps(asdict(record), indent=1) + "\n")
+            durable.write(self._path(record), json.dumps({"imuscope": FORMAT, **asdict(record)}, indent=1) + "\n")
         except OSError as error:
             hint = f"Nothing was sent. Is there space, and may this server write to {self._folder}?"
             raise JobError(f"The way back could not be kept on disk: {error.strerror}.", hint) from None
@@ -111,8 +113,12 @@ class Trials:
         paths = sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []
         for path in paths:
             try:
-                found.append(Record(**json.loads(path.read_text(encoding="utf-8"))))
-            except (OSError, ValueError, TypeError) as error:
+                body = json.loads(path.read_text(encoding="utf-8"))
+                if why := newer(path.name, body.pop("imuscope", FORMAT), FORMAT):
+                    log.error("%s %s", why.message, why.hint)
+                    continue
+                found.append(Record(**body))
+            except (OSError, ValueError, TypeError, AttributeError) as error:
                 log.error("%s cannot be read: %s", path, error)
         return found
 

@@ -89,7 +89,7 @@ def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> Non
     with Recording(path) as recording:
         assert len(recording.chunks) >= 3
         assert not recording.damage
-        assert recording.meta("recording") == ABOUT
+        assert recording.meta("recording") == {**ABOUT, "format": "1"}
         assert recording.meta("device/1")["product"] == "MTi-630"  # the last that was told
         assert recording.meta("edit") == {"title": "Another drive"}
     assert path.stat().st_mtime_ns == before.st_mtime_ns

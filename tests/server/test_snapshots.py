@@ -66,7 +66,8 @@ def test_a_person_can_read_it() -> None:
     [
         ("", "A snapshot must be names with values"),
         ("- 1", "A snapshot must be names with values"),
-        ("imuscope: 2", "no snapshot of imuscope"),
+        ("imuscope: 0", "no snapshot of imuscope"),
+        ("imuscope: 2", "newer imuscope"),
         ("imuscope: 1\nsettings: 5", "settings must be names with values"),
         ("imuscope: 1\nsettings: {A: 3}", "settings.A must be names with values"),
         ("imuscope: 1\nsettings: {A: {b: 2026-01-01}}", "settings.A.b is a date"),
