@@ -163,7 +163,7 @@ def open_file(path: Path, protocol: str = "") -> Source:
         return maker(path, protocol)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol:
-        hint = "Name its protocol with --protocol if you know it."
+        hint = "Known are .mcap, .mtb, .raw, .dat, .csv and captures; of these the protocol can be named (--protocol)."
         raise RecordingError(f"Nothing known was found in {path.name}.", hint)
     return source
 

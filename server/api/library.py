@@ -87,7 +87,8 @@ async def upload(
         await _receive(request.stream(), path, length)
         entry = await asyncio.to_thread(library.library.take, path)
     except RecordingError as error:
-        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+        words = error.message.replace(path.name, name[:120])  # as its owner calls it
+        raise ApiError(422, "cannot-open", words, error.hint) from None
     except ClientDisconnect:
         raise ApiError(400, "cut", "The upload ended before it was whole.", "Send it again.") from None
     except OSError as error:

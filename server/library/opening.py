@@ -44,6 +44,7 @@ from server.live.recognition import GUESS_SCORE, Speech
 from server.live.senders import Reader, Senders
 
 DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
+DRAIN_NS = 5_000_000_000  # and no more than this of a recording: what is known of its clock is told so often
 FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
@@ -153,6 +154,7 @@ class _Device:
         self._reader: Reader | None = None
         self._waiting: list[Part] = []
         self._fed = 0
+        self._drained = 0  # when the last chunk arrived that is decoded, ns
         self._next_tick = 0.0
         if self.protocol:
             self._begin()
@@ -187,12 +189,16 @@ class _Device:
         first = 0
         while first < len(part.ends):
             start = int(part.ends[first - 1]) if first else 0
-            past = max(int(np.searchsorted(part.ends, start + DRAIN_BYTES - self._fed, "right")), first + 1)
+            self._drained = self._drained or int(part.times[first])
+            past = int(np.searchsorted(part.ends, start + DRAIN_BYTES - self._fed, "right"))
+            past = max(min(past, int(np.searchsorted(part.times, self._drained + DRAIN_NS, "right"))), first + 1)
             end = int(part.ends[past - 1])
             reader.feed_many(part.data[start:end], part.ends[first:past] - start, part.times[first:past])
             self._fed += end - start
             self._hub.time = float(part.times[past - 1]) / 1e9
-            if self._fed >= DRAIN_BYTES:
+            last = int(part.times[past - 1])
+            if self._fed >= DRAIN_BYTES or last - self._drained >= DRAIN_NS or past < len(part.ends):
+                self._drained = last
                 self._drain(reader)
             first = past
         self.senders.own.figures.heard(len(part.data), self._hub.time)

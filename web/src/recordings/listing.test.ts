@@ -27,7 +27,8 @@ it("says the worst first", () => {
   const lossy = one({ devices: one().devices.map((device) => ({ ...device, lost: 72, rejects: 3 })) });
   expect(flaw(lossy)).toEqual({ tone: "warn", words: "72 lost" });
   expect(flaw({ ...lossy, damaged: "The file ends at 08:51." }).tone).toBe("bad");
-  expect(flaw(one())).toEqual({ tone: "", words: "none" });
+  expect(flaw(one({ opened: true })).words).toBe("none");
+  expect(flaw(one({ opened: false, thumbnail: [] })).words).toBe("—"); // nobody has looked
 });
 
 it("writes lengths and sizes", () => {

@@ -80,7 +80,8 @@ export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad";
   const [lost, rejects] = [lostOf(info), rejectsOf(info)];
   if (lost > 0) return { tone: "warn", words: `${number(lost, 0)} lost` };
   if (rejects > 0) return { tone: "warn", words: `${number(rejects, 0)} ${rejects === 1 ? "reject" : "rejects"}` };
-  return { tone: "", words: "none" };
+  // What nobody has opened may have lost anything.
+  return { tone: "", words: info.opened || info.thumbnail.length > 0 ? "none" : "—" };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");
