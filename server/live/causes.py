@@ -22,7 +22,7 @@ LATELY_S = 60.0
 NETWORKS = ("tcp", "tcp-listen", "udp")
 UNEVEN_NS = 2e6  # delays of a network that are worth a word
 FEWEST = 100  # samples before anything is called a habit of the link
-RULE = 'ACTION=="add", SUBSYSTEM=="usb-serial", DRIVER=="ftdi_sio", ATTR{latency_timer}="1"'
+RULE = "imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/70-imuscope.rules"
 PORT = "ttyUSB0"
 
 
@@ -41,7 +41,7 @@ def cause_of(clock: HostClock, resets: Sequence[float], *, kind: str, port: str,
         often = "once" if again == 1 else f"{again} times"
         return TimeCause(
             "resets",
-            f"The device started again {often} in the last minute; its times are mapped anew from there.",
+            f"The device's clock started again {often} in the last minute; its times are mapped anew from there.",
             "Check its supply and its cable: a device whose supply dips starts again.",
         )
     stalls = [late for arrival, late in clock.stalls if arrival / 1e9 > now - LATELY_S]
@@ -80,5 +80,5 @@ def _bursts(top_ns: float, holds_ns: float, port: str) -> TimeCause:
     return TimeCause(
         "bursts",
         f"{late}: the USB adapter gathers bytes until its latency timer runs out.",
-        f"Set the timer to 1 ms: `echo 1 | sudo tee {timer}`; for good, a udev rule: `{RULE}`.",
+        f"Set the timer to 1 ms: `echo 1 | sudo tee {timer}`; for good: `{RULE}`.",
     )

@@ -35,6 +35,7 @@ from server.wire import TimeCause
 
 NETWORK_NS = 1e6  # of a local network, one way: how long the quickest packet takes is not to be seen from one end
 RESETS = 100  # remembered
+BACK_NS = 1e9  # a clock that jumps back by more began anew: the first frames after a reset may be lost, or refused
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
@@ -273,7 +274,7 @@ class Intake:
             elif isinstance(event, Gap):
                 self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
             elif isinstance(event, Step):
-                if event.kind == "reset":
+                if event.kind == "reset" or (event.kind == "jump" and event.by_ns < -BACK_NS):
                     self._resets.append(event.arrival_ns / 1e9)
                 after = _time_after(event, batches, times)
                 before = [time for time in self._breaks if after - SETTLED_S < time <= after]
