@@ -1,7 +1,7 @@
 /**
  * Where must a line through the samples of a ring not be joined? Before a row of `breaks`: samples were dropped on the way, the
- * spacing is more than 2.5 × the usual, or the device's clock was reset or jumped in between (`cuts`: what is drawn side by side
- * then need not have happened side by side). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
+ * spacing is more than 2.5 × the usual, or more than 1.5 × where the device's counter says that one is missing (`losses`), or the
+ * device's clock was reset or jumped in between (`cuts`: what is drawn side by side then need not have happened side by side). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
  *
  * The usual spacing is the median of the last rows, so it follows a device whose rate was changed. Without a device clock only
  * arrival times are known; they come in bursts, whose median spacing is zero, so there the mean is taken, and some more allowed.
@@ -17,6 +17,10 @@ const STEPS_SEEN = 63;
 /** Rows judged by one usual spacing: the rate may change within a long block of history. */
 const STRETCH = 256;
 
+/** One lost sample leaves twice the usual spacing, which could be jitter: only where one is known to be missing this is a gap. */
+const MISSING_FACTOR = 1.5;
+/** Losses remembered; the oldest go first. */
+const LOSSES_KEPT = 1000;
 /** Steps of a clock remembered; the oldest go first. */
 const CUTS_KEPT = 1000;
 
@@ -51,6 +55,8 @@ export class Gaps {
   longest = NaN;
   readonly #periods: readonly number[];
   readonly #cuts: number[] = [];
+  /** Spans in which samples are missing, by when they were told. Facts of time: they stay when rows go. */
+  readonly #losses: (readonly [number, number])[] = [];
   #stepAt = 0;
 
   /** @param periods where each column wraps; 0: never */
@@ -80,6 +86,17 @@ export class Gaps {
     if (row > first && row < end) this.insert(row);
   }
 
+  /** Samples are missing between t0 and t1. Rows from ≤ row < to may lie around the hole; whether some do. */
+  lose(t0: number, t1: number, from: number, to: number, rows: Rows): boolean {
+    const before = this.breaks.length;
+    this.#losses.push([t0, t1]);
+    if (this.#losses.length > LOSSES_KEPT) this.#losses.shift();
+    for (let row = Math.max(from, rows.first + 1); row < Math.min(to, rows.end); row++) {
+      if (this.#isLost(rows.times[(row - 1) & rows.mask]!, rows.times[row & rows.mask]!, this.step, rows)) this.insert(row);
+    }
+    return this.breaks.length > before;
+  }
+
   /** Rows are counted `by` lower from now on. */
   shift(by: number): void {
     this.#stepAt -= by;
@@ -95,11 +112,12 @@ export class Gaps {
 
   #stretch(rows: Rows, from: number, to: number): void {
     const { times, mask } = rows;
-    const usual = BREAK_FACTOR * this.#usual(rows, to) + (rows.clocked ? 0 : BURST_S);
+    const step = this.#usual(rows, to);
+    const usual = BREAK_FACTOR * step + (rows.clocked ? 0 : BURST_S);
     const longest = this.longest === this.longest ? this.longest : usual;
     mark(this.breaks, rows, from, to, (row) => {
       const [before, time] = [times[(row - 1) & mask]!, times[row & mask]!];
-      return time - before > longest || this.#isCut(before, time);
+      return time - before > longest || this.#isCut(before, time) || this.#isLost(before, time, step, rows);
     });
     this.wraps.forEach((wraps, c) => {
       if (wraps === undefined) return;
@@ -114,6 +132,12 @@ export class Gaps {
     const { length } = this.#cuts;
     if (length === 0 || this.#cuts[length - 1]! <= before) return false; // nearly always
     return this.#cuts.some((cut) => cut > before && cut <= time);
+  }
+
+  /** Is the spacing between these that of a sample that is known to be missing? Of rows that bound stretches nobody can tell. */
+  #isLost(before: number, time: number, step: number, { clocked }: Rows): boolean {
+    if (!clocked || this.longest === this.longest || !(time - before > MISSING_FACTOR * step)) return false;
+    return this.#losses.some(([t0, t1]) => t0 < time && t1 > before);
   }
 
   /** Usual spacing of the rows before `to`. */

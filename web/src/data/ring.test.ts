@@ -169,6 +169,22 @@ describe("gaps", () => {
     expect(ring.dropped).toBe(1);
   });
 
+  it("are made by one missing sample where the device's counter tells of it, before or after the samples, and nowhere else", () => {
+    for (const early of [true, false]) {
+      const ring = new Ring([FLOAT]);
+      const samples = [...steady(0, 100, () => 0), ...steady(101, 60, () => 0), ...steady(162, 60, () => 0)];
+      const [t0, t1] = [samples[99]!.time, samples[100]!.time];
+      const lose = (): void => {
+        ring.lose(t0, t1);
+        ring.lose(samples[40]!.time, samples[41]!.time); // of another message of the device: nothing is missing here
+      };
+      if (early) lose();
+      ring.take(frame(samples, 0));
+      if (!early) lose();
+      expect(breaksAt(ring)).toEqual([100]); // the second hole could be jitter: nobody said that it is one
+    }
+  });
+
   it("are none where the device changed its rate", () => {
     const ring = new Ring([FLOAT]);
     const slow = Array.from({ length: 600 }, (_, k) => ({ time: 2000 + k, arrival: 2000 + k, values: [0] }));

@@ -225,6 +225,13 @@ export class Ring {
     this.generation += 1;
   }
 
+  /** The device's counter says that samples between t0 and t1 are missing: no line is drawn over the hole that they left. */
+  lose(t0: number, t1: number): void {
+    if (!this.#gaps.lose(t0, t1, this.row(t0, "device"), this.row(t1, "device", true) + 1, this)) return;
+    this.revision += 1;
+    this.generation += 1;
+  }
+
   /**
    * Forget all samples. `longest`: from here on rows that lie further apart than this, s, are not joined; NaN: as the usual
    * spacing tells.

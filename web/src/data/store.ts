@@ -49,6 +49,11 @@ function isStep({ kind, device }: EventInfo): boolean {
   return kind === "clock" && device !== "";
 }
 
+/** Were samples lost in a span that is known? */
+function isLoss({ kind, t0, t1 }: EventInfo): boolean {
+  return kind === "gap" && t0 !== null && t1 !== null;
+}
+
 /**
  * Of a quantity that came both ways, the verified channel stands before the unverified one (its name with a "?"): a key that is
  * given later changes what is shown, and what came before stays to be looked at.
@@ -249,6 +254,9 @@ export class Store {
         if (info.device === step.device) ring.cut(step.time);
       }
     }
+    for (const { device, t0, t1 } of fresh.filter(isLoss)) {
+      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) if (info.device === device) ring.lose(t0!, t1!);
+    }
     this.events.value = [...this.events.peek(), ...fresh].slice(-EVENTS_KEPT);
   }
 
@@ -265,6 +273,7 @@ export class Store {
     const status = info.kind === "status";
     const ring = new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
     for (const { device, time } of this.events.peek().filter(isStep)) if (device === info.device) ring.cut(time);
+    for (const { device, t0, t1 } of this.events.peek().filter(isLoss)) if (device === info.device) ring.lose(t0!, t1!);
     return ring;
   }
 
