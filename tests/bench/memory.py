@@ -22,20 +22,21 @@ def resident_mb(pid: int) -> float:
     return float("nan")
 
 
-def curve(points: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Of (minutes, MB) points: the curve, thinned; its slope over the second half, MB a minute; beginning and end."""
+def curve(points: Sequence[tuple[float, float]], unit: str = "min") -> dict[str, Any]:
+    """Of (time, MB) points: the curve, thinned; its slope over the second half, MB for each `unit` of time; beginning
+    and end."""
     late = [point for point in points if point[0] >= points[-1][0] / 2] if points else []
     slope = 0.0
     if len(late) >= 3:
-        minutes, megabytes = np.array(late).T
-        slope = float(np.polyfit(minutes, megabytes, 1)[0])
+        times, megabytes = np.array(late).T
+        slope = float(np.polyfit(times, megabytes, 1)[0])
     thin = points[:: max(1, -(-len(points) // MOST_KEPT))]
     return {
-        "mb_per_min": slope,
+        f"mb_per_{unit}": slope,
         "first_mb": points[0][1] if points else None,
         "last_mb": points[-1][1] if points else None,
         "max_mb": max((mb for _, mb in points), default=None),
-        "minutes": [round(minutes, 2) for minutes, _ in thin],
+        unit: [round(time, 2) for time, _ in thin],
         "mb": [round(mb, 1) for _, mb in thin],
     }
 

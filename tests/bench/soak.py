@@ -1,0 +1,309 @@
+"""A day of 2 kHz, in minutes: does the memory of the server, or of a page, grow?
+
+    python tests/bench/soak.py server               24 h as fast as the server takes them, at most --minutes 10
+    python tests/bench/soak.py page --speed 144     24 h in 10 minutes, into one page in Chromium
+    … --hours 1 to try it · --save to keep the curves (soak-server.json, soak-page.json)
+
+The server is the real one, in a process of its own, with one thing exchanged: its link makes the frames itself, and the
+server's clock is theirs. So an hour has passed for every part of it (history, recordings that are split every hour and
+culled by a quota, the clock's mapping, the event log) when an hour of frames has, however soon that is. `--speed`
+bounds how soon. A client reads along; for it, as for the page, samples may be dropped, which is told.
+
+    frames of a second ──> Link.read ──> session ─> hub ─> browser
+         └─> clock of the server  └─> tape ─> files, an hour each ─> packer ─> quota
+
+Kept: memory (RSS of the server; of the page that of its renderers, its JavaScript heap after a collection and its DOM
+nodes) over hours of the devices' time, with the slope over the second half. Flat is at most `FLAT_MB_PER_H`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from server.config import Config  # noqa: E402
+from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
+from tests import crowd  # noqa: E402
+from tests.bench.cpu import seconds_of  # noqa: E402
+from tests.bench.memory import curve, resident_mb  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+from tests.bench.speakers import frames, numbered  # noqa: E402
+from tests.process import tied  # noqa: E402
+
+RATE = 2000
+CHUNKS_PER_S = 50  # 20 ms each: what a USB adapter with its timer as delivered makes of a stream
+BEGAN_NS = 1_767_225_600 * 10**9
+LOOKS = 120  # points of a curve, at most
+# 12 MB a day: the allocator of a healthy process wanders by that. A renderer's memory moves by tens of MB whenever its
+# collector feels like it; what the page itself holds on to is its heap after a collection, and that must be as flat.
+FLAT_MB_PER_H = {"server": 0.5, "page": 2.0, "heap": 0.1}
+QUOTA_GB = 1.0
+
+
+class Time:
+    """The server's clock: as far as the frames have come."""
+
+    def __init__(self) -> None:
+        self.ns = BEGAN_NS
+
+    def __call__(self) -> int:
+        return self.ns
+
+
+class Quick(Link):
+    """A device that sends a second of frames whenever it is asked for more, not faster than `speed` times our time."""
+
+    kind = "tcp"
+
+    def __init__(self, source: str, settings: LinkSettings, clock: Time, speed: float, hours: float) -> None:
+        super().__init__(source, settings)
+        self._clock, self._speed, self._seconds = clock, speed, hours * 3600
+        self._template = frames(0, RATE, RATE)
+        self._done = 0  # seconds
+        self._began = 0.0
+
+    async def open(self, progress: Progress | None = None) -> None:
+        self._began = time.monotonic()
+
+    async def read(self) -> list[Chunk]:
+        if self._done >= self._seconds:
+            raise LinkError("ended", "The day is over.", "")
+        early = self._began + self._done / self._speed - time.monotonic() if self._speed else 0.0
+        await asyncio.sleep(max(0.0, early))
+        data = numbered(self._template, self._done * RATE, RATE).tobytes()
+        size = len(data) // CHUNKS_PER_S
+        base = BEGAN_NS + self._done * 10**9
+        step = 10**9 // CHUNKS_PER_S
+        self._done += 1
+        self._clock.ns = base + 10**9
+        return [Chunk(data[n * size : (n + 1) * size], base + (n + 1) * step) for n in range(CHUNKS_PER_S)]
+
+    async def write(self, data: bytes) -> None:
+        return
+
+    async def close(self) -> None:
+        return
+
+
+def serve(options: argparse.Namespace) -> None:
+    """The server, in this process, until it is ended."""
+    from server import logs, serving
+    from server.app import create_app
+    from server.auth import Access
+    from server.compiled import prepare_cache
+    from server.live import sessions
+
+    prepare_cache(options.data)
+    logs.install("text", "error")  # that a client does not keep up with a day in minutes is no news
+    sessions.WALL_STEP_S = float("inf")  # its wall clock goes at another pace, all the time
+    clock = Time()
+    config = Config(
+        data=options.data,
+        sources=("quick:",),
+        protocol="xbus",
+        record=options.what == "server",
+        record_head=False,
+        split_min=60.0,
+        recordings_quota_gb=QUOTA_GB,
+        memory_mb=options.memory_mb,
+    )
+
+    def open_link(source: str, settings: LinkSettings) -> Link:
+        return Quick(source, settings, clock, options.speed, options.hours)
+
+    listener = serving.listen("127.0.0.1", 0)
+    app = create_app(config, Access(config), open_link=open_link, now_ns=clock)
+    url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+    serving.run(app, listener, lambda: print(url, flush=True))
+
+
+class Soaked:
+    """The server as a process, and how far it has come."""
+
+    def __init__(self, options: argparse.Namespace, data: Path) -> None:
+        told = ["--hours", str(options.hours), "--speed", str(options.speed), "--memory-mb", str(options.memory_mb)]
+        command = [sys.executable, str(Path(__file__).resolve()), options.what, "--serve", str(data), *told]
+        self.process = subprocess.Popen(tied(command), stdout=subprocess.PIPE, text=True, cwd=ROOT)
+        assert self.process.stdout
+        self.url = self.process.stdout.readline().strip()
+        if not self.url:
+            raise RuntimeError("the server did not come up; see above")
+        self._size = frames(0, 1, RATE).shape[1]
+
+    def metrics(self) -> dict[str, float]:
+        """Families that have one sample, by name."""
+        import httpx
+
+        text = httpx.get(f"{self.url}/metrics", timeout=60).raise_for_status().text
+        return {found[1]: float(found[2]) for found in re.finditer(r"^(\w+)(?:\{[^}]*\})? (\S+)$", text, re.MULTILINE)}
+
+    def hours(self, told: dict[str, float]) -> float:
+        return told.get("imuscope_link_received_bytes_total", 0.0) / self._size / RATE / 3600
+
+    def stop(self) -> None:
+        self.process.terminate()
+        try:
+            self.process.wait(30)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        assert self.process.stdout
+        self.process.stdout.close()
+
+
+async def watched(soaked: Soaked, options: argparse.Namespace, look: Any) -> dict[str, Any]:
+    """Look every few seconds until the day or the time is over; what the server says at the end."""
+    began, told = time.monotonic(), {}
+    every = max(0.5, options.minutes * 60 / LOOKS)
+    while time.monotonic() - began < options.minutes * 60:
+        told = await asyncio.to_thread(soaked.metrics)
+        hours = soaked.hours(told)
+        look(hours)
+        if sys.stderr.isatty():
+            print(f"\r{hours:6.2f} h", end="", file=sys.stderr, flush=True)
+        if hours >= options.hours - 0.01:
+            break
+        await asyncio.sleep(every)
+    minutes = (time.monotonic() - began) / 60
+    return {
+        "hours": soaked.hours(told),
+        "minutes": minutes,
+        "speed": soaked.hours(told) * 60 / minutes,
+        "lost_samples": told.get("imuscope_link_lost_samples_total"),
+        "server_core_share": seconds_of(soaked.process.pid) / minutes / 60,
+        "open_files": told.get("process_open_fds"),
+        "dropped": told.get("imuscope_dropped_samples_total"),
+    }
+
+
+async def server_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> dict[str, Any]:
+    points: list[tuple[float, float]] = []
+    good = crowd.Good()
+    reading = asyncio.create_task(good.run(soaked.url))
+    try:
+        out = await watched(soaked, options, lambda hours: points.append((hours, resident_mb(soaked.process.pid))))
+    finally:
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+    kept = list((data / "recordings").glob("*.mcap"))
+    recordings = {"files": len(kept), "gb": sum(path.stat().st_size for path in kept) / 1e9, "quota_gb": QUOTA_GB}
+    return {**out, "recordings": recordings, "client_messages": good.messages, "memory": curve(points, "h")}
+
+
+async def page_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> dict[str, Any]:
+    from playwright.async_api import async_playwright
+
+    from tests import chromium
+
+    path = chromium.find()
+    if path is None:
+        sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
+    rss: list[tuple[float, float]] = []
+    heap: list[tuple[float, float]] = []
+    nodes: list[int] = []
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
+        page = await (await browser.new_context(viewport={"width": 1440, "height": 900})).new_page()
+        faults: list[str] = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        await page.goto(soaked.url)
+        devtools = await page.context.new_cdp_session(page)
+        await devtools.send("Performance.enable")
+
+        async def look_on() -> None:
+            while True:
+                await devtools.send("HeapProfiler.collectGarbage")
+                told = await devtools.send("Performance.getMetrics")
+                figures = {one["name"]: one["value"] for one in told["metrics"]}
+                heap.append((places[-1] if places else 0.0, figures["JSHeapUsedSize"] / 1e6))
+                nodes.append(int(figures["Nodes"]))
+                rss.append((places[-1] if places else 0.0, sum(map(resident_mb, renderers()))))
+                await asyncio.sleep(max(1.0, options.minutes * 60 / LOOKS))
+
+        places: list[float] = []
+        looking = asyncio.create_task(look_on())
+        try:
+            out = await watched(soaked, options, places.append)
+            if looking.done():
+                looking.result()
+        finally:
+            looking.cancel()
+            await asyncio.gather(looking, return_exceptions=True)
+        seen = await page.evaluate(
+            "window.imuscope?.store.channels.value.reduce((sum, channel) => sum + channel.ring.length, 0) ?? -1"
+        )
+        await browser.close()
+    figures = {"memory": curve(rss, "h"), "heap": curve(heap, "h"), "nodes": [nodes[0], max(nodes), nodes[-1]]}
+    return {**out, **figures, "samples_in_page": seen, "page_errors": faults[:5]}
+
+
+def renderers() -> list[int]:
+    """Chromium's processes that show pages, of those that this process has begun."""
+    parents, shows = {}, []
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                stat = (folder / "stat").read_text().rsplit(")", 1)[1].split()
+                parents[int(folder.name)] = int(stat[1])
+                if b"--type=renderer" in (folder / "cmdline").read_bytes():
+                    shows.append(int(folder.name))
+            except OSError:
+                continue
+
+    def ours(pid: int) -> bool:
+        while pid > 1:
+            if pid == os.getpid():
+                return True
+            pid = parents.get(pid, 0)
+        return False
+
+    return [pid for pid in shows if ours(pid)]
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="A day of 2 kHz, in minutes.")
+    parser.add_argument("what", choices=("server", "page"))
+    parser.add_argument("--hours", type=float, default=24)
+    parser.add_argument("--minutes", type=float, default=10, help="at most, of our time")
+    parser.add_argument(
+        "--speed", type=float, default=0, help="at most so many times faster than our time; 0: no bound"
+    )
+    parser.add_argument("--memory-mb", type=int, default=64, help="of history")
+    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    parser.add_argument("--serve", dest="data", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.data is not None:
+        serve(options)
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder)
+        soaked = Soaked(options, data)
+        try:
+            soak = server_soak if options.what == "server" else page_soak
+            out = asyncio.run(soak(soaked, options, data))
+        finally:
+            soaked.stop()
+    flat = out["memory"]["mb_per_h"] <= FLAT_MB_PER_H[options.what]
+    flat = flat and out.get("heap", {}).get("mb_per_h", 0.0) <= FLAT_MB_PER_H["heap"]
+    kept = {"flat": flat, "nothing_lost": out["lost_samples"] == 0, "no_page_errors": not out.get("page_errors")}
+    report(f"soak-{options.what}", {"rate_hz": RATE, **out, "budget": {"mb_per_h": FLAT_MB_PER_H}, "verdict": kept})
+    if not all(kept.values()):
+        print(json.dumps([promise for promise, ok in kept.items() if not ok]), file=sys.stderr)
+    return int(not all(kept.values()))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
