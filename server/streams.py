@@ -9,7 +9,7 @@ import asyncio
 import io
 import queue
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from typing import BinaryIO, cast
 
 PIECE = 1 << 18
@@ -87,3 +87,23 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
             yield item
     finally:
         pipe.gone.set()
+
+
+async def begun(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+    """The same pieces, when the first is there: what cannot even begin can still be answered in words.
+
+    Raises:
+        whatever making the first piece raises.
+    """
+    first = await anext(pieces, b"")
+
+    async def all_of_them() -> AsyncIterator[bytes]:
+        try:
+            yield first
+            async for piece in pieces:
+                yield piece
+        finally:
+            if isinstance(pieces, AsyncGenerator):
+                await pieces.aclose()
+
+    return all_of_them()

@@ -20,7 +20,7 @@ from recordings.library import Entry, NamingError
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.catalogue import Catalogue
 from server.library.recorded import Edit, Mark, Marker, RecordingInfo
-from server.streams import streamed
+from server.streams import begun, streamed
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
@@ -189,7 +189,8 @@ async def download(recording: str, library: TheLibrary, entry: OneEntry) -> Stre
     if library.is_recording(entry):
         raise not_now(recording)
     name = file_name(entry)
-    return _file(name, "text/csv" if name.endswith("csv") else "application/x-mcap", lambda out: whole(entry, out))
+    kind = "text/csv" if name.endswith("csv") else "application/x-mcap"
+    return await _file(name, kind, lambda out: whole(entry, out))
 
 
 @router.get(
@@ -213,17 +214,25 @@ async def download_original(
         raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {', '.join(devices)}.")
     name = f"{entry.path.stem}-{device}" if device else entry.path.stem
     chosen = device or (devices[0] if devices else "")
-    return _file(f"{name}.bin", BYTES, lambda out: original(entry.path, chosen, out))
+    return await _file(f"{name}.bin", BYTES, lambda out: original(entry.path, chosen, out))
 
 
-def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:
+async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:
+    """What is written, as it comes; ApiError where it cannot even begin."""
     plain = "".join(c if c.isascii() and c.isprintable() and c not in '"\\' else "_" for c in name)
     headers = {
         "content-disposition": f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}",
         "cache-control": "no-store",
         "x-content-type-options": "nosniff",
     }
-    return StreamingResponse(streamed(write), media_type=kind, headers=headers)
+    try:
+        pieces = await begun(streamed(write))
+    except RecordingError as error:
+        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+    except OSError as error:
+        words = f"It cannot be read: {(error.strerror or 'the disk failed').lower()}."
+        raise ApiError(422, "cannot-open", words, "Is its file still there?") from None
+    return StreamingResponse(pieces, media_type=kind, headers=headers)
 
 
 def _bounded(text: str | None, most: int, what: str) -> None:
