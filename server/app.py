@@ -30,6 +30,7 @@ from server.api import (
     replay,
     rerun,
     snapshots,
+    texts,
     viser,
 )
 from server.auth import Access, Guard
@@ -143,6 +144,7 @@ def create_app(
     app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()
     errors.install(app)
+    app.add_middleware(texts.WholeTexts)
     for module in (
         devices,
         control,
