@@ -3,6 +3,7 @@
     page     built, when it is stale                       web/build.py
     style    ruff check, ruff format                       Python
     types    mypy --strict, tsc                            Python, TypeScript
+    audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
 The tests of one file run one after the other, the files beside each other: they mostly wait. What failed beside other
@@ -79,6 +80,7 @@ PARTS = (
     Part("ruff", _tool("ruff", "check"), "Found"),
     Part("format", _tool("ruff", "format", "--check")),
     Part("mypy", _tool("mypy")),
+    Part("audit", lambda _: [PYTHON, "-m", "tests.audit"]),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
     _tests("pytest", 4, "--ignore=tests/browser"),

@@ -11,14 +11,12 @@ import ast
 import json
 import re
 import subprocess
-import tomllib
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
-from packaging.requirements import Requirement
 
+from tests import audit
 from tests.process import ROOT
 
 HOUSES = ("protocols", "recordings", "server")
@@ -35,9 +33,6 @@ SERVING = {"asyncio", "fastapi", "starlette", "uvicorn", "websockets"}
 TABLES = {"protocols/xbus/items.py", "protocols/xbus/messages.py"}
 CODE = {".py", ".ts", ".tsx", ".js", ".css", ".html"}
 LONGEST = 500
-
-PERMISSIVE = re.compile(r"\b(MIT|BSD|0BSD|Apache|ISC|PSF|Python Software Foundation|Zlib|CC0|Unlicense)\b", re.I)
-COPYLEFT = re.compile(r"\b(A|L)?GPL|General Public License", re.I)
 
 
 def python_files(*folders: str) -> Iterator[Path]:
@@ -162,45 +157,13 @@ def test_lock_files_name_public_hosts_only() -> None:
     assert all("integrity" in row for name, row in packages.items() if name)
 
 
-DATA_ONLY = {"certifi": "root certificates as a file, MPL-2.0, asked for by viser's requests; no code of it is changed"}
-
-
-def licence(name: str) -> tuple[str, list[str]]:
-    """What an installed distribution says its licence is, and what it requires."""
-    found = distribution(name)
-    about = found.metadata
-    classifiers = [line for line in about.get_all("Classifier") or [] if line.startswith("License")]
-    words = [line[:80] for name in ("License-Expression", "License") for line in about.get_all(name) or []]
-    return " ".join([*words, *classifiers]), found.requires or []
-
-
 def test_what_we_link_is_permissive() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    todo, seen, wrong = [Requirement(line) for line in project["dependencies"]], set[str](), []
-    while todo:
-        wanted = todo.pop()
-        if wanted.name in seen or (wanted.marker and not wanted.marker.evaluate({"extra": ""})):
-            continue
-        seen.add(wanted.name)
-        try:
-            words, requires = licence(wanted.name)
-        except PackageNotFoundError:
-            continue  # for another platform
-        if wanted.name not in DATA_ONLY and (COPYLEFT.search(words) or not PERMISSIVE.search(words)):
-            wrong.append(f"{wanted.name}: {words}")
-        todo += [Requirement(line) for line in requires]
-    assert len(seen) >= len(project["dependencies"])
+    wrong = audit.unfree_linked()
     assert not wrong, "\n".join(wrong)
 
 
 def test_what_the_page_ships_is_permissive() -> None:
-    packages = json.loads((ROOT / "web" / "package-lock.json").read_text())["packages"]
-    wrong = [
-        f"{name}: {row.get('license')}"
-        for name, row in packages.items()
-        if COPYLEFT.search(words := str(row.get("license", "")))
-        or not (PERMISSIVE.search(words) or (row.get("dev") and "MPL" in words))
-    ]
+    wrong = audit.unfree_shipped()
     assert not wrong, "\n".join(wrong)
 
 
