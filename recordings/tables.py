@@ -25,18 +25,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.csv
 from numpy.typing import NDArray
 
 from recordings.blocks import DATA, LENGTH, TIME, Damage, Recording, Topic
 from recordings.container import RecordingError
 from recordings.foreign import Numbers, Reader, reader_of, unit_of
 from recordings.parts import Part, SourceDevice
+
+if TYPE_CHECKING:  # imported where a CSV file is read: a server starts sooner without
+    import pyarrow as pa
 
 Floats = NDArray[np.float64]
 
@@ -123,6 +123,9 @@ class CsvSource(TableSource):
             self.timed = False
 
     def rows(self) -> Iterator[Rows]:
+        import pyarrow as pa
+        import pyarrow.csv
+
         names = _unique([name or f"column {i + 1}" for i, (name, _) in enumerate(self._heads)])
         options = pa.csv.ReadOptions(
             block_size=BLOCK_BYTES, skip_rows=self._skip + 1, column_names=names, use_threads=False
@@ -256,6 +259,9 @@ def _seconds(text: str | None, factor: float) -> float | None:
 
 def _numbers(column: pa.Array) -> tuple[Floats, int]:
     """Cells as numbers, and how many hold something else."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
     trimmed = pc.utf8_trim_whitespace(column)
     filled = pc.if_else(pc.equal(trimmed, ""), None, trimmed)
     try:

@@ -20,10 +20,11 @@ import secrets
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 from recordings.container import RecordingError, problem
-from recordings.exporters import aligned, bytes_of, comma, parquet, plottable, rerun
+from recordings.exporters import bytes_of, rerun
 from recordings.exporters.wish import ExportError, Step, Wish
 
 __all__ = ["FORMATS", "ExportError", "Format", "Wish", "by_suffix", "export"]
@@ -48,11 +49,21 @@ class Format:
     needs_source: bool = False
 
 
+def _by(module: str) -> Write:
+    """The writer of a module that needs Arrow: imported when it is asked for, so that a server starts sooner."""
+
+    def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+        made: list[Path] = import_module(f"{__name__}.{module}").write(wish, out, step)
+        return made
+
+    return write
+
+
 FORMATS: Mapping[str, Format] = {
-    "csv": Format("CSV", ".csv", comma.write),
-    "csv-aligned": Format("CSV, aligned", ".csv", aligned.write),
-    "parquet": Format("Parquet", ".parquet", parquet.write),
-    "mcap": Format("MCAP, decoded", ".mcap", plottable.write),
+    "csv": Format("CSV", ".csv", _by("comma")),
+    "csv-aligned": Format("CSV, aligned", ".csv", _by("aligned")),
+    "parquet": Format("Parquet", ".parquet", _by("parquet")),
+    "mcap": Format("MCAP, decoded", ".mcap", _by("plottable")),
     "rrd": Format("Rerun", ".rrd", rerun.write),
     "mtb": Format("MT Manager", ".mtb", bytes_of.write_mtb, needs_source=True),
     "raw": Format("Inertial Sense log", ".raw", bytes_of.write_raw, needs_source=True),

@@ -278,15 +278,6 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     assert sent - rate / 10 <= rows <= sent  # what the last batch did not yet have comes with the next
 
 
-def test_a_server_starts_without_importing_rerun() -> None:
-    code = "import sys, server.app, server.cli, server.views.rerun; print([n for n in sys.modules if 'rerun_b' in n])"
-    said = subprocess.run(
-        [sys.executable, "-c", f"{code}; print('rerun' in sys.modules)"],
-        capture_output=True, text=True, check=True, timeout=120, cwd=ROOT,
-    )  # fmt: skip
-    assert said.stdout.split("\n")[:2] == ["[]", "False"]
-
-
 def test_an_address_that_is_none_of_a_viewer_is_refused_before_anything_starts() -> None:
     said = subprocess.run(
         [sys.executable, "-m", "server.cli", "serve", "--rerun-connect", "http://elsewhere"],
