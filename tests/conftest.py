@@ -151,8 +151,10 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
             complaints.append(f"asked another host: {request.url}")
 
     def complained(message: ConsoleMessage) -> None:
-        # A server that goes down on purpose is reported by the browser itself, which no page can prevent.
-        if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text:
+        # A server that goes down on purpose, and one that refuses a file, is reported by the browser itself, which no
+        # page can prevent.
+        refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
+        if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
             complaints.append(f"console: {message.text}")
 
     def connected(socket: WebSocket) -> None:

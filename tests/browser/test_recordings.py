@@ -392,3 +392,52 @@ def test_a_phone_has_it_all_within_reach(recorded: ServerProcess, open_page: Cal
     assert not small, "\n".join(small)
     page.set_viewport_size({"width": 360, "height": 740})
     assert page.evaluate("document.scrollingElement.scrollWidth") <= 360
+
+
+def test_the_health_of_a_recording_is_that_of_the_moment(
+    recorded: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    """Bytes, delays and the last minute's pictures were empty in a recording."""
+    page = opened(recorded, open_page)
+    page.evaluate("window.imuscopeReplay.seek(window.imuscopeReplay.bounds.first + 4)")
+    health = "window.imuscopeReplay.near.health.value.get(window.imuscope.view.value.device)"
+    until(page, f"{health}?.bytes_per_s > 0 && {health}.jitter_ms !== null && {health}.messages.length > 0")
+    told = page.evaluate(health)
+    assert told["rate"] == pytest.approx(400, rel=0.05)
+    assert 0 < told["bytes"] < 600_000
+    assert told["last_arrival"] == pytest.approx(told["time"], abs=1.1)
+    until(page, "window.imuscopeReplay.app.minute.of(window.imuscope.view.value.device).length > 4")
+    until(page, "/[1-9][0-9.]*\\s*kB/.test(document.querySelector('.side').innerText)")
+
+
+def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
+    recorded: ServerProcess, open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    page = open_page(f"{recorded.url}/#/recordings")
+    until(page, f"{FIRST} !== null")
+    [whole, *_] = [one for one in ask(recorded, "GET", "/api/recordings") if one["title"] == TITLE]
+    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{whole['id']}/download", timeout=30) as answer:
+        data = answer.read()
+    photo, void, torn = tmp_path / "photo.jpg", tmp_path / "void.mcap", tmp_path / "torn.mcap"
+    photo.write_bytes(b"\xff\xd8" + bytes(2000))
+    void.write_bytes(b"")
+    torn.write_bytes(data[: len(data) * 6 // 10])
+    page.locator("input[type=file]").set_input_files([photo, void, torn])
+    until(page, "document.querySelectorAll('.coming .why').length === 2")
+    refused = page.locator(".coming").inner_text()
+    assert "Nothing known was found in photo.jpg." in refused
+    assert "void.mcap is empty" in refused
+    until(page, "document.querySelector('.side .problem')?.innerText.includes('torn off')")  # it is chosen
+    for name in ("photo.jpg", "void.mcap"):
+        page.get_by_role("button", name=f"Forget {name}").click()
+    assert page.locator(".coming").count() == 0
+    field = page.locator(".side input[value='torn'], .side label:has-text('File') input").last
+    field.fill("battery pulled")
+    field.press("Enter")
+    until(page, "document.querySelector('.recs').innerText.includes('battery pulled')")
+    assert any(one["file"] == "battery pulled.mcap" for one in ask(recorded, "GET", "/api/recordings"))
+    page.evaluate("location.hash = '#/recordings/battery%20pulled'")
+    until(page, OPEN, timeout_s=60)
+    until(page, DRAWN)
+    until(page, "document.querySelector('.band.caution')?.innerText.includes('torn off')")
+    ask(recorded, "DELETE", "/api/recordings/battery%20pulled")
