@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import mmap
 import struct
 import zlib
@@ -37,6 +36,7 @@ from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
 from protocols.framing import Bytes, Ints
 from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
 from recordings.container import PROFILE, READABLE, RecordingError
+from recordings.strange_json import loads
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
@@ -333,8 +333,8 @@ def json_messages(recording: Recording, topic: str) -> Iterator[tuple[int, Mappi
         rows = block.of(found.id)
         for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
             try:
-                body = json.loads(bytes(block.data[at : at + size]))
-            except ValueError:
+                body = loads(bytes(block.data[at : at + size]))
+            except (ValueError, RecursionError):
                 continue
             if isinstance(body, dict):
                 yield time, body

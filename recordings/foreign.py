@@ -15,7 +15,6 @@ Source: MCAP well-known encodings, mcap.dev/spec/registry; units: ROS REP 103 an
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import struct
@@ -24,6 +23,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from recordings.blocks import Topic
+from recordings.strange_json import loads
 
 LONGEST_ARRAY = 16
 DEEPEST = 8
@@ -100,7 +100,7 @@ def _json(topic: Topic) -> Reader:
                 walk(inside, f"{path}.{name}" if path else name, depth + 1)
             found.put(path, value)
 
-        walk(json.loads(data), "", 0)
+        walk(loads(data), "", 0)
         return found
 
     return read

@@ -10,7 +10,6 @@ parts. `Source` is one file, or the files that one recording was split into.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from protocols.framing import Ints
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, TIME, Block, Damage, Recording
 from recordings.container import DEVICE, RECORDING, newer
+from recordings.strange_json import loads
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +136,8 @@ class McapSource:
     def _hear(self, topic: str, block: Block, rows: Ints) -> None:
         for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
             try:
-                body = json.loads(bytes(block.data[at : at + size]))
-            except ValueError:
+                body = loads(bytes(block.data[at : at + size]))
+            except (ValueError, RecursionError):
                 continue
             if isinstance(body, dict):
                 self._said.append((topic, time, body))

@@ -25,6 +25,7 @@ from typing import Any
 
 from recordings import durable
 from recordings.container import RecordingError, newer
+from recordings.strange_json import loads
 
 SUFFIX = ".json"
 VERSION = 1
@@ -147,8 +148,8 @@ def from_metadata(told: Mapping[str, str]) -> Edits:
     """Edits of the metadata `edit` of an MCAP file."""
     body: dict[str, Any] = {name: told[name] for name in ("title", "notes") if name in told}
     for name in ("tags", "markers"):
-        with contextlib.suppress(ValueError, KeyError):
-            body[name] = json.loads(told[name])
+        with contextlib.suppress(ValueError, RecursionError, KeyError):
+            body[name] = loads(told[name])
     if "pinned" in told:
         body["pinned"] = told["pinned"].lower() in ("true", "1")
     return from_plain(body)
@@ -160,7 +161,7 @@ def from_csv(first: bytes) -> Edits:
     if not line.startswith(CSV_EDIT):
         return Edits()
     try:
-        told = json.loads(line.removeprefix(CSV_EDIT))
+        told = loads(line.removeprefix(CSV_EDIT))
     except (ValueError, RecursionError):
         return Edits()
     known = told.items() if isinstance(told, dict) else ()
@@ -171,7 +172,7 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MOST_BYTES:
             return {}
-        body = json.loads(path.read_text(encoding="utf-8"))
+        body = loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
     return body if isinstance(body, dict) and body.get("imuscope") == VERSION else {}

@@ -230,6 +230,8 @@ def _loaded(text: str) -> Any:
     try:
         deep = 0
         for token in yaml.scan(text):
+            if isinstance(token, yaml.ScalarToken) and any("\ud800" <= one <= "\udfff" for one in token.value):
+                raise SnapshotError(f"Line {token.start_mark.line + 1} holds half a character.", "Was it edited?")
             deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
             if deep > MOST_DEEP:
                 raise SnapshotError(

@@ -1,5 +1,7 @@
 """Run a fuzz target: `python -m tests.fuzz PROTOCOL [--minutes M | --cases N] [--seed S]`. See the package.
 
+Other targets than protocols are what comes from outside: http, ws, files (outside.py); they go by time.
+
 What breaks an invariant is minimised and kept under findings/; the exit status is 1 then. With --keep-account the run
 is noted in runs.json.
 """
@@ -21,6 +23,7 @@ from tests.fuzz.cases import write
 from tests.fuzz.search import Search, minimised
 from tests.fuzz.targets import TARGETS
 
+OUTSIDE = ("http", "ws", "files")  # as in outside.py, which takes a while to load
 RUNS = Path(__file__).parent / "runs.json"
 HANG_S = 60  # no case takes a second; one that takes so long does not end
 _MOST_FINDINGS = 12
@@ -28,13 +31,15 @@ _MOST_FINDINGS = 12
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("protocol", choices=TARGETS)
+    parser.add_argument("protocol", choices=[*TARGETS, *OUTSIDE])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--cases", type=int, default=0, help="stop after so many cases instead")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--without-captures", action="store_true", help="start from what is in the project alone")
     parser.add_argument("--keep-account", action="store_true", help="note the run in runs.json")
     given = parser.parse_args()
+    if given.protocol in OUTSIDE:
+        return _outside(given)
     search = Search(given.protocol, given.seed, captures=not given.without_captures)
     begin = time.monotonic()
     shown = begin
@@ -64,6 +69,27 @@ def main() -> int:
     return 1 if kinds else 0
 
 
+def _outside(given: argparse.Namespace) -> int:
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[2] / "artifacts" / "numba"))
+    from tests.fuzz.outside import Run  # after that: it loads what is compiled
+
+    begin = time.monotonic()
+    run = Run(given.protocol, given.seed)
+    run.run(60 * given.minutes)
+    if given.keep_account:
+        names = ("python", "schemathesis", "hypothesis", "websockets")
+        versions = {name: platform.python_version() if name == "python" else version(name) for name in names}
+        told = {"date": datetime.now(UTC).strftime("%Y-%m-%d"), "protocol": given.protocol, "seed": given.seed}
+        minutes = round((time.monotonic() - begin) / 60, 1)
+        _keep({**told, "minutes": minutes, "cases": run.cases, "broken": dict(run.kinds), "versions": versions})
+    return 1 if run.kinds else 0
+
+
+def _keep(told: dict[str, object]) -> None:
+    runs = json.loads(RUNS.read_text()) if RUNS.exists() else []
+    RUNS.write_text("[\n" + ",\n".join(json.dumps(run) for run in [*runs, told]) + "\n]\n")
+
+
 def _state(search: Search, seconds: float, broken: int) -> str:
     return (
         f"{seconds:6.0f} s  {search.cases} cases  {search.bytes / 1e6:.1f} MB  corpus {len(search.corpus)}  "
@@ -72,8 +98,7 @@ def _state(search: Search, seconds: float, broken: int) -> str:
 
 
 def _note(given: argparse.Namespace, search: Search, seconds: float, kinds: dict[str, int]) -> None:
-    runs = json.loads(RUNS.read_text()) if RUNS.exists() else []
-    runs.append(
+    _keep(
         {
             "date": datetime.now(UTC).strftime("%Y-%m-%d"),
             "protocol": given.protocol,
@@ -92,7 +117,6 @@ def _note(given: argparse.Namespace, search: Search, seconds: float, kinds: dict
             },
         }
     )
-    RUNS.write_text("[\n" + ",\n".join(json.dumps(run) for run in runs) + "\n]\n")
 
 
 if __name__ == "__main__":

@@ -26,11 +26,13 @@ import shutil
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
 
+import lz4.frame
+import zstandard
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
@@ -40,7 +42,7 @@ from recordings.importers import open_file
 from recordings.library import Library
 from recordings.packing import pack
 from recordings.peek import peek
-from recordings.sidecar import Edits
+from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
 from server.control.snapshots import SnapshotError, from_text
 from server.library.opening import decode
@@ -65,7 +67,8 @@ def _recording(path: Path, cut: bool) -> None:
     source = None
     try:
         source = open_file(path)
-        decode(source, path.parent / "store", speech())
+        columns = decode(source, path.parent / "store", speech())
+        json.dumps(columns.manifest, ensure_ascii=False).encode()  # as it is sent to a page
     except RecordingError as error:
         _sentence(error.message)
         return
@@ -80,7 +83,10 @@ def _listed(path: Path, cut: bool) -> None:
     library = Library(path.parent)
     for entry in library.all("drive"):
         library.edit(entry.id, Edits(title="again"))
-    library.all()
+    told = [
+        [entry.title, entry.edits.notes, entry.edits.tags, *map(asdict, entry.edits.markers)] for entry in library.all()
+    ]
+    json.dumps(told, ensure_ascii=False).encode()  # as it is sent to a page
 
 
 def _refused(error: type[Exception], read: Callable[[str], Any]) -> Callable[[Path, bool], None]:
@@ -262,7 +268,7 @@ def seeds(folder: Path) -> dict[str, bytes]:
     pack(path)
     rows = "".join(f"{1760000000 + i / 100:.2f},{i / 7:.3f},{i % 5}\n" for i in range(60))
     triangles = b"".join(struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, i, 0) for i in range(6))
-    edits = {"title": "A drive", "tags": ["kerb"], "notes": "x", "pinned": True}
+    edits = {"imuscope": VERSION, "title": "A drive", "tags": ["kerb"], "notes": "x", "pinned": True}
     marker = {"id": 1, "time": 1.76e9, "kind": "note", "text": "x", "device": "1"}
     raw = b"".join(isb)
     return {
@@ -308,7 +314,8 @@ _NUMBERS = (
 )
 _TOKENS = (
     b"nan", b"inf", b"-inf", b"1e999", b"9" * 400, b"-1", b"0x80", b"true", b"null", b'""', b"{}", b"[]", b"[" * 3000,
-    b"{" * 3000, b'{"a":' * 3000, b"&a [*a]", b"!!python/object:os.system", b"\x00", b"\xff\xfe", b"\xed\xa0\x80",
+    b"{" * 3000, b'{"a":' * 3000, b"&a [*a]", b"!!python/object:os.system", b"\x00", b'"\\ud800"', b"\xff\xfe",
+    b"\xed\xa0\x80",
     b"\r\n", b",", b";" * 2000, b'"', b"'", b"#", b"x" * 5000, b"2026-13-45T99:99:99Z", b"0001-01-01", b"12:30:45",
     b"- - - - -", b"[[message]]", b"[message]", b"~", b"1_000", b"0o17", b"4294967295", b"18446744073709551616",
     b"1e308", b"http://other.example/x", b"<<: *a", b"? :", b"|\n ", b">\n ", b"\t", b"\xe2\x88\x9e",
@@ -475,3 +482,10 @@ def _where(error: BaseException) -> str:
             place = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
         trace = trace.tb_next
     return place
+
+
+def squeezed(packing: str, data: bytes) -> bytes:
+    """Compressed as an MCAP chunk is."""
+    if packing == "zstd":
+        return bytes(zstandard.ZstdCompressor().compress(data))
+    return bytes(lz4.frame.compress(data))

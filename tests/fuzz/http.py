@@ -91,7 +91,7 @@ class Server:
     """
 
     def __init__(self, data: Path) -> None:
-        self.process = ServerProcess(*TWINS, data=data)
+        self.process = ServerProcess(*TWINS, data=data, timeout_s=300)  # the first start ever compiles
         self.url = self.process.url
         self.session = requests.Session()
         self._since = self._memory_mb()
