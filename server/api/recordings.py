@@ -30,6 +30,7 @@ router = APIRouter(tags=["recordings"])
 
 MOST_WIDTH = 8000
 MOST_SECONDS = 7200
+MOST_TIME = 9e9  # unix s; beyond the year 2255 they are no int64 of ns
 MOST_ROWS = 5_000_000  # that one answer gives as they are; a longer stretch is asked for in pieces
 SAMPLES = "application/octet-stream"
 ARROW = "application/vnd.apache.arrow.stream"
@@ -200,7 +201,7 @@ async def query_device(
 
 
 def _span(t0: float, t1: float) -> tuple[float, float]:
-    if not (math.isfinite(t0) and math.isfinite(t1)) or t1 < t0:
+    if not (abs(t0) < MOST_TIME and abs(t1) < MOST_TIME) or t1 < t0:  # nor NaN
         raise ApiError(422, "bad-span", f"From {t0:g} to {t1:g} is no stretch of time.", "Unix seconds, t0 ≤ t1.")
     return t0, t1
 

@@ -180,4 +180,4 @@ def _schema(text: str) -> Mapping[int, Any] | None:
     try:
         return parse(text)
     except SchemaError as error:
-        raise ReadingError(f"the schema cannot be used: {error}") from None
+        raise ReadingError(f"the schema cannot be used: {error!s:.300}") from None

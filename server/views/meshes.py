@@ -69,7 +69,9 @@ def read(name: str, data: bytes) -> Mesh:
             points = [[float(part) for part in vertex] for vertex in _VERTEX.findall(data)]
         except ValueError:
             raise MeshError("This STL holds a vertex that is no number.") from None
-        return _stl(name, np.array(points, np.float32))
+        with np.errstate(over="ignore"):  # what is too large for a float32 is no number there, and told
+            vertices = np.array(points, np.float32)
+        return _stl(name, vertices)
     raise MeshError("This is neither a GLB nor an STL file.")
 
 
@@ -80,11 +82,12 @@ def _stl(name: str, points: NDArray[np.float32]) -> Mesh:
         raise MeshError(f"A mesh may have at most {MOST_TRIANGLES} triangles.")
     if not np.isfinite(points).all():
         raise MeshError("This STL holds a vertex that is no number.")
-    low, high = points.min(axis=0), points.max(axis=0)
+    wide = points.astype(np.float64)  # a float32 holds no sum of its greatest
+    low, high = wide.min(axis=0), wide.max(axis=0)
     size = float((high - low).max())
     if not size > 0:
         raise MeshError("All points of this STL are the same.")
-    vertices = np.asarray((points - (low + high) / 2) / size, np.float32)
+    vertices = np.asarray((wide - (low + high) / 2) / size, np.float32)
     return Mesh(name, 1.0, b"", vertices, np.arange(len(points), dtype=np.uint32).reshape(-1, 3))
 
 
