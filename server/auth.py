@@ -40,6 +40,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
 from server.failures import UNGUESSABLE, Failures
+from server.headers import with_defaults
 from server.wire import Problem
 
 log = logging.getLogger("imuscope.auth")
@@ -252,6 +253,7 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        send = with_defaults(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         token = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0]
         path, method = scope["path"], scope.get("method", "GET")
