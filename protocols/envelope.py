@@ -70,7 +70,9 @@ EARLY_NS = 3e9
 KNOTS = 1024
 PRIOR_NS, PRIOR_ROWS = 16e6, 16  # before anything is known: one burst of a USB adapter; what so many rows halve
 COMMON_DRIFT = 1e-4  # what a drift not yet known may be
-FLOOR_NS = 50e3  # scheduling of the reading thread itself
+FLOOR_NS = 100e3  # scheduling of the reading thread itself, and the tick of an MTi's clock
+SHARP_NS = 50e3  # what the least late point of a second is known to, at best
+FEWEST_POINTS = 6  # of the envelope, from which their own scatter says how well they are known
 FORGET_NS = 120e9  # a delay that an adapter hides moves with the drift between two crystals: for so long it is ...
 WANDER = 1.4  # ... held to have moved by what was hidden, and some more, while the drift was learned
 JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are so many
@@ -111,6 +113,7 @@ class Mapping:
         self.spread = Spread()
         self._unknown_ns = unknown_ns
         self._shrink_s = UNSURE_S
+        self._scatter: float | None = None  # of the envelope's points above their line; None: too few
         self._judged = -np.inf
         self._wander = 0.0  # how far a hidden delay may have moved while the drift was learned
         self._uncertainty = PRIOR_NS
@@ -173,6 +176,8 @@ class Mapping:
         self.slope = 0.0
         if span >= 2.0:
             steep = _edge_slope(_lower_hull(points), sum(x for x, _ in points) / len(points))
+            above = np.sort([y - steep * x for x, y in points])
+            self._scatter = float(above[len(above) // 2] - above[0]) if len(points) >= FEWEST_POINTS else None
             self.slope = min(max(steep, -MAX_DRIFT), MAX_DRIFT) * span**2 / (span**2 + self._shrink_s**2)
         self.intercept = min(y - self.slope * x for x, y in points)
 
@@ -264,7 +269,8 @@ class Mapping:
             faded = min(max((self.newest - self._judged) / FORGET_NS, 0.0), 1.0)
             self._wander = max(WANDER * spread.hidden, self._wander * (1 - faded))
         doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
-        self._shrink_s = min(max((max(spread.gap, self._wander) + FLOOR_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
+        vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
+        self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
         self._judged = self.newest
         span, shrink = self.newest / 1e9, self._shrink_s
         value = max(PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self.late.rows), doubt)

@@ -52,7 +52,10 @@ def cause_of(clock: HostClock, resets: Sequence[float], *, kind: str, port: str,
         return None
     if kind in NETWORKS:
         return _network(spread.top) if spread.top > UNEVEN_NS else None
-    return _bursts(spread.top, clock.holds_ns, port or PORT) if spread.bursts else None
+    if spread.bursts:
+        return _bursts(spread.top, clock.holds_ns, port or PORT)
+    hides = clock.holds_ns > UNEVEN_NS and spread.hidden > UNEVEN_NS / 2
+    return _timer(clock.holds_ns, port or PORT) if hides else None
 
 
 def _stall(stalls: Sequence[float], kind: str) -> TimeCause:
@@ -76,9 +79,15 @@ def _bursts(top_ns: float, holds_ns: float, port: str) -> TimeCause:
     if 0 < holds_ns <= 1e6:
         text = f"{late}, although the latency timer of the USB adapter is 1 ms: something else gathers bytes."
         return TimeCause("bursts", text, "Connect the adapter without a hub, or the device by another port.")
+    return TimeCause("bursts", f"{late}: the USB adapter gathers bytes until its latency timer runs out.", _set(port))
+
+
+def _timer(holds_ns: float, port: str) -> TimeCause:
+    """All frames are late by nearly the same: that is known of the adapter, and not seen in the times."""
+    text = f"The USB adapter may keep every sample back, for up to {holds_ns / 1e6:.0f} ms: its latency timer."
+    return TimeCause("bursts", text, _set(port))
+
+
+def _set(port: str) -> str:
     timer = f"/sys/bus/usb-serial/devices/{port}/latency_timer"
-    return TimeCause(
-        "bursts",
-        f"{late}: the USB adapter gathers bytes until its latency timer runs out.",
-        f"Set the timer to 1 ms: `echo 1 | sudo tee {timer}`; for good: `{RULE}`.",
-    )
+    return f"Set the timer to 1 ms: `echo 1 | sudo tee {timer}`; for good: `{RULE}`."
