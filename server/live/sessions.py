@@ -145,5 +145,6 @@ class Sessions:
         self._wall_offset_ns = offset
         if abs(step_s) >= WALL_STEP_S:
             way = "ahead" if step_s > 0 else "back"
-            text = f"This host's clock was set {way} by {abs(step_s):.3g} s; times on this page stay as they were."
+            size = f"{abs(step_s):.3g}" if abs(step_s) < 100 else f"{abs(step_s):,.0f}".replace(",", " ")
+            text = f"This host's clock was set {way} by {size} s; times on this page stay as they were."
             self._hub.event("", "clock", "caution", text, data={"step_s": step_s})
