@@ -23,8 +23,8 @@ PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 PROBE = """
 import sys
 from pathlib import Path
-from server.cli import _compile
-_compile(Path(sys.argv[1]))
+from server.commands.common import warm
+warm(Path(sys.argv[1]))
 from protocols import jit
 print(len(jit.uncached))
 """

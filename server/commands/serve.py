@@ -1,0 +1,102 @@
+"""`imuscope serve`: the settings are checked, the port is opened, the page is served until somebody ends it."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from server import logs
+from server.commands.common import UsageError, check_protocol, no_file, warm
+from server.config import Config, load
+from server.live.reading import key_text, taken_from
+from server.version import VERSION
+
+
+def serve(options: argparse.Namespace) -> None:
+    """Until it is ended.
+
+    Raises:
+        UsageError: what the options ask for is not to be had.
+        ConfigError, ReadingError: they, or the configuration file, cannot be understood.
+    """
+    started = time.monotonic()
+    config = load(
+        options.config,
+        host=options.host,
+        port=options.port,
+        data=options.data,
+        protocol="" if options.protocol == "auto" else options.protocol,
+        key=None if options.key is None else key_text(options.key),
+        min_mode=options.min_mode,
+        schema=options.schema,
+        unverified=options.unverified,
+        sources=options.sources or None,
+        tls=options.tls,
+        tls_cert=options.tls_cert,
+        tls_key=options.tls_key,
+        record=options.record,
+        foxglove=options.foxglove,
+        rerun_connect=options.rerun_connect,
+        log_format=options.log_format,
+        log_level=options.log_level,
+    )
+    from server import serving
+    from server.auth import Access
+
+    given, access = config.reading(), Access(config)
+    keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
+    logs.install(config.log_format, config.log_level, logs.secrets_of(*keys))
+    keeper = serving.keeper_of(config)
+    warm(config.data)
+    from server.app import create_app
+    from server.failures import UNGUESSABLE, short_tokens
+    from server.links import LinkError, open_link
+    from server.links.file import FileLink
+
+    for source in config.sources:
+        try:
+            place, own = taken_from(source, given)
+            link = open_link(place)
+        except LinkError as error:
+            raise UsageError(str(error)) from None
+        check_protocol(own.protocol)
+        if isinstance(link, FileLink) and not link.path.is_file():
+            # A port may be plugged in later; a file that is not there now is a slip of the fingers.
+            raise UsageError(no_file(str(link.path)) + " See `imuscope --help` for commands and sources.")
+    check_protocol(given.protocol)
+    try:
+        listener = serving.listen(config.host, config.port)
+    except OSError as error:
+        hint = "Give another with --port, or 0 for any free one."
+        raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
+    url = _url(config, listener.getsockname()[1])
+
+    def ready() -> None:
+        logs.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
+        if access.control_token and not config.is_loopback:
+            print(
+                f"to look:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
+                flush=True,
+            )
+        else:
+            print(url, flush=True)
+        if keeper is not None:
+            print(f"SHA-256 of its certificate: {keeper.tls.fingerprint}", flush=True)
+        for name in short_tokens(config):
+            logs.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+        if not config.sources:
+            words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
+            logs.say(f"{words} See `imuscope serve --help`.")
+
+    try:
+        serving.run(create_app(config, access), listener, ready, keeper)
+    except RuntimeError as error:
+        raise UsageError(str(error)) from None
+
+
+def _url(config: Config, port: int) -> str:
+    """An address that a person can open: 0.0.0.0 is no place to go, the machine's name is."""
+    import platform
+
+    host = platform.node() if config.host in ("0.0.0.0", "::", "") else config.host
+    return f"{config.scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
