@@ -3,7 +3,7 @@
     Good        takes everything at once; knows what was lost and how late each message was
     slow        takes so many bytes a second
     stalled     takes nothing, and comes back whenever it is thrown out
-    flooding    asks as fast as its socket lets it, and takes the answers
+    flooding    asks as fast as its socket lets it, and takes the answers; comes back when it is thrown out
 
 All are coroutines that go on until they are cancelled.
 """
@@ -87,12 +87,14 @@ class Good:
 
 
 async def slow(url: str, bytes_per_s: float) -> None:
-    """Take so many bytes a second."""
-    async with _connected(url, narrow=True) as connection:
-        await _subscribe(connection)
-        while True:
-            data = await connection.recv()
-            await asyncio.sleep(len(data) / bytes_per_s)
+    """Take so many bytes a second, a message at least every other second, so that it counts as alive."""
+    while True:
+        async with _connected(url, narrow=True) as connection:
+            with contextlib.suppress(ConnectionClosed):
+                await _subscribe(connection)
+                while True:
+                    data = await connection.recv()
+                    await asyncio.sleep(min(2.0, len(data) / bytes_per_s))
 
 
 async def stalled(url: str, times: list[float]) -> None:
@@ -108,6 +110,13 @@ async def stalled(url: str, times: list[float]) -> None:
 
 
 async def flooding(url: str, counted: list[int]) -> None:
+    """Flood for ever: what it sends stands before its answers to the server's own pings, so it is cut off at times."""
+    while True:
+        with contextlib.suppress(ConnectionClosed):
+            await _flood(url, counted)
+
+
+async def _flood(url: str, counted: list[int]) -> None:
     """Ask and ask: subscriptions with all of the past, times, nonsense. Half of it is answered with a
     text, and counted in counted[0]."""
     questions = (

@@ -25,6 +25,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import os
 import sys
 import tempfile
 import time
@@ -35,6 +36,7 @@ import httpx
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
 from recordings.container import Writer  # noqa: E402
 from tests import crowd  # noqa: E402
@@ -148,7 +150,7 @@ class Run:
         for task in self.tasks:
             task.cancel()
         ended = await asyncio.gather(*self.tasks, return_exceptions=True)
-        self.out["broken"] = [repr(one) for one in ended if one and not isinstance(one, asyncio.CancelledError)]
+        self.out["broken"] = [repr(one) for one in ended if not isinstance(one, asyncio.CancelledError)]
         return self.out
 
     async def halves(self) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
 from server.config import Config  # noqa: E402
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
