@@ -7,8 +7,8 @@ turn and status. It is decoded first, which is not measured here.
 
     export     every sample into one file, in a process of its own; the yardstick, in the same run, is writing as many
                bytes and their zlib.adler32
-    fill       a real Chromium without a GPU opens the recording under /rerun/; from the first byte of the recording
-               that it has until the body is on the screen, and from the opening of the address
+    fill       a real Chromium without a GPU opens the recording under /rerun/, thinned as it is for everybody; from the
+               last byte of it until the body is on the screen, and from the opening of the address
 
 Budgets (2 cores, no GPU): export ≤ 30 s; fill ≤ 5 s from when the file is loaded.
 """
@@ -36,6 +36,7 @@ from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import report  # noqa: E402
 
 TRIES = 400
+LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.includes('.rrd'))?.responseEnd ?? 0"
 
 
 def export(store: Path, out: Path) -> dict[str, float]:
@@ -80,8 +81,6 @@ def fill(folder: Path) -> dict[str, float]:
             time.sleep(0.5)
         engine = playwright.chromium.launch(executable_path=chromium.find(), args=chromium.ARGUMENTS)
         page = engine.new_page(viewport={"width": 900, "height": 600})
-        loaded: list[float] = []
-        page.on("requestfinished", lambda one: loaded.append(time.perf_counter()) if ".rrd" in one.url else None)
         start = time.perf_counter()
         page.goto(f"{server.url}/rerun/?recording=hour&theme=light")
         for _ in range(TRIES):
@@ -89,9 +88,13 @@ def fill(folder: Path) -> dict[str, float]:
             if _is_filled(np.asarray(picture, np.int16)):
                 break
             page.wait_for_timeout(50)
-        shown = time.perf_counter()
+        shown = time.perf_counter() - start
+        seen_ms = float(page.evaluate("performance.now()"))
+        page.wait_for_function(f"{LOADED_MS} > 0", timeout=120_000)
+        loaded_ms = float(page.evaluate(LOADED_MS))
         engine.close()
-    return {"fill_from_address_s": shown - start, "fill_from_loaded_s": shown - min([*loaded, shown])}
+    # The body can be on the screen before the last byte is here: then there is nothing to wait for.
+    return {"fill_from_address_s": shown, "fill_from_loaded_s": max(0.0, seen_ms - loaded_ms) / 1000}
 
 
 def _is_filled(pixels: np.ndarray[Any, Any]) -> bool:
