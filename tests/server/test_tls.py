@@ -10,6 +10,7 @@ import json
 import ssl
 import subprocess
 import sys
+import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
@@ -149,7 +150,7 @@ def test_what_cannot_be_used_is_said_in_a_sentence(
         ({"tls_cert": "a.pem"}, "tls_cert needs tls_key"),
         ({"tls_key": "a.pem"}, "tls_key needs tls_cert"),
         ({"tls": True, "tls_cert": "a.pem", "tls_key": "b.pem"}, "one of the two"),
-        ({"tls": "yes"}, "tls must be bool"),
+        ({"tls": "yes"}, "tls must be"),
     ],
 )
 def test_settings_that_do_not_go_together(given: dict[str, Any], words: str) -> None:
@@ -256,7 +257,10 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
             assert let_in.status_code == 303
             cookie = {part.strip() for part in let_in.headers["set-cookie"].split(";")}
             assert {"Secure", "HttpOnly", "SameSite=Strict", "Path=/"} <= cookie
-            assert client.get("/viser/").status_code == 200
+            deadline = time.monotonic() + 90
+            while (shown := client.get("/viser/")).status_code == 503 and time.monotonic() < deadline:
+                time.sleep(0.2)  # a busy machine takes its time to start it
+            assert shown.status_code == 200, shown.text
             assert client.get("/rerun/").status_code == 200
         with pytest.raises(httpx.ConnectError):
             httpx.get(server.url, timeout=10)  # who trusts the world's authorities only
