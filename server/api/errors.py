@@ -81,6 +81,10 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     async def _(request: Request, error: HTTPException) -> Response:
+        if (
+            error.status_code == 400
+        ):  # FastAPI's word for a body that is JSON and yet cannot be read: digits without end
+            return problem(422, "bad-request", "The body cannot be read.", "The shapes are listed at /openapi.json.")
         kind = KINDS.get(error.status_code, "error")
         message = {
             404: f"There is nothing at {request.url.path:.200}.",

@@ -128,19 +128,20 @@ _torn = st.one_of(
         ]
     ),
 )
+_once = st.just(1)
 _steps = st.one_of(
-    st.builds(Step, st.just("text"), _words),
-    st.builds(Step, st.just("text"), _words),
+    st.builds(Step, st.just("text"), _words, _once),
+    st.builds(Step, st.just("text"), _words, _once),
     st.builds(Step, st.just("text"), _words, st.sampled_from([2, 2, 2, 5, 5, 60])),
-    st.builds(Step, st.just("binary"), st.binary(max_size=200).map(bytes.hex)),
-    st.builds(Step, st.just("raw"), _torn.map(bytes.hex)),
+    st.builds(Step, st.just("binary"), st.binary(max_size=200).map(bytes.hex), _once),
+    st.builds(Step, st.just("raw"), _torn.map(bytes.hex), _once),
 )
-_binary = st.builds(Step, st.just("binary"), st.binary(max_size=200).map(bytes.hex))
+_binary = st.builds(Step, st.just("binary"), st.binary(max_size=200).map(bytes.hex), _once)
 _theirs = st.sampled_from(['{"op":"subscribe","subscriptions":[{"id":1,"channelId":99}]}', "{}", "7"])
 _foreign = st.one_of(
-    st.builds(Step, st.just("text"), _theirs | _words),
+    st.builds(Step, st.just("text"), _theirs | _words, _once),
     _binary,
-    st.builds(Step, st.just("raw"), _torn.map(bytes.hex)),
+    st.builds(Step, st.just("raw"), _torn.map(bytes.hex), _once),
 )  # fmt: skip
 
 live_talks = st.builds(Talk, st.just("/ws"), st.sampled_from([SUBPROTOCOL] * 9 + [""]), st.lists(_steps, max_size=8))
@@ -199,6 +200,7 @@ class Floor:
             open_timeout=PATIENCE_S,
             close_timeout=1,
             max_size=None,
+            max_queue=None,  # the witness takes all at once, whatever we do meanwhile
             ping_interval=None,
         )
 
