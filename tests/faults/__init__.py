@@ -1,6 +1,6 @@
 """What fails on a robot, and what becomes of it then: each fault is a test with an outcome, and nothing is lost.
 
-Nothing lost: every sample that arrived is recorded and shown, or counted as lost; nothing hangs; a person is told in one
+Nothing lost: every sample that arrived is recorded and shown, or counted; nothing hangs; a person is told in one
 sentence with a hint. Real pseudo-terminals, sockets, disks and server processes; the tables at the head of each file
 say the outcomes. Where a fault was tested beside what it happens to, the test is named here.
 
