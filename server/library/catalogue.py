@@ -168,7 +168,7 @@ class Catalogue:
             return
         for entry in entries:
             mark = (entry.path, entry.size, entry.modified)
-            if entry.indexed or entry.deleted is not None or entry.size > MOST_BYTES or mark in self._tried:
+            if entry.indexed or entry.deleted is not None or not 0 < entry.size <= MOST_BYTES or mark in self._tried:
                 continue
             self._tried.add(mark)
             self._keep(self._look_at(entry.id), f"looking at {entry.path.name}")

@@ -16,6 +16,9 @@ export const lostOf = (info: RecordingInfo): number => info.devices.reduce((sum,
 export const rejectsOf = (info: RecordingInfo): number => info.devices.reduce((sum, { rejects }) => sum + rejects, 0);
 export const messagesOf = (info: RecordingInfo): number => info.devices.reduce((sum, { messages }) => sum + messages, 0);
 
+/** Was it opened? What nobody has opened may have lost anything. */
+export const isKnown = ({ opened, thumbnail }: RecordingInfo): boolean => opened || thumbnail.length > 0;
+
 export function inCategory(info: RecordingInfo, category: Category): boolean {
   if (category === "deleted") return info.deleted !== null;
   if (info.deleted !== null) return false;
@@ -80,8 +83,7 @@ export function flaw(info: RecordingInfo): { readonly tone: "" | "warn" | "bad";
   const [lost, rejects] = [lostOf(info), rejectsOf(info)];
   if (lost > 0) return { tone: "warn", words: `${number(lost, 0)} lost` };
   if (rejects > 0) return { tone: "warn", words: `${number(rejects, 0)} ${rejects === 1 ? "reject" : "rejects"}` };
-  // What nobody has opened may have lost anything.
-  return { tone: "", words: info.opened || info.thumbnail.length > 0 ? "none" : "—" };
+  return { tone: "", words: isKnown(info) ? "none" : "—" };
 }
 
 const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");

@@ -1,6 +1,6 @@
 /** One recording of the library: what is in it, what a person says of it, and what can be done with it. */
 import { useSignal } from "@preact/signals";
-import { bytes, dateWords, daysLeft, deviceName, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/listing";
+import { bytes, dateWords, daysLeft, deviceName, isKnown, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/listing";
 import { server } from "../../recordings/server";
 import type { RecordingInfo } from "../../recordings/types";
 import { count, number } from "../../ui/format";
@@ -94,13 +94,14 @@ function Deleted({ info, app }: { readonly info: RecordingInfo; readonly app: Ap
 
 function Facts({ info }: { readonly info: RecordingInfo }) {
   const size = bytes(info.size);
+  const known = isKnown(info);
   const rows: readonly (readonly [string, string, string])[] = [
     ["Recorded", info.started === null ? "not known" : `${dateWords(info.started, true)} UTC`, ""],
     ["Length", length(info.duration), ""],
     ["Size", size.value, size.unit],
     ["Messages", number(messagesOf(info), 0), ""],
-    ["Lost", number(lostOf(info), 0), "samples"],
-    ["Rejects", number(rejectsOf(info), 0), "frames"],
+    ["Lost", number(known ? lostOf(info) : undefined, 0), "samples"],
+    ["Rejects", number(known ? rejectsOf(info) : undefined, 0), "frames"],
     ["Markers", number(info.markers, 0), ""],
   ];
   return (
