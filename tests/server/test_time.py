@@ -39,11 +39,10 @@ SPREAD_S, MS = 0.2e-3, 1e-3
 class Stage:
     """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session."""
 
-    def __init__(self, faults: Faults, kind: str = "serial") -> None:
+    def __init__(self, faults: Faults) -> None:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
-        self.link.kind = kind
         self.session = Session("1", self.link, self.hub, speech(), Reading(protocol="xbus"))
         self.began = self.clock.ns
         self.cable = Cable(faults)
@@ -92,9 +91,9 @@ class Stage:
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
 
-def play(faults: Faults, test: Callable[[Stage], Any], kind: str = "serial") -> None:
+def play(faults: Faults, test: Callable[[Stage], Any]) -> None:
     async def run() -> None:
-        stage = Stage(faults, kind)
+        stage = Stage(faults)
         stage.session.start()
         await asyncio.sleep(0.001)
         await test(stage)
