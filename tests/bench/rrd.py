@@ -90,7 +90,7 @@ def fill(folder: Path) -> dict[str, float]:
             page.wait_for_timeout(50)
         shown = time.perf_counter() - start
         seen_ms = float(page.evaluate("performance.now()"))
-        page.wait_for_function(f"{LOADED_MS} > 0", timeout=120_000)
+        chromium.until(page, f"({LOADED_MS}) > 0", timeout_s=120)
         loaded_ms = float(page.evaluate(LOADED_MS))
         engine.close()
     # The body can be on the screen before the last byte is here: then there is nothing to wait for.
