@@ -52,7 +52,9 @@ def busy(server: ServerProcess, http: Client) -> Iterator[None]:
         for stuck in (False, False, True):
             stack.enter_context(browser(server, stuck=stuck))
         url = server.url.replace("http", "ws")
-        looker = stack.enter_context(connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None))
+        looker = stack.enter_context(
+            connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None, open_timeout=60)
+        )
         looker.send(msgspec.msgpack.encode(CAMERA))
         until(lambda: http.get("/api/recordings/exports").json()[0]["state"] != "waiting", "it exports")
         yield
@@ -66,7 +68,9 @@ def browser(server: ServerProcess, *, stuck: bool) -> Iterator[ClientConnection]
     if stuck:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     url = f"ws://{address.netloc}/ws"
-    made = connect(url, sock=line, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None, max_queue=1)
+    made = connect(
+        url, sock=line, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None, max_queue=1, open_timeout=60
+    )
     with made as connection:
         connection.send(codec.encode_text(wire.Subscribe(600)))
         yield connection
