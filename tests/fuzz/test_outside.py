@@ -1,0 +1,153 @@
+"""A few requests, words and files of strangers with each run, and all that ever broke something. (The long: runs.json.)
+
+Nothing here looks at the time but to give up: the machine is busy with other tests.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import cases, files, http, ws
+from tests.fuzz.cases import FINDINGS, BrokenError, Case
+
+FILES = 34  # two of each kind
+REQUESTS = 1  # of every third operation
+TALKS = 5
+ASKED = sorted((FINDINGS / "http").glob("*.json"))
+TALKED = sorted((FINDINGS / "ws").glob("*.json"))
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[http.Server]:
+    with http.Server(tmp_path_factory.mktemp("data") / "data") as server:
+        yield server
+
+
+@pytest.fixture(scope="module")
+def files_search(tmp_path_factory: pytest.TempPathFactory) -> files.Search:
+    return files.Search(tmp_path_factory.mktemp("files") / "files", seed=0)
+
+
+# -- http --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_few_requests(server: http.Server) -> None:
+    search = http.Search(server, first=0)
+    broken = [f"{asked}\n{error}" for asked, error in search.step(REQUESTS, quick=True)]
+    assert not broken, "\n\n".join(broken)
+    assert len(search.operations) > 50
+    assert search.cases > 8
+    assert search.statuses.keys() >= {200}
+
+
+@pytest.mark.parametrize("path", ASKED, ids=lambda path: path.stem)
+def test_a_request_that_once_broke_something_is_answered(server: http.Server, path: Path) -> None:
+    response = server.ask(http.Asked.read(path))
+    http.check_error(response)
+    server.check()
+    assert response.status_code < 500
+
+
+@pytest.mark.parametrize(
+    ("status", "body"),
+    [
+        (500, '{"kind": "fault", "message": "x.", "hint": ""}'),
+        (404, "not json"),
+        (404, '{"detail": "x"}'),
+        (404, '{"kind": "Not Found", "message": "x.", "hint": ""}'),
+        (404, '{"kind": "not-found", "message": "x", "hint": ""}'),
+    ],
+)
+def test_a_wrong_answer_is_caught(status: int, body: str) -> None:
+    response = http.requests.Response()
+    response.status_code = status
+    response._content = body.encode()
+    with pytest.raises(BrokenError):
+        http.check_error(response)
+
+
+# -- ws ----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_few_words_of_strangers(server: http.Server) -> None:
+    floor = ws.Floor(server)
+    broken = [f"{talk}\n{error}" for talk, error in ws.talks(floor, 0, TALKS)]
+    floor.close()
+    assert not broken, "\n\n".join(broken)
+    assert floor.talks >= TALKS
+
+
+@pytest.mark.parametrize("path", TALKED, ids=lambda path: path.stem)
+def test_words_that_once_broke_something_are_answered(server: http.Server, path: Path) -> None:
+    floor = ws.Floor(server)
+    floor.hold(ws.Talk.read(path))
+    floor.close()
+
+
+# -- files -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", files.KINDS)
+def test_a_whole_file_of_each_kind_is_read(files_search: files.Search, kind: str) -> None:
+    files_search.check(Case(files_search.whole[kind], (), {"kind": kind, "cut": False}))
+
+
+def test_a_few_damaged_files(files_search: files.Search) -> None:
+    for _ in range(FILES):
+        case = files_search.case()
+        with files.bounded():
+            try:
+                files_search.check(case)
+            except BrokenError as broken:
+                small, broken = files_search.smaller(case, broken)
+                pytest.fail(f"{broken}\n{small.settings}\n{small.data.hex()}")
+
+
+@pytest.mark.parametrize("path", list(cases.findings("files")), ids=lambda path: path.stem)
+def test_a_file_that_once_broke_something_is_read_or_refused(files_search: files.Search, path: Path) -> None:
+    with files.bounded():
+        files_search.check(cases.read(path))
+
+
+@pytest.mark.parametrize("kind", files.KINDS)
+@pytest.mark.parametrize("data", [b"", b"\0", b"\x89MCAP0\r\n", b"\xff" * 300, b"[" * 300], ids=len)
+def test_files_of_nothing(files_search: files.Search, kind: str, data: bytes) -> None:
+    with files.bounded():
+        files_search.check(Case(data, (), {"kind": kind, "cut": False}))
+
+
+@pytest.mark.parametrize("packing", ["zstd", "lz4"])
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: str) -> None:
+    """It claimed 1 kB; zstd believed its own header instead, lz4 had no limit at all."""
+    from recordings.blocks import _unpack
+
+    whole = bytes(files.ROOM // 4)
+    body = files.squeezed(packing, whole)
+    assert len(body) < len(whole) // 100
+    with files.bounded(files.ROOM // 8):
+        if packing == "zstd":
+            with pytest.raises(ValueError, match="another size"):
+                _unpack(packing, body, 1024)
+        else:
+            assert len(_unpack(packing, body, 1024)) <= 1024
+
+
+def test_a_reader_that_is_wrong_is_caught(files_search: files.Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check can fail: a reader that asks for what a file claims to need."""
+
+    def greedy(path: Path, cut: bool) -> None:
+        bytearray(int.from_bytes(path.read_bytes()[:8], "little"))
+
+    monkeypatch.setitem(files.KINDS, "bin", files.Kind("a.bin", greedy))
+    with files.bounded(), pytest.raises(BrokenError, match="memory"):
+        files_search.check(Case((4 << 30).to_bytes(8, "little"), (), {"kind": "bin", "cut": False}))
+
+
+def test_each_has_run_for_ten_minutes() -> None:
+    runs = json.loads((Path(__file__).parent / "runs.json").read_text())
+    for name in ("http", "files"):
+        assert max(run["minutes"] for run in runs if run["protocol"] == name) >= 10, name
