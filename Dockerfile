@@ -37,5 +37,5 @@ WORKDIR /data
 VOLUME /data
 EXPOSE 8080
 HEALTHCHECK --interval=10s --timeout=3s --start-period=20s \
-    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8080/healthz', timeout=2)"]
+    CMD ["python", "-c", "import ssl, urllib.request as u\ntry: u.urlopen('http://127.0.0.1:8080/healthz', timeout=1)\nexcept OSError: u.urlopen('https://127.0.0.1:8080/healthz', timeout=1, context=ssl._create_unverified_context())"]
 ENTRYPOINT ["imuscope", "serve", "--host", "0.0.0.0", "--port", "8080", "--data", "/data"]

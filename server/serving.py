@@ -61,11 +61,28 @@ class LiveProtocol(WebSocketsSansIOProtocol):
         elif not self.transport.is_closing():
             super().handle_ping()
 
+    def send_receive_event_to_app(self) -> None:
+        """Text that is no UTF-8 ends the connection (RFC 6455, 8.1): uvicorn does so too, with a traceback of ours."""
+        if self.curr_msg_data_type == "text" and not _is_text(self.frames):
+            self.frames = []
+            self.conn.send_close(1007)
+            self.handle_parser_exception()
+            return
+        super().send_receive_event_to_app()
+
     async def send(self, message: Any) -> None:
         """A refusal with an answer of its own ends the handshake too: uvicorn logs it as a fault of ours otherwise."""
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
+
+
+def _is_text(frames: Sequence[bytes]) -> bool:
+    try:
+        b"".join(frames).decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 class Server(uvicorn.Server):

@@ -235,3 +235,15 @@ def test_live_data_do_not_wait_for_history() -> None:
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
             assert np.median(delays) < 0.1
+
+
+def test_text_that_is_none_ends_the_connection_without_a_fault_of_ours(server: ServerProcess) -> None:
+    """uvicorn closes with 1007 as RFC 6455 says, and used to write a traceback for it."""
+    url = server.url.rstrip("/").replace("http", "ws", 1) + "/ws"
+    with connect(url, subprotocols=PROTOCOLS, max_size=None) as socket_:
+        socket_.send(b'{"op": "subscr\xff', text=True)
+        with pytest.raises(ConnectionClosed) as closed:
+            Reader(socket_).read(10)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1007
+    assert "Traceback" not in server.log
