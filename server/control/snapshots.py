@@ -184,6 +184,8 @@ def _character(one: str) -> str:
         return "\\" + one
     if one.isprintable():
         return one
+    if "\ud800" <= one <= "\udfff":
+        return "\ufffd"  # half a character is none, and could not be read again
     return f"\\U{ord(one):08x}" if ord(one) > 0xFFFF else f"\\u{ord(one):04x}"
 
 

@@ -106,7 +106,7 @@ def killed(there: Bench, data: Path) -> None:
             first.process.wait()
         sent = line.sent
     (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
-    assert len(received(made)) > 40_000
+    assert len(received(made)) > 10_000  # of the bytes counted above, those of this device
     assert sent.startswith(received(made))
     before = received(made)
     (folder / ".note.json.0a1b2c3d").write_text("{", "utf-8")

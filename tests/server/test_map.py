@@ -113,7 +113,7 @@ def test_a_tile_server_that_is_not_there_is_told() -> None:
     [
         ('map = "http://a"', "must be a table"),
         ('[map]\ntile = "x"', "map.tile is no setting"),
-        ("[map]\ntiles = 3", "map.tiles must be str"),
+        ("[map]\ntiles = 3", "map.tiles must be text"),
         ('[map]\ntiles = "http://a/{z}/{x}.png"', "must be an http address"),
         ('[map]\ntiles = "file:///{z}/{x}/{y}"', "must be an http address"),
         ('[map]\ntiles = "http://{x}.a/{z}/{x}/{y}"', "must be an http address"),
