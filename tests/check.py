@@ -6,21 +6,23 @@
     audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
-The tests of one file run one after the other, the files beside each other: they mostly wait. What failed beside other
-work is judged once more, alone. Every part runs, also after one has failed; the end shows each one's closing line,
-pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff
-pytest`); `--deep` draws many more examples in the property tests; everything after `--` goes to pytest
-(`tests/check.py pytest -- -k clocks`).
+The tests of one file run one after the other, the files beside each other, with and without a browser: they mostly
+wait. What failed beside other work is judged once more, alone. Every part runs, also after one has failed; the end
+shows each one's closing line, pytest's last, and the exit status is 0 only when all is well. Names of parts run these
+alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests; everything after `--`
+goes to pytest (`tests/check.py pytest -- -k clocks`).
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -71,8 +73,9 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
 
 
 def _tests(name: str, workers: int, *arguments: str) -> Part:
+    own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # what failed is noted by each for itself
     beside = ("--numprocesses", str(workers), "--dist", "loadfile")
-    return Part(name, _pytest(*arguments, *beside), alone=_pytest(*arguments, "--last-failed"))
+    return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
 
 PARTS = (
@@ -83,23 +86,36 @@ PARTS = (
     Part("audit", lambda _: [PYTHON, "-m", "tests.audit"]),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
-    _tests("pytest", 4, "--ignore=tests/browser"),
-    _tests("browser", 2, "tests/browser"),  # a browser draws in software: more of them starve each other
+    _tests("pytest", 3, "--ignore=tests/browser"),
+    _tests("browser", 2, "tests/browser"),
 )
 
 
-def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
-    """Run one part, then alone what failed of it beside other work; what they print is passed on as it comes."""
-    outcome = _run(part, part.command(options), env)
-    if part.alone is None or outcome.status != 1:
-        return outcome
-    again = _run(part, part.alone(options), env)
-    closing = f"{outcome.closing}; alone: {again.closing}"
-    return Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
+def run_all(chosen: list[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
+    """One part after the other, but tests beside each other; then, alone, what failed of them there."""
+    say = functools.partial(print, end="", flush=True)
+    outcomes = [_run(part, part.command(options), env, say) for part in chosen if part.alone is None]
+    tests = [part for part in chosen if part.alone is not None]
+    held: list[list[str]] = [[] for _ in tests]
+    with ThreadPoolExecutor(len(tests) or 1) as aside:
+        waiting = [
+            aside.submit(_run, part, part.command(options), env, lines.append if lines is not held[0] else say)
+            for part, lines in zip(tests, held, strict=True)
+        ]
+        ended = [one.result() for one in waiting]
+    say("".join(line for lines in held for line in lines))
+    for part, outcome in zip(tests, ended, strict=True):
+        if outcome.status == 1 and part.alone is not None:
+            again = _run(part, part.alone(options), env, say)
+            closing = f"{outcome.closing}; alone: {again.closing}"
+            outcome = Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
+        outcomes.append(outcome)
+    return outcomes
 
 
-def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
-    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
+def _run(part: Part, command: list[str], env: dict[str, str], say: Callable[[str], None]) -> Outcome:
+    """Run one part; what it prints goes to `say` as it comes."""
+    say(f"\n── {part.name} {'─' * (76 - len(part.name))}\n")
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
@@ -114,7 +130,7 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     )
     assert process.stdout
     for line in process.stdout:
-        print(line, end="", flush=True)
+        say(line)
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
@@ -145,7 +161,7 @@ def main() -> int:
     if any(part.alone for part in chosen) and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
 
-    outcomes = [run(part, options, env) for part in chosen]
+    outcomes = run_all(chosen, options, env)
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"

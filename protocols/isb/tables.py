@@ -170,7 +170,7 @@ MCAL motion calibrated, MISC details, MSG message, OBS observation, OPT options,
 RCVR receiver, REF reference, REL relative, SAT satellites, SC self-calibration, SCOMP sensor compensation, SIG signals,
 SYS system, TCAL temperature calibrated, TEMP temperature, UCAL uncalibrated, UNCAL uncalibrated, VEL velocity
 """
-_SHORT = dict(entry.split(maxsplit=1) for entry in _WORDS.split(","))
+_SHORT = dict(entry.split(maxsplit=1) for entry in _WORDS.strip().split(","))
 _NAMES = re.compile(
     r"(INS|INL\d|IMU\d?|PIMU|GPS\d?|GNSS|GPX|RTK|RTOS|ROS|NED|EVB|ADC|TC|BIT|G?RMC|NMEA|CAN|HDW|NVR|LD|G\d|SN|\d+)\Z"
 )
