@@ -31,7 +31,7 @@ def test_the_devices_clock_jumps() -> None:
     async def check() -> None:
         with pty() as port:
             async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 for n in range(60):
                     later = 300 if n >= 30 else 0  # s
                     port.write(retimed(n, 100, later))

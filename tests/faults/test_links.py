@@ -60,7 +60,7 @@ def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
         with pty() as first, pty() as second:
             place = plug(first, tmp_path, 0)
             async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 first.let_go()
                 first.write(frames(0, 20))
                 await until(here.status("live"), "it streams")
@@ -87,7 +87,7 @@ def test_another_adapter_is_not_taken_for_the_one_before(tmp_path: Path) -> None
         with pty() as first, pty() as other, pty() as back:
             place = plug(first, tmp_path, 0)
             async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 first.let_go()
                 first.write(frames(0, 20))
                 await until(here.status("live"), "it streams")
@@ -112,7 +112,7 @@ def test_garbage_for_a_minute(tmp_path: Path) -> None:
         noise = random.Random(7).randbytes(60 * 11_520)
         with pty() as port:
             async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 await asyncio.to_thread(write_all, port, frames(0, 50))
                 await until(here.status("live"), "it streams")
                 began, events = time.monotonic(), len(here.hub.log)
@@ -140,7 +140,7 @@ def test_half_a_frame_then_silence() -> None:
     async def check() -> None:
         with pty() as port:
             async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 port.write(frames(0, 20) + frames(20, 21)[:30])
                 await until(lambda: here.health.rejects == 1, "the half is given up and counted")
                 assert here.samples == 20
@@ -157,7 +157,7 @@ def test_half_a_frame_while_the_server_was_held_up() -> None:
     async def check() -> None:
         with pty() as port:
             async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
-                await until(lambda: "open" in here.info.message, "it is open")
+                await until(lambda: "is open" in here.info.message, "it is open")
                 whole = frames(20, 21)
                 port.write(frames(0, 20) + whole[:30])
                 await until(lambda: here.samples == 20, "the frames are there")
