@@ -6,8 +6,7 @@
     audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
-The tests of one file run one after the other, the files beside each other, with and without a browser: they mostly
-wait. What failed beside other work is judged once more, alone. Every part runs, also after one has failed; the end
+The tests of one file run one after the other, the files beside each other: they often wait. What failed beside other work is judged once more, alone. Every part runs, also after one has failed; the end
 shows each one's closing line, pytest's last, and the exit status is 0 only when all is well. Names of parts run these
 alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests; everything after `--`
 goes to pytest (`tests/check.py pytest -- -k clocks`).
@@ -16,13 +15,11 @@ goes to pytest (`tests/check.py pytest -- -k clocks`).
 from __future__ import annotations
 
 import argparse
-import functools
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,36 +83,24 @@ PARTS = (
     Part("audit", lambda _: [PYTHON, "-m", "tests.audit"]),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
-    _tests("pytest", 3, "--ignore=tests/browser"),
-    _tests("browser", 2, "tests/browser"),
+    _tests("pytest", 4, "--ignore=tests/browser"),
+    _tests("browser", 3, "tests/browser"),
 )
 
 
-def run_all(chosen: list[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
-    """One part after the other, but tests beside each other; then, alone, what failed of them there."""
-    say = functools.partial(print, end="", flush=True)
-    outcomes = [_run(part, part.command(options), env, say) for part in chosen if part.alone is None]
-    tests = [part for part in chosen if part.alone is not None]
-    held: list[list[str]] = [[] for _ in tests]
-    with ThreadPoolExecutor(len(tests) or 1) as aside:
-        waiting = [
-            aside.submit(_run, part, part.command(options), env, lines.append if lines is not held[0] else say)
-            for part, lines in zip(tests, held, strict=True)
-        ]
-        ended = [one.result() for one in waiting]
-    say("".join(line for lines in held for line in lines))
-    for part, outcome in zip(tests, ended, strict=True):
-        if outcome.status == 1 and part.alone is not None:
-            again = _run(part, part.alone(options), env, say)
-            closing = f"{outcome.closing}; alone: {again.closing}"
-            outcome = Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
-        outcomes.append(outcome)
-    return outcomes
+def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
+    """Run one part, then alone what failed of it beside other work."""
+    outcome = _run(part, part.command(options), env)
+    if part.alone is None or outcome.status != 1:
+        return outcome
+    again = _run(part, part.alone(options), env)
+    closing = f"{outcome.closing}; alone: {again.closing}"
+    return Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
 
 
-def _run(part: Part, command: list[str], env: dict[str, str], say: Callable[[str], None]) -> Outcome:
-    """Run one part; what it prints goes to `say` as it comes."""
-    say(f"\n── {part.name} {'─' * (76 - len(part.name))}\n")
+def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
+    """What it prints is passed on as it comes."""
+    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
@@ -130,7 +115,7 @@ def _run(part: Part, command: list[str], env: dict[str, str], say: Callable[[str
     )
     assert process.stdout
     for line in process.stdout:
-        say(line)
+        print(line, end="", flush=True)
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
@@ -161,7 +146,7 @@ def main() -> int:
     if any(part.alone for part in chosen) and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
 
-    outcomes = run_all(chosen, options, env)
+    outcomes = [run(part, options, env) for part in chosen]
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"

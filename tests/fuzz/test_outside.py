@@ -14,7 +14,7 @@ import pytest
 from tests.fuzz import cases, files, http, ws
 from tests.fuzz.cases import FINDINGS, BrokenError, Case
 
-FILES = 34  # two of each kind
+FILES = 17  # one of each kind
 REQUESTS = 1  # of every third operation
 TALKS = 5
 ASKED = sorted((FINDINGS / "http").glob("*.json"))
