@@ -6,10 +6,11 @@
     audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
-The tests of one file run one after the other, the files beside each other: they often wait. What failed beside other work is judged once more, alone. Every part runs, also after one has failed; the end
-shows each one's closing line, pytest's last, and the exit status is 0 only when all is well. Names of parts run these
-alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests; everything after `--`
-goes to pytest (`tests/check.py pytest -- -k clocks`).
+The tests of one file run one after the other, the files beside each other: they often wait. What failed beside other
+work is judged once more, alone. Every part runs, also after one has failed; the end shows each one's closing line,
+pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff
+pytest`); `--deep` draws many more examples in the property tests; everything after `--` goes to pytest
+(`tests/check.py pytest -- -k clocks`).
 """
 
 from __future__ import annotations
