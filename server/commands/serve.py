@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import time
+from typing import TYPE_CHECKING
 
 from server import logs
 from server.commands.common import UsageError, check_protocol, no_file, warm
 from server.config import Config, load
-from server.live.reading import key_text, taken_from
+from server.live.reading import Reading, key_text, taken_from
 from server.version import VERSION
+
+if TYPE_CHECKING:
+    from server.auth import Access
 
 
 def serve(options: argparse.Namespace) -> None:
@@ -20,7 +24,37 @@ def serve(options: argparse.Namespace) -> None:
         ConfigError, ReadingError: they, or the configuration file, cannot be understood.
     """
     started = time.monotonic()
-    config = load(
+    config = _config(options)
+    from server import serving
+    from server.auth import Access
+
+    given, access = config.reading(), Access(config)
+    keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
+    logs.install(config.log_format, config.log_level, logs.secrets_of(*keys))
+    keeper = serving.keeper_of(config)
+    warm(config.data)
+    from server.app import create_app
+
+    _check_sources(config, given)
+    try:
+        listener = serving.listen(config.host, config.port)
+    except OSError as error:
+        hint = "Give another with --port, or 0 for any free one."
+        raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
+    url = _url(config, listener.getsockname()[1])
+
+    def ready() -> None:
+        logs.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
+        _tell(config, access, url, keeper.tls.fingerprint if keeper is not None else "")
+
+    try:
+        serving.run(create_app(config, access), listener, ready, keeper)
+    except RuntimeError as error:
+        raise UsageError(str(error)) from None
+
+
+def _config(options: argparse.Namespace) -> Config:
+    return load(
         options.config,
         host=options.host,
         port=options.port,
@@ -40,16 +74,10 @@ def serve(options: argparse.Namespace) -> None:
         log_format=options.log_format,
         log_level=options.log_level,
     )
-    from server import serving
-    from server.auth import Access
 
-    given, access = config.reading(), Access(config)
-    keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
-    logs.install(config.log_format, config.log_level, logs.secrets_of(*keys))
-    keeper = serving.keeper_of(config)
-    warm(config.data)
-    from server.app import create_app
-    from server.failures import UNGUESSABLE, short_tokens
+
+def _check_sources(config: Config, given: Reading) -> None:
+    """UsageError: one of them cannot be opened, ever."""
     from server.links import LinkError, open_link
     from server.links.file import FileLink
 
@@ -64,34 +92,26 @@ def serve(options: argparse.Namespace) -> None:
             # A port may be plugged in later; a file that is not there now is a slip of the fingers.
             raise UsageError(no_file(str(link.path)) + " See `imuscope --help` for commands and sources.")
     check_protocol(given.protocol)
-    try:
-        listener = serving.listen(config.host, config.port)
-    except OSError as error:
-        hint = "Give another with --port, or 0 for any free one."
-        raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
-    url = _url(config, listener.getsockname()[1])
 
-    def ready() -> None:
-        logs.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
-        if access.control_token and not config.is_loopback:
-            print(
-                f"to look:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
-                flush=True,
-            )
-        else:
-            print(url, flush=True)
-        if keeper is not None:
-            print(f"SHA-256 of its certificate: {keeper.tls.fingerprint}", flush=True)
-        for name in short_tokens(config):
-            logs.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
-        if not config.sources:
-            words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
-            logs.say(f"{words} See `imuscope serve --help`.")
 
-    try:
-        serving.run(create_app(config, access), listener, ready, keeper)
-    except RuntimeError as error:
-        raise UsageError(str(error)) from None
+def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:
+    """Where the page is, for whom, and what a person should know at the start."""
+    from server.failures import UNGUESSABLE, short_tokens
+
+    if access.control_token and not config.is_loopback:
+        print(
+            f"to look:    {url}?token={access.view_token}\nto control: {url}?token={access.control_token}",
+            flush=True,
+        )
+    else:
+        print(url, flush=True)
+    if fingerprint:
+        print(f"SHA-256 of its certificate: {fingerprint}", flush=True)
+    for name in short_tokens(config):
+        logs.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+    if not config.sources:
+        words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
+        logs.say(f"{words} See `imuscope serve --help`.")
 
 
 def _url(config: Config, port: int) -> str:

@@ -28,7 +28,7 @@ from typing import Any
 
 import pytest
 
-from tests.faults.stage import frames, stage, told, until
+from tests.faults.stage import Stage, frames, stage, told, until
 from tests.links.bench import Pty, device, pty
 from tests.process import tied
 
@@ -55,15 +55,20 @@ def unplug(port: Pty, names: Path, number: int, serial: str = "A5028") -> None:
     port.pull()
 
 
+async def streams(port: Pty, here: Stage) -> None:
+    """Twenty frames come in at the port, once it is open."""
+    await until(lambda: "is open" in here.info.message, "it is open")
+    port.let_go()
+    port.write(frames(0, 20))
+    await until(here.status("live"), "it streams")
+
+
 def test_unplugged_and_back_under_another_number(tmp_path: Path) -> None:
     async def check() -> None:
         with pty() as first, pty() as second:
             place = plug(first, tmp_path, 0)
             async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                first.let_go()
-                first.write(frames(0, 20))
-                await until(here.status("live"), "it streams")
+                await streams(first, here)
                 unplug(first, tmp_path, 0)
                 await until(here.status("lost"), "it is gone")
                 assert "gone" in told(here.info)[0] or "no port" in told(here.info)[0]
@@ -87,10 +92,7 @@ def test_another_adapter_is_not_taken_for_the_one_before(tmp_path: Path) -> None
         with pty() as first, pty() as other, pty() as back:
             place = plug(first, tmp_path, 0)
             async with stage(f"serial://{place}?baud=115200", tmp_path / "by-id") as here:
-                await until(lambda: "is open" in here.info.message, "it is open")
-                first.let_go()
-                first.write(frames(0, 20))
-                await until(here.status("live"), "it streams")
+                await streams(first, here)
                 unplug(first, tmp_path, 0)
                 plug(other, tmp_path, 0, "B777")
                 await until(lambda: "Another adapter" in here.info.message, "the other one is refused")
