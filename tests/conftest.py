@@ -24,8 +24,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
 
-from tests import chromium
+from tests import chromium, forked
 from tests.chromium import until
+from tests.forked import Nursery
 from tests.process import ROOT, ServerProcess
 
 ARTIFACTS = ROOT / "artifacts"
@@ -37,6 +38,8 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
 
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
+if forked.IS_THERE:
+    ServerProcess.nursery = Nursery()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)

@@ -16,6 +16,9 @@ import time
 import urllib.request
 from pathlib import Path
 from types import TracebackType
+from typing import ClassVar
+
+from tests.forked import Nursery
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -36,6 +39,21 @@ def tied(command: list[str]) -> list[str]:
     return [sys.executable, "-I", "-S", "-c", _TIED, str(os.getpid()), *command]
 
 
+def _started(words: list[str], prefix: tuple[str, ...]) -> subprocess.Popen[str]:
+    # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
+    return subprocess.Popen(
+        [*prefix, *tied([sys.executable, "-m", "server.cli", *words])],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
+
+
 class ServerProcess:
     """`imuscope serve SOURCE …`, started and waited for until it answers.
 
@@ -45,9 +63,12 @@ class ServerProcess:
         arguments: further options.
         prefix: put before the command, to run it as somebody else.
         timeout_s: time allowed until /healthz answers (a first start compiles).
+        fresh: start an interpreter for it, also where tests share the work of that (tests/forked.py).
     Raises:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
     """
+
+    nursery: ClassVar[Nursery | None] = None  # whom tests have start it
 
     def __init__(
         self,
@@ -55,22 +76,12 @@ class ServerProcess:
         data: Path,
         arguments: tuple[str, ...] = (),
         prefix: tuple[str, ...] = (),
-        timeout_s: float = 60,
+        timeout_s: float = 180,
+        fresh: bool = False,
     ) -> None:
-        command = [sys.executable, "-m", "server.cli", "serve", *sources]
-        command += ["--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
-        # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
-        self.process = subprocess.Popen(
-            [*prefix, *tied(command)],
-            cwd=ROOT,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        )
+        words = ["serve", *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
+        is_forked = self.nursery is not None and not prefix and not fresh
+        self.process = self.nursery.start(words) if self.nursery and is_forked else _started(words, prefix)
         self.data = data
         self.lines: list[str] = []
         self._certificate = data / "tls" / "certificate.pem"

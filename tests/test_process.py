@@ -81,3 +81,43 @@ def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
         feed.put(master, bytes(1 << 20))
     os.close(master)
     os.close(slave)
+
+
+FORKING = """
+import sys, tempfile
+from pathlib import Path
+from tests.forked import Nursery
+from tests.process import ServerProcess
+ServerProcess.nursery = Nursery()
+server = ServerProcess("twin:xbus", data=Path(sys.argv[1]))
+print(server.process.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+@linux
+def test_a_forked_server_ends_with_the_tests_that_were_killed(tmp_path: Path) -> None:
+    pipe = subprocess.PIPE
+    command = [sys.executable, "-c", FORKING, str(tmp_path)]
+    with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as starter:
+        assert starter.stdout
+        child = int(starter.stdout.readline())
+        assert not ended(child)
+        starter.send_signal(signal.SIGKILL)
+    deadline = time.monotonic() + PATIENCE_S
+    while not ended(child) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert ended(child)
+
+
+@linux
+def test_a_forked_server_ends_as_another_does(tmp_path: Path) -> None:
+    with ServerProcess("twin:xbus", data=tmp_path) as server:
+        assert isinstance(server.process, Child)
+        assert server.process.poll() is None
+        assert server.stop() == 0
+    with ServerProcess("twin:xbus", data=tmp_path) as server:
+        server.process.kill()
+        assert server.process.wait(PATIENCE_S) == -signal.SIGKILL
+    with pytest.raises(RuntimeError, match="no file"):
+        ServerProcess("nothing.bin", data=tmp_path)

@@ -1,0 +1,23 @@
+"""How long does a test wait for what is sure to come? For as long as nobody would: the machine is busy with others.
+
+A limit is there to end a test that would hang, and says nothing about how quick a thing is; those that libraries have
+by themselves (5 s for a request, 10 s for the handshake of a WebSocket) are too short for that. So everything that
+talks to a server takes its limit from here.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import httpx
+import websockets.asyncio.client
+import websockets.sync.client
+
+PATIENCE_S = 60.0
+
+connect = partial(websockets.sync.client.connect, open_timeout=PATIENCE_S)
+"""A WebSocket, for tests without an event loop."""
+connecting = partial(websockets.asyncio.client.connect, open_timeout=PATIENCE_S)
+"""A WebSocket, for tests with one."""
+client = partial(httpx.Client, timeout=PATIENCE_S)
+get = partial(httpx.get, timeout=PATIENCE_S)
