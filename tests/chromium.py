@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tests.patience import PATIENCE_S
+
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
@@ -68,14 +70,14 @@ def version(path: Path) -> str:
     """What the browser calls itself; "" when it does not start (a library is missing, a stub names a snap)."""
     try:
         answer = subprocess.run(
-            [path, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30
+            [path, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE_S
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return answer.stdout.strip() if answer.returncode == 0 else ""
 
 
-def until(page: Page, expression: str, argument: Any = None, *, timeout_s: float = 20) -> Any:
+def until(page: Page, expression: str, argument: Any = None, *, timeout_s: float = PATIENCE_S) -> Any:
     """Ask a page again and again until a JavaScript expression or function is true, and return what it gave.
 
     Playwright's own `wait_for_function` compiles text inside the page, which the page's security policy forbids.

@@ -27,6 +27,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocke
 from tests import chromium, forked
 from tests.chromium import until
 from tests.forked import Nursery
+from tests.patience import PATIENCE_S
 from tests.process import ROOT, ServerProcess
 
 ARTIFACTS = ROOT / "artifacts"
@@ -125,7 +126,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
         )
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(PATIENCE_S * 1000)
         watch(page, url, complaints)
         page.goto(url)
         return page

@@ -22,10 +22,11 @@ from collections.abc import AsyncIterator
 from typing import Any
 from urllib.parse import urlsplit
 
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
 from server.wire import FLAG_HISTORY, HEADER, SUBPROTOCOL
+from tests.patience import connecting
 
 TCP_ESTABLISHED = 1
 ARRIVAL = struct.Struct("<d")  # the first own column of every frame: when its first sample arrived
@@ -163,7 +164,7 @@ async def _connected(url: str, *, narrow: bool = False) -> AsyncIterator[ClientC
         plain.connect((parts.hostname, parts.port))
         plain.setblocking(False)
         options |= {"sock": plain, "max_queue": 1}
-    connection = await connect(url.replace("http", "ws", 1) + "/ws", **options)
+    connection = await connecting(url.replace("http", "ws", 1) + "/ws", **options)
     try:
         yield connection
     finally:

@@ -13,7 +13,9 @@ from typing import Any
 
 import msgspec
 import zstandard
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
+
+from tests.patience import connecting
 
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",
@@ -38,7 +40,7 @@ def subprotocol() -> str:
 async def looking(url: str, path: str = "/viser", **options: Any) -> AsyncIterator[ClientConnection]:
     """A viewer of a scene of the server at `url`."""
     address = url.replace("http", "ws", 1) + path
-    async with connect(address, subprotocols=[subprotocol()], max_size=None, **options) as socket:  # type: ignore[list-item]
+    async with connecting(address, subprotocols=[subprotocol()], max_size=None, **options) as socket:  # type: ignore[list-item]
         await socket.send(msgspec.msgpack.encode(CAMERA))
         yield socket
 

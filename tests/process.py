@@ -19,6 +19,7 @@ from types import TracebackType
 from typing import ClassVar
 
 from tests.forked import Nursery
+from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -115,11 +116,11 @@ class ServerProcess:
         if self.process.poll() is None:
             self.process.terminate()
             try:
-                self.process.wait(10)
+                self.process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
         status = self.process.wait()
-        self._reader.join(30)  # of a server that was killed, what it had begun aside ends a little later
+        self._reader.join(PATIENCE_S)  # what a killed one had begun aside ends a little later
         if self.process.stdout:
             self.process.stdout.close()
         return status
@@ -156,7 +157,7 @@ class ServerProcess:
 
     def _answers(self) -> bool:
         try:
-            with urllib.request.urlopen(f"{self.url}/healthz", timeout=2, context=self.trust) as answer:
+            with urllib.request.urlopen(f"{self.url}/healthz", timeout=PATIENCE_S, context=self.trust) as answer:
                 return bool(answer.status == 200)
         except OSError:
             return False

@@ -11,11 +11,14 @@ import subprocess
 import sys
 import time
 import tty
+from pathlib import Path
 
 import pytest
 
 from tests.bench import fanout, feed
-from tests.process import ROOT
+from tests.forked import Child
+from tests.patience import PATIENCE_S
+from tests.process import ROOT, ServerProcess
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="ending with a parent is Linux's")
 
@@ -45,7 +48,7 @@ def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
         child = int(starter.stdout.readline())
         assert not ended(child)
         starter.send_signal(signal.SIGKILL)
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + PATIENCE_S
     while not ended(child) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert ended(child)

@@ -18,6 +18,7 @@ from playwright.sync_api import Page
 from tests.browser.test_page import AXE, TARGETS
 from tests.browser.test_pictures import picture
 from tests.chromium import until
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 
 Serve = Callable[..., ServerProcess]
@@ -35,7 +36,7 @@ ACCELERATION = 'tr[data-id="0x4020"]'
 
 def asked(server: ServerProcess, path: str) -> Any:
     """What the server answers to a GET."""
-    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/1/{path}", timeout=20) as answer:
+    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/1/{path}", timeout=PATIENCE_S) as answer:
         return json.load(answer)
 
 
@@ -113,7 +114,7 @@ def test_a_write_that_the_device_does_not_take_is_told_field_by_field(serve: Ser
     page = configured(serve("twin:xbus?cut=1"), open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
     page.get_by_role("button", name="Apply", exact=True).click()
-    until(page, "document.querySelector('.outcomes li') !== null", timeout_s=40)
+    until(page, "document.querySelector('.outcomes li') !== null")
     assert "Output configuration" in page.inner_text(".outcomes")
     picture(page, "rejected-1440")
     page.get_by_role("button", name="Back to the changes").click()
@@ -133,14 +134,14 @@ def test_a_rate_that_nobody_keeps_goes_back_also_when_the_browser_is_gone(serve:
     server = serve("twin:xbus")
     page = configured(server, open_page, "/PortConfig")
     set_baud(page, "921 600 Bd")
-    until(page, "document.querySelector('.deck[role=alertdialog]') !== null", timeout_s=40)
+    until(page, "document.querySelector('.deck[role=alertdialog]') !== null")
     until(page, "document.activeElement.innerText === 'Go back now'")
     picture(page, "trial-1440")
     assert asked(server, "control")["trial"]["state"] == "asking"
     page.context.close()
     other = open_page(server.url)
     gone_back = "window.imuscope?.store.control.value.get('1')?.trial?.state === 'reverted'"
-    until(other, gone_back, timeout_s=60)
+    until(other, gone_back)
     until(other, "window.imuscope.store.devices.value[0].baud === 115200")
     until(other, "document.querySelector('.deck')?.innerText.includes('old settings')")
 
@@ -149,7 +150,7 @@ def test_what_is_kept_stays(serve: Serve, open_page: OpenPage) -> None:
     server = serve("twin:xbus")
     page = configured(server, open_page, "/PortConfig")
     set_baud(page, "921 600 Bd")
-    until(page, "document.querySelector('.deck[role=alertdialog]') !== null", timeout_s=40)
+    until(page, "document.querySelector('.deck[role=alertdialog]') !== null")
     page.get_by_role("button", name="Keep settings").click()
     until(page, "document.querySelector('.deck h3')?.innerText === 'Kept'")
     until(page, "window.imuscope.store.devices.value[0].baud === 921600")
@@ -197,11 +198,11 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
     """An error on the console, or a script that throws, fails it (see conftest)."""
     server = serve(source)
     page = open_page(f"{server.url.rstrip('/')}/#/configure/1")
-    until(page, "document.querySelector('.cats a') !== null", timeout_s=40)
+    until(page, "document.querySelector('.cats a') !== null")
     forms = asked(server, "forms")
     if forms["settings"]:
         page.get_by_role("button", name="Read the settings").click()
-        until(page, "document.querySelector('[data-setting]') !== null", timeout_s=60)
+        until(page, "document.querySelector('[data-setting]') !== null")
     page.get_by_role("button", name="All", exact=True).click()
     for kind in ("setting", "command"):
         for form in forms[f"{kind}s"]:
@@ -210,7 +211,7 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
                 "([device, name]) => { location.hash = `#/configure/${device}/${encodeURIComponent(name)}`; }",
                 ["1", name],
             )
-            until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null", timeout_s=20)
+            until(page, f"document.querySelector('[data-{kind}=\"{name}\"]') !== null")
             fields = form["fields"] if kind == "setting" else form["arguments"]
             drawn = page.locator(f'[data-{kind}="{name}"] > .fields > .frow').count()
             assert form.get("editor") or drawn == len(fields), f"{name}: {drawn} of {len(fields)} fields"
@@ -319,10 +320,10 @@ def test_what_was_typed_stays_while_the_device_is_gone(serve: Serve, open_page: 
     server = serve("twin:xbus?unplug_s=12&away_s=6")
     page = configured(server, open_page)
     page.locator(f"{ACCELERATION} select").first.select_option("50")
-    until(page, "[...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))", timeout_s=40)
+    until(page, "[...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))")
     assert page.get_by_role("button", name="Apply", exact=True).is_disabled()
     picture(page, "configure-lost-1440")
-    until(page, "![...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))", timeout_s=40)
+    until(page, "![...document.querySelectorAll('.band')].some(e => /^Lost/.test(e.innerText))")
     assert page.locator(f"{ACCELERATION} select").first.input_value() == "50"
 
 

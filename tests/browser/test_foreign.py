@@ -14,11 +14,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
-import httpx
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
 from tests import chromium
+from tests.patience import get
 from tests.process import ServerProcess
 
 NAME = "rebound.example"
@@ -104,14 +104,14 @@ def visitor() -> Iterator[Page]:
 
 def state(server: ServerProcess) -> tuple[Any, ...]:
     """All that a request could have changed."""
-    devices = [(one["id"], one["source"], one["status"]) for one in httpx.get(f"{server.url}/api/devices").json()]
-    exchange = httpx.get(f"{server.url}/api/devices/{devices[0][0]}/exchange").json()
-    recorder = httpx.get(f"{server.url}/api/recorder").json()
-    return devices, exchange, recorder, httpx.get(f"{server.url}/api/recordings").json()
+    devices = [(one["id"], one["source"], one["status"]) for one in get(f"{server.url}/api/devices").json()]
+    exchange = get(f"{server.url}/api/devices/{devices[0][0]}/exchange").json()
+    recorder = get(f"{server.url}/api/recorder").json()
+    return devices, exchange, recorder, get(f"{server.url}/api/recordings").json()
 
 
 def test_a_foreign_page_reads_nothing_and_does_nothing(server: ServerProcess, stranger: str, visitor: Page) -> None:
-    [device] = httpx.get(f"{server.url}/api/devices").json()
+    [device] = get(f"{server.url}/api/devices").json()
     before = state(server)
 
     visitor.goto(stranger)

@@ -20,6 +20,7 @@ from playwright.sync_api import Page
 
 from tests.bench.feed import frame
 from tests.chromium import until
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 
 RATE = 100.0
@@ -49,7 +50,7 @@ class Sender:
 
     def stop(self) -> None:
         self._stop.set()
-        self._thread.join(5)
+        self._thread.join(PATIENCE_S)
 
 
 class Adapter:
@@ -106,7 +107,7 @@ class Peer:
 
     def pull(self) -> None:
         self._off.set()
-        self._thread.join(5)
+        self._thread.join(PATIENCE_S)
         self._door.close()
 
 
@@ -127,12 +128,12 @@ def test_a_killed_link_shows_within_a_second_and_recovers(
     plug.pull()
     began = time.monotonic()
     # Not live any more, and said in a word that a person can see.
-    until(page, f"{STATUS} !== 'live'", timeout_s=5)
-    until(page, "/\\blost\\b/i.test(document.body.innerText)", timeout_s=5)
+    until(page, f"{STATUS} !== 'live'")
+    until(page, "/\\blost\\b/i.test(document.body.innerText)")
     assert time.monotonic() - began < 1.0
     held = page.evaluate(COUNT)
     plug.plug()
-    until(page, f"{STATUS} === 'live' && ({COUNT})() > {held} + 100", timeout_s=15)
+    until(page, f"{STATUS} === 'live' && ({COUNT})() > {held} + 100")
     links = page.evaluate("window.imuscope.store.events.value.filter(event => event.kind === 'link').length")
     assert links >= 2, "the loss and the return are events"
 
@@ -147,7 +148,7 @@ def test_nothing_else_stops_when_one_link_dies(
         .filter(c => c.info.device === device.id).reduce((n, c) => n + c.ring.length, 0))"""
     until(page, f"(({both})() ?? []).filter(n => n > 100).length === 2")
     device.pull()
-    until(page, "window.imuscope.store.devices.value.some(device => device.status === 'lost')", timeout_s=5)
+    until(page, "window.imuscope.store.devices.value.some(device => device.status === 'lost')")
     before = page.evaluate(both)
     page.wait_for_timeout(1000)
     after = page.evaluate(both)
@@ -163,9 +164,9 @@ def test_a_server_that_restarts_is_found_again(
     until(page, f"({COUNT})() > 20")
     port = server.url.rsplit(":", 1)[1]
     server.stop()
-    until(page, "window.imuscope.store.connection.value !== 'open'", timeout_s=3)
+    until(page, "window.imuscope.store.connection.value !== 'open'")
     serve("twin:xbus", arguments=("--port", port))
-    until(page, f"window.imuscope.store.connection.value === 'open' && ({COUNT})() > 20", timeout_s=15)
+    until(page, f"window.imuscope.store.connection.value === 'open' && ({COUNT})() > 20")
 
 
 def test_a_twin_that_is_pulled_is_shown_within_a_second_and_comes_back(
@@ -188,7 +189,7 @@ def test_a_twin_that_is_pulled_is_shown_within_a_second_and_comes_back(
     assert 0 < waited < 1.0
     held = page.evaluate("ringOf('1').length")
     assert page.evaluate("ringOf('2').newest - window.imuscope.store.serverNow()") > -0.3, "nothing else stops"
-    until(page, f"{STATUS} === 'live' && ringOf('1').length > {held} + 100", timeout_s=15)
+    until(page, f"{STATUS} === 'live' && ringOf('1').length > {held} + 100")
     apart = """() => { const ring = ringOf("1");
         return ring.breaks.map(row => ring.times[row & ring.mask] - ring.times[(row - 1) & ring.mask]); }"""
     assert max(page.evaluate(apart)) > 1.5, "no line is drawn over the time it was away"

@@ -128,7 +128,7 @@ def test_a_reload_has_its_past_at_once(serve: Callable[..., ServerProcess], open
     until(page, f"({held})() > 6")
     page.reload()
     until(page, "window.imuscope?.store.connection.value === 'open'")
-    until(page, f"({held})() > 6", timeout_s=1)
+    until(page, f"({held})() > 6")
 
 
 def view_of(page: Page) -> dict[str, Any]:
@@ -196,16 +196,16 @@ def test_a_lane_says_what_it_means_to_pointer_keyboard_and_finger(
     box = page.locator(".lanebox").bounding_box()
     assert box
     page.touchscreen.tap(200, box["y"] + 17 * 1.5)
-    until(page, "document.querySelector('.lanesay').innerText.length > 20", timeout_s=3)
+    until(page, "document.querySelector('.lanesay').innerText.length > 20")
     wide = open_page(server.url)
     until(wide, READY)
     until(wide, "document.querySelectorAll('.lanenames button').length > 2")
     wide.locator(".lanenames button").nth(1).focus()
-    until(wide, "document.querySelector('.lanesay').innerText.length > 20", timeout_s=3)
+    until(wide, "document.querySelector('.lanesay').innerText.length > 20")
     by_key = wide.inner_text(".lanesay b").split(":")[0]
     wide.locator(".lanenames button").nth(1).blur()
-    until(wide, "document.querySelector('.lanesay').innerText === ''", timeout_s=3)
+    until(wide, "document.querySelector('.lanesay').innerText === ''")
     box = wide.locator(".lanebox").bounding_box()
     assert box
     wide.mouse.move(box["x"] + 600, box["y"] + 17 * 1.5)
-    until(wide, f"document.querySelector('.lanesay b')?.innerText.startsWith({by_key!r})", timeout_s=3)
+    until(wide, f"document.querySelector('.lanesay b')?.innerText.startsWith({by_key!r})")

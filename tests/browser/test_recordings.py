@@ -22,6 +22,7 @@ from playwright.sync_api import Page
 from tests.browser.test_page import AXE, DESKTOP, PHONE, TARGETS
 from tests.chromium import until
 from tests.conftest import READY
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 
 TITLE = "Yard loop"
@@ -35,7 +36,7 @@ def ask(server: ServerProcess, method: str, path: str, body: Any = None) -> Any:
     """One request to the server's API, its answer read from JSON."""
     content = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(server.url + path, content, {"content-type": "application/json"}, method=method)
-    with urllib.request.urlopen(request, timeout=30) as answer:
+    with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
         return json.loads(answer.read() or b"null")
 
 
@@ -67,7 +68,7 @@ def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[in
     page = open_page(f"{server.url}/#/recordings", width=size[0], height=size[1], touch=size == PHONE, **more)
     until(page, f"{FIRST} !== null")
     page.evaluate(f"{FIRST}.click()")
-    until(page, OPEN, timeout_s=60)
+    until(page, OPEN)
     until(page, DRAWN)
     return page
 
@@ -97,7 +98,7 @@ def test_from_the_record_button_to_the_list(
     [info] = ask(server, "GET", "/api/recordings")
     assert info["markers"] == 1
     page.evaluate(f"{FIRST}.click()")
-    until(page, OPEN, timeout_s=60)
+    until(page, OPEN)
     until(page, DRAWN)
     assert page.locator(".markers li").count() == 1
 
@@ -247,7 +248,7 @@ def test_a_shared_link_opens_at_its_range(recorded: ServerProcess, open_page: Ca
     until(page, "document.querySelector('.transport').innerText.includes('Link copied')")
     link, was = page.url, view_of(page)
     other = open_page(link)
-    until(other, OPEN, timeout_s=60)
+    until(other, OPEN)
     until(other, DRAWN)
     now = view_of(other)
     for name in ("end", "span", "head"):
@@ -321,7 +322,7 @@ def test_a_file_is_added_with_its_progress(
     before = page.locator(".recs tbody tr").count()
     capture = tmp_path / "other.mcap"
     [info, *_] = ask(recorded, "GET", "/api/recordings")
-    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{info['id']}/download", timeout=30) as answer:
+    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{info['id']}/download", timeout=PATIENCE_S) as answer:
         capture.write_bytes(answer.read())
     page.locator("input[type=file]").set_input_files(capture)
     until(page, f"document.querySelectorAll('.recs tbody tr').length === {before + 1}")
@@ -337,7 +338,7 @@ def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_pa
     played = [one for one in ask(recorded, "GET", "/api/devices")[before:] if not one["parent"]]
     for one in played:
         urllib.request.urlopen(
-            urllib.request.Request(f"{recorded.url}/api/devices/{one['id']}", method="DELETE"), timeout=10
+            urllib.request.Request(f"{recorded.url}/api/devices/{one['id']}", method="DELETE"), timeout=PATIENCE_S
         )
 
 
@@ -351,7 +352,7 @@ def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Cal
         until(page, recording + state)
         for width in (1440, 1280, 1120, 900, 721, 390, 360):
             page.set_viewport_size({"width": width, "height": 844})
-            until(page, fits, timeout_s=3)
+            until(page, fits)
         page.set_viewport_size({"width": 1440, "height": 844})
 
 
@@ -416,7 +417,7 @@ def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
     page = open_page(f"{recorded.url}/#/recordings")
     until(page, f"{FIRST} !== null")
     [whole, *_] = [one for one in ask(recorded, "GET", "/api/recordings") if one["title"] == TITLE]
-    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{whole['id']}/download", timeout=30) as answer:
+    with urllib.request.urlopen(f"{recorded.url}/api/recordings/{whole['id']}/download", timeout=PATIENCE_S) as answer:
         data = answer.read()
     photo, void, torn = tmp_path / "photo.jpg", tmp_path / "void.mcap", tmp_path / "torn.mcap"
     photo.write_bytes(b"\xff\xd8" + bytes(2000))
@@ -437,7 +438,7 @@ def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
     until(page, "document.querySelector('.recs').innerText.includes('battery pulled')")
     assert any(one["file"] == "battery pulled.mcap" for one in ask(recorded, "GET", "/api/recordings"))
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
-    until(page, OPEN, timeout_s=60)
+    until(page, OPEN)
     until(page, DRAWN)
     until(page, "document.querySelector('.band.caution')?.innerText.includes('torn off')")
     ask(recorded, "DELETE", "/api/recordings/battery%20pulled")

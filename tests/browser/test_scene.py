@@ -35,7 +35,7 @@ def open_scene(browser: Browser) -> Iterator[Callable[[str], Page]]:
 
     def start(url: str) -> Page:
         page = context.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(90_000)
         conftest.watch(page, url, complaints)
         page.goto(url)
         return page

@@ -19,8 +19,8 @@ from server.live.sessions import Sessions
 from server.live.speech import speech
 from server.wire import DeviceHealth, DeviceInfo, EventInfo
 from tests.bench.feed import frame
+from tests.patience import PATIENCE_S
 
-PATIENCE_S = 40.0
 COUNTER = "PacketCounter"
 
 

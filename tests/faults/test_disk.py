@@ -37,13 +37,12 @@ from server.config import Config
 from server.library.opening import decode
 from server.live.speech import speech
 from tests.faults.test_kill import received, until
+from tests.patience import PATIENCE_S
 from tests.process import ROOT, tied
 from tests.server.fakes import sample
 from tests.server.running import Running
 from tests.server.test_opening import drive
 from tests.server.test_recorder import Links, send, settled
-
-PATIENCE_S = 60.0
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 from httpx import Client
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from recordings.blocks import Recording
@@ -34,11 +34,11 @@ from server.library.packer import left_behind
 from tests.faults.stage import frames
 from tests.faults.test_kill import hidden, received, recording, until
 from tests.looker import CAMERA, subprotocol
+from tests.patience import PATIENCE_S, connect
 from tests.process import ROOT, ServerProcess
 from tests.server.line import Line
 
 SOURCES = ("twin:xbus?rate=400", "twin:isb", "twin:idtp")
-PATIENCE_S = 30.0
 
 
 @contextlib.contextmanager
@@ -52,9 +52,7 @@ def busy(server: ServerProcess, http: Client) -> Iterator[None]:
         for stuck in (False, False, True):
             stack.enter_context(browser(server, stuck=stuck))
         url = server.url.replace("http", "ws")
-        looker = stack.enter_context(
-            connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None, open_timeout=60)
-        )
+        looker = stack.enter_context(connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None))
         looker.send(msgspec.msgpack.encode(CAMERA))
         until(lambda: http.get("/api/recordings/exports").json()[0]["state"] != "waiting", "it exports")
         yield
@@ -68,9 +66,7 @@ def browser(server: ServerProcess, *, stuck: bool) -> Iterator[ClientConnection]
     if stuck:
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     url = f"ws://{address.netloc}/ws"
-    made = connect(
-        url, sock=line, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None, max_queue=1, open_timeout=60
-    )
+    made = connect(url, sock=line, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None, max_queue=1)
     with made as connection:
         connection.send(codec.encode_text(wire.Subscribe(600)))
         yield connection
@@ -96,7 +92,7 @@ def end(data: Path) -> float:
     recording(folder / "long.mcap", frames(0, 2000) * 30)
     with Line(1000) as line:
         with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
-            with Client(base_url=server.url, timeout=30) as http, busy(server, http):
+            with Client(base_url=server.url, timeout=PATIENCE_S) as http, busy(server, http):
                 begun = children(server.process.pid)
                 assert len(begun) >= 2, "a scene and an export are processes of their own"
                 started = time.monotonic()

@@ -31,11 +31,10 @@ from server.library.leftovers import LOCK, Tenancy
 from server.library.packer import left_behind
 from server.links.twin import Bench
 from tests.faults.stage import frames
+from tests.patience import PATIENCE_S
 from tests.process import ROOT, ServerProcess
 from tests.server.desk import bench, outputs
 from tests.server.line import Line
-
-PATIENCE_S = 60.0
 
 
 def until(condition: Callable[[], Any], what: str) -> Any:
@@ -90,7 +89,7 @@ def killed(there: Bench, data: Path) -> None:
     (data / "exports" / "older-1").mkdir(parents=True)
     with Line(500) as line:
         with ServerProcess(line.source, device, data=data, arguments=("--record",)) as first:
-            with Client(base_url=first.url, timeout=30) as http:
+            with Client(base_url=first.url, timeout=PATIENCE_S) as http:
                 until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream")
                 until(lambda: http.get("/api/recorder").json()["bytes"] > 50_000, "it records")
                 idle = lambda: not http.get("/api/devices/2/control").json()["running"]  # noqa: E731
@@ -112,7 +111,7 @@ def killed(there: Bench, data: Path) -> None:
     (folder / ".note.json.0a1b2c3d").write_text("{", "utf-8")
     (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
 
-    with ServerProcess(device, data=data) as second, Client(base_url=second.url, timeout=30) as http:
+    with ServerProcess(device, data=data) as second, Client(base_url=second.url, timeout=PATIENCE_S) as http:
         until(lambda: http.get("/api/devices/1/control").json()["done"], "the settings went back")
         (job,) = http.get("/api/devices/1/control").json()["done"]
         assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")

@@ -30,6 +30,7 @@ import pytest
 
 from tests.faults.stage import Stage, frames, stage, told, until
 from tests.links.bench import Pty, device, pty
+from tests.patience import PATIENCE_S
 from tests.process import tied
 
 TCP_REPAIR = 19  # Linux: close such a socket, and the other side hears nothing
@@ -199,7 +200,7 @@ def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
                     assert f"(process {other.pid})" in words
                     assert f"(process {other.pid})" in hint
                     other.stdin.close()
-                    other.wait(20)
+                    other.wait(PATIENCE_S)
                     await until(lambda: "open" in here.info.message, "it is opened without being asked")
                     port.write(frames(0, 20))
                     await until(lambda: here.samples == 20, "it streams")
@@ -215,7 +216,7 @@ def test_a_port_held_by_another_process_is_opened_when_that_one_ends() -> None:
 def test_a_tcp_peer_that_vanishes_without_a_word() -> None:
     async def check() -> None:
         with socket.create_server(("127.0.0.1", 0)) as server:
-            server.settimeout(30)
+            server.settimeout(PATIENCE_S)
             async with stage(f"tcp://127.0.0.1:{server.getsockname()[1]}") as here:
                 device, _ = await asyncio.to_thread(server.accept)
                 device.sendall(frames(0, 20))

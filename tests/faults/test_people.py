@@ -27,6 +27,7 @@ from server.config import Config
 from server.links import open_link
 from server.live.speech import speech
 from tests.faults.test_kill import until
+from tests.patience import PATIENCE_S
 from tests.server.desk import outputs
 from tests.server.running import Running
 
@@ -76,7 +77,7 @@ def test_two_people_at_once(tmp_path: Path) -> None:
         both = threading.Barrier(2)
 
         def wish(rate: int) -> None:
-            with Client(base_url=running.url, timeout=30) as own:
+            with Client(base_url=running.url, timeout=PATIENCE_S) as own:
                 both.wait()
                 body = {"changes": {"OutputConfiguration": outputs(rate)}, "confirmed": True}
                 answers.append(own.post("/api/devices/1/apply", json=body).json())

@@ -36,9 +36,9 @@ from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
 from tests.fuzz.cases import FINDINGS, BrokenError
+from tests.patience import PATIENCE_S  # what takes longer does not answer
 from tests.process import ServerProcess
 
-PATIENCE_S = 40.0  # on a busy machine; what takes longer does not answer
 MOST_GROWN_MB = 400.0  # of the server's memory, over all that is asked
 TWINS = ("twin:xbus", "twin:isb", "twin:idtp")
 TIDY_EVERY = 40

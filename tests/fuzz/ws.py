@@ -23,12 +23,13 @@ from typing import Any, Literal, NamedTuple
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from server.wire import SUBPROTOCOL
 from tests.fuzz.cases import FINDINGS, BrokenError
-from tests.fuzz.http import PATIENCE_S, Server
+from tests.fuzz.http import Server
+from tests.patience import PATIENCE_S, connect
 
 ANSWERS = {
     "hello", "devices", "channels", "health", "raws", "events", "control", "recorder", "library", "exports", "exchange",
@@ -197,7 +198,6 @@ class Floor:
             self._url + path,
             subprotocols=protocols,
             compression=None,
-            open_timeout=PATIENCE_S,
             close_timeout=1,
             max_size=None,
             max_queue=None,  # the witness takes all at once, whatever we do meanwhile

@@ -17,6 +17,7 @@ import pytest
 from server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
 from server.links.cable import Faults
 from server.links.twin import Bench, TwinOptions
+from tests.patience import PATIENCE_S
 
 T = TypeVar("T")
 
@@ -62,12 +63,10 @@ class Metronome:
         return xbus(0x3F, data)
 
 
-async def gather(
-    link: Link, size: int = 0, *, seconds: float = 5.0, until: Callable[[bytes], bool] | None = None
-) -> list[Chunk]:
-    """Read until `size` bytes (or `until` is content) have come, at most for `seconds`."""
+async def gather(link: Link, size: int = 0, *, until: Callable[[bytes], bool] | None = None) -> list[Chunk]:
+    """Read until `size` bytes (or `until` is content) have come."""
     chunks: list[Chunk] = []
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             chunks += await link.read()
             data = joined(chunks)
@@ -80,9 +79,9 @@ def joined(chunks: list[Chunk]) -> bytes:
 
 
 async def fails(awaitable: Awaitable[T]) -> LinkError:
-    """The LinkError with which it ends, within 5 s; every one has words and a hint."""
+    """The LinkError with which it ends; every one has words and a hint."""
     with pytest.raises(LinkError) as caught:
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(PATIENCE_S):
             await awaitable
     error = caught.value
     assert error.message.endswith((".", "?")), error.message

@@ -12,6 +12,7 @@ from server.links import open_link
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.udp import UdpLink
 from tests.links.bench import dies, fails, gather, joined, left_behind, opened, settings
+from tests.patience import PATIENCE_S
 
 
 def run(coroutine: Any) -> Any:
@@ -146,7 +147,7 @@ def test_listener_turns_a_second_device_away_while_the_first_one_talks() -> None
                 first.sendall(b"1")
                 await gather(link, 1)
                 with socket.create_connection(link.address) as second:
-                    second.settimeout(2)
+                    second.settimeout(PATIENCE_S)
                     assert second.recv(1) == b""
                     assert "turned away" in link.notices[1]
                 first.sendall(b"2")
@@ -200,7 +201,7 @@ def test_udp_keeps_datagrams_apart_and_answers_the_last_sender() -> None:
         async with opened(link):
             assert (await fails(link.write(b"x"))).kind == "refused"
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as device:
-                device.settimeout(2)
+                device.settimeout(PATIENCE_S)
                 for data in (b"first", b"", b"second", b"x" * 1400):
                     device.sendto(data, link.address)
                 chunks = await gather(link, 5 + 6 + 1400)

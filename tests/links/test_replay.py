@@ -18,6 +18,7 @@ from server.links.base import Chunk
 from server.links.replay import ReplayLink
 from server.live.speech import speech
 from tests.links.bench import fails, frame, joined, left_behind, opened, settings, xbus
+from tests.patience import PATIENCE_S
 from tests.server.running import Running
 
 START = 1_760_000_000_000_000_000
@@ -52,7 +53,7 @@ def of(device: int, first: int = 0, last: int = 100) -> bytes:
 async def drained(link: Link) -> tuple[list[Chunk], LinkError]:
     """All that a link still gives, and how it ended."""
     chunks: list[Chunk] = []
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             try:
                 chunks += await link.read()
@@ -104,7 +105,7 @@ def test_a_stretch_and_a_loop(tmp_path: Path) -> None:
     async def looped() -> list[Chunk]:
         chunks: list[Chunk] = []
         async with opened(open_link(f"{path}?speed=10&from=0.2&to=0.3&loop=1", settings())) as link:
-            async with asyncio.timeout(20):
+            async with asyncio.timeout(PATIENCE_S):
                 while len(chunks) < 25:
                     chunks += await link.read()
         return chunks
@@ -190,7 +191,7 @@ def test_playing_a_recording_makes_its_devices_appear(running: Running) -> None:
     assert appeared.status_code == 201, appeared.text
     assert [device["protocol"] for device in appeared.json()] == ["xbus", "xbus"]
     ids = {device["id"] for device in appeared.json()}
-    end = time.monotonic() + 20
+    end = time.monotonic() + PATIENCE_S
     while True:
         live = {device["id"] for device in client.get("/api/devices").json() if device["status"] == "live"}
         if ids <= live:

@@ -19,6 +19,7 @@ from server.links.hearing import hear
 from server.links.serial import Line, SerialLink, open_port
 from server.links.twin import Bench, TwinLink
 from tests.links.bench import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
+from tests.patience import PATIENCE_S
 
 
 def run(coroutine: Any) -> Any:
@@ -72,7 +73,7 @@ def test_a_twin_is_unplugged_and_returns() -> None:
 def received(port: Any, size: int) -> bytes:
     """The next `size` bytes of an open port, which is closed then; fewer when they do not come."""
     data = b""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + PATIENCE_S
     while len(data) < size and time.monotonic() < deadline:
         data += port.read(4096)
         time.sleep(0.001)

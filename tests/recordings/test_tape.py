@@ -15,10 +15,10 @@ from recordings.blocks import Recording, json_messages
 from recordings.container import RecordingError, Writer
 from recordings.packing import pack
 from recordings.tape import GATHER_S, Limits, Tape
+from tests.patience import PATIENCE_S
 from tests.recordings.test_container import Message, messages, theirs
 
 ABOUT = {"title": "A drive"}
-PATIENCE_S = 20.0
 
 
 def named(folder: Path) -> Callable[[int], Path]:

@@ -19,8 +19,7 @@ from server.live.hub import Hub
 from server.live.sessions import Sessions
 from server.live.speech import speech
 from server.wire import Job
-
-PATIENCE_S = 30.0
+from tests.patience import PATIENCE_S
 
 
 class House:
@@ -67,7 +66,7 @@ async def until(condition: Callable[[], object], what: str, patience_s: float = 
 
 async def over(task: Task) -> Job:
     """The job when it is done."""
-    await asyncio.wait_for(task.over.wait(), 60)
+    await asyncio.wait_for(task.over.wait(), PATIENCE_S)
     return task.job
 
 

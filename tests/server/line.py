@@ -15,6 +15,7 @@ import threading
 import time
 
 from tests.bench.feed import frame
+from tests.patience import PATIENCE_S
 
 
 class Line:
@@ -76,4 +77,4 @@ class Line:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._listener.close()
-        self._thread.join(5)
+        self._thread.join(PATIENCE_S)

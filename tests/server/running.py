@@ -17,6 +17,7 @@ from server.auth import Access
 from server.config import Config
 from server.live.recognition import Speech
 from server.live.sessions import OpenLink
+from tests.patience import PATIENCE_S
 from tests.server.fakes import SPEECH
 
 
@@ -35,8 +36,8 @@ class Running:
         self.loop: asyncio.AbstractEventLoop | None = None
         self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
         self._thread.start()
-        assert ready.wait(10)
-        self.client = Client(base_url=self.url, timeout=10)
+        assert ready.wait(PATIENCE_S)
+        self.client = Client(base_url=self.url, timeout=PATIENCE_S)
 
     async def _serve(self) -> None:
         self.loop = asyncio.get_running_loop()
@@ -47,7 +48,7 @@ class Running:
         done: Future[Any] = Future()
         assert self.loop is not None
         self.loop.call_soon_threadsafe(lambda: done.set_result(function(*arguments)))
-        return done.result(10)
+        return done.result(PATIENCE_S)
 
     def __enter__(self) -> Running:
         return self
@@ -57,6 +58,6 @@ class Running:
     ) -> None:
         self.client.close()
         self._server.should_exit = True
-        self._thread.join(10)
+        self._thread.join(PATIENCE_S)
         self._listener.close()
         assert not self._thread.is_alive()

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from httpx import Client
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 from websockets.typing import Origin, Subprotocol
 
 from server.api import page
@@ -21,6 +21,7 @@ from server.auth import LOOKING
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
 from server.wire import SUBPROTOCOL
+from tests.patience import PATIENCE_S, connect
 from tests.server.fakes import FakeLink
 from tests.server.running import Running
 
@@ -315,7 +316,7 @@ def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
 
         def ask(message: str | bytes, op: str) -> dict[str, Any]:
             socket.send(message)
-            while (answer := json.loads(socket.recv(timeout=5)))["op"] != op:
+            while (answer := json.loads(socket.recv(timeout=PATIENCE_S)))["op"] != op:
                 assert answer["op"] in ("devices", "events", "health", "channels", "control")
             return dict(answer)
 

@@ -18,6 +18,7 @@ from httpx import Client
 from protocols.idtp.device import IdtpDevice
 from protocols.isb.frames import get_data, stop
 from server import compiled
+from tests.patience import PATIENCE_S
 from tests.process import ROOT, ServerProcess
 
 
@@ -82,9 +83,9 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
 
 
 def test_without_a_source_twins_of_three_families_stream(tmp_path: Path) -> None:
-    with ServerProcess(data=tmp_path) as server, Client(base_url=server.url) as client:
+    with ServerProcess(data=tmp_path, fresh=True) as server, Client(base_url=server.url, timeout=PATIENCE_S) as client:
         found: dict[str, dict[str, Any]] = {}
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             found = {one["protocol"]: one for one in client.get("/api/devices").json()}
             if all(one["status"] == "live" and one["serial_number"] for one in found.values()) and len(found) == 3:
@@ -103,9 +104,9 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
     arguments = ("--key", f"@{tmp_path / 'robot.key'}")
     with (
         ServerProcess("twin:idtp?mode=secure", data=tmp_path, arguments=arguments) as server,
-        Client(base_url=server.url) as client,
+        Client(base_url=server.url, timeout=PATIENCE_S) as client,
     ):
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             (device,) = client.get("/api/devices").json()
             if device["protection"]:
@@ -135,7 +136,7 @@ def test_inspect_reaches_every_family(tmp_path: Path) -> None:
 def test_it_ends_cleanly(how: signal.Signals, tmp_path: Path) -> None:
     with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
         server.process.send_signal(how)
-        assert server.process.wait(10) == 0
+        assert server.process.wait(PATIENCE_S) == 0
         assert "Traceback" not in server.log
 
 

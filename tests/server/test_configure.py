@@ -11,14 +11,13 @@ from typing import Any
 
 import pytest
 from httpx import Client
-from websockets.sync.client import connect
 
 from server.wire import SUBPROTOCOL
+from tests.patience import PATIENCE_S, connect
 from tests.process import ServerProcess
 from tests.server.desk import at_rate, outputs
 
 VIEW, CONTROL = "only-looking", "may-command"
-MOST_S = 40.0
 
 
 @pytest.fixture(scope="module")
@@ -28,19 +27,19 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
     config.write_text(f'trial_s = 1.0\nview_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\n')
     sources = ("twin:xbus?seed=1", "twin:xbus?seed=2", "twin:isb", "twin:idtp")
     with ServerProcess(*sources, data=data, arguments=("--config", str(config))) as process:
-        with Client(base_url=process.url, timeout=10) as http:
+        with Client(base_url=process.url, timeout=PATIENCE_S) as http:
             until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 4, http)
         yield process
 
 
 @pytest.fixture
 def http(server: ServerProcess) -> Iterator[Client]:
-    with Client(base_url=server.url, timeout=10) as client:
+    with Client(base_url=server.url, timeout=PATIENCE_S) as client:
         yield client
 
 
 def until(condition: Callable[[], object], http: Client) -> None:
-    end = time.monotonic() + MOST_S
+    end = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < end, http.get("/api/devices/1/control").text
         time.sleep(0.02)
@@ -200,7 +199,7 @@ def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> 
     def ops(socket: Any, enough: Callable[[list[Any]], bool]) -> list[Any]:
         found: list[Any] = []
         while not enough(found):
-            message = json.loads(socket.recv(timeout=MOST_S))
+            message = json.loads(socket.recv(timeout=PATIENCE_S))
             if message["op"] in ("control", "exchange"):
                 found.append(message)
         return found
@@ -221,7 +220,7 @@ def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> 
         seen = [pool.submit(ops, socket, is_over) for socket in (one, other)]
         done(http, post(http, "run", {"command": "ReqFWRev"}))
         for future in seen:
-            entries = [entry for message in future.result(MOST_S) for entry in message.get("entries", ())]
+            entries = [entry for message in future.result(PATIENCE_S) for entry in message.get("entries", ())]
             names = [entry["name"] for entry in entries if entry["way"] == "tx"]
             assert names[:3] == ["GoToConfig", "ReqFWRev", "GoToMeasurement"]
     with connect(ws, subprotocols=[SUBPROTOCOL]) as late:
@@ -232,7 +231,7 @@ def test_everybody_is_told_what_is_done(http: Client, server: ServerProcess) -> 
 def test_two_people_at_once_and_a_trial_that_nobody_keeps(http: Client, server: ServerProcess) -> None:
     """The browser that changed the rate is gone; another's wish waits and is done after the way back."""
     ports = at_rate(read(http)["PortConfig"], 0x80)
-    with Client(base_url=server.url, timeout=10) as gone:
+    with Client(base_url=server.url, timeout=PATIENCE_S) as gone:
         assert post(gone, "apply", {"changes": {"PortConfig": ports}, "confirmed": True}).status_code == 202
     waits = post(http, "run", {"command": "ReqFWRev"})
     until(lambda: (http.get("/api/devices/1/control").json()["trial"] or {}).get("state") == "asking", http)
@@ -247,7 +246,7 @@ def test_two_people_at_once_and_a_trial_that_nobody_keeps(http: Client, server: 
 
 
 def test_who_may_only_look_commands_nothing(server: ServerProcess) -> None:
-    with Client(base_url=server.url, timeout=10, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
+    with Client(base_url=server.url, timeout=PATIENCE_S, headers={"authorization": f"Bearer {VIEW}"}) as viewer:
         for path in ("read", "apply", "run", "raw", "keep", "revert", "restore", "snapshots"):
             answer = post(viewer, path, {})
             assert (answer.status_code, answer.json()["kind"]) == (403, "view-only"), path

@@ -29,6 +29,7 @@ from server.control.forms import Corrections
 from server.links.base import LinkError
 from server.live.whereabouts import Place
 from server.wire import DeviceInfo
+from tests.patience import PATIENCE_S
 
 pytestmark = pytest.mark.anyio
 S = 10**9
@@ -113,7 +114,7 @@ async def caster(answer: Answer) -> AsyncIterator[tuple[int, list[bytes]]]:
         await server.wait_closed()
 
 
-async def until(true: Callable[[], bool], what: str, seconds: float = 10) -> None:
+async def until(true: Callable[[], bool], what: str, seconds: float = PATIENCE_S) -> None:
     for _ in range(round(seconds * 100)):
         if true():
             return

@@ -11,17 +11,18 @@ from typing import Any
 import pytest
 from httpx import Client
 
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.test_corrections import NUMBERS, STREAM
 
 
 @pytest.fixture
 def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
-    with Client(base_url=serve("twin:isb", "twin:idtp").url, timeout=10) as client:
+    with Client(base_url=serve("twin:isb", "twin:idtp").url, timeout=PATIENCE_S) as client:
         yield client
 
 
-def until(client: Client, path: str, true: Any, seconds: float = 20) -> dict[str, Any]:
+def until(client: Client, path: str, true: Any, seconds: float = PATIENCE_S) -> dict[str, Any]:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         body: dict[str, Any] = client.get(path).json()
@@ -46,7 +47,7 @@ def base() -> Iterator[int]:
     thread.start()
     yield int(server.getsockname()[1])
     server.close()
-    thread.join(2)
+    thread.join(PATIENCE_S)
 
 
 def test_a_stream_is_set_watched_and_ended(client: Client, base: int) -> None:

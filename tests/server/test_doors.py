@@ -15,7 +15,6 @@ from typing import Any
 import httpx
 import msgspec
 import pytest
-from websockets.asyncio.client import connect
 from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request, Response
@@ -25,6 +24,7 @@ from server.config import Config
 from server.views.door import HEADER, Door, knows
 from server.views.foxglove_aside import Porter
 from tests.looker import looking, messages, subprotocol
+from tests.patience import connecting, get
 from tests.process import ServerProcess
 
 pytestmark = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="asks Linux who listens")
@@ -77,7 +77,7 @@ def ports(guarded: ServerProcess, tokens: dict[str, str]) -> dict[str, int]:
 
 async def _status(address: str, *subprotocols: Any, **options: Any) -> int:
     try:
-        async with asyncio.timeout(60), connect(address, subprotocols=subprotocols or None, **options):
+        async with asyncio.timeout(60), connecting(address, subprotocols=subprotocols or None, **options):
             return 101
     except InvalidStatus as refused:
         return refused.response.status_code
@@ -87,7 +87,7 @@ def test_viser_knows_nobody_but_us(ports: dict[str, int], guarded: ServerProcess
     here = f"127.0.0.1:{ports['viser']}"
     for headers in ({}, {HEADER: "guess"}, {HEADER: ""}):
         for path in ("/", "/index.html", "/assets/x.js"):
-            assert httpx.get(f"http://{here}{path}", headers=headers).status_code == 403
+            assert get(f"http://{here}{path}", headers=headers).status_code == 403
         assert asyncio.run(_status(f"ws://{here}", subprotocol(), additional_headers=headers)) == 403
     assert asyncio.run(_status(f"ws://{here}", subprotocol(), origin="https://elsewhere.example")) == 403
     ours = guarded.url.replace("http", "ws") + "/viser?token="
@@ -111,7 +111,7 @@ def test_foxgloves_port_has_the_rules_of_ours(ports: dict[str, int], tokens: dic
     assert (
         status(Origin="file://") == 101
     )  # a program of this machine: Foxglove's and Lichtblick's are pages of Electron
-    refused = httpx.get(here.replace("ws:", "http:") + "/", headers={"host": "rebound.example"})
+    refused = get(here.replace("ws:", "http:") + "/", headers={"host": "rebound.example"})
     assert refused.status_code == 403
     assert refused.json()["kind"] == "bad-host"
 

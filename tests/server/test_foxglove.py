@@ -21,14 +21,14 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
 from server.codec import Samples
 from server.views.topics import Encoder, fields_of, schema_of, topic_of
+from tests.patience import connecting, get
 from tests.process import ROOT, ServerProcess
 
 SUBPROTOCOL = "foxglove.sdk.v1"
@@ -88,7 +88,7 @@ class Client:
 async def attached(server: ServerProcess, path: str = "/foxglove", **options: Any) -> AsyncIterator[Client]:
     """A client behind our own port; the bridge may still be starting."""
     address = server.url.replace("http", "ws") + path
-    async with asyncio.timeout(90), connect(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
+    async with asyncio.timeout(90), connecting(address, subprotocols=[SUBPROTOCOL], max_size=None, **options) as socket:
         assert socket.subprotocol == SUBPROTOCOL
         yield Client(socket)
 
@@ -288,7 +288,7 @@ def test_a_client_that_reads_nothing_holds_up_nobody(bridged: ServerProcess) -> 
             assert np.diff([at for _, at, _ in found]) == pytest.approx(0.01, abs=0.002)
 
     asyncio.run(play())
-    [device] = httpx.get(bridged.url + "/api/devices").json()
+    [device] = get(bridged.url + "/api/devices").json()
     assert device["status"] == "live"
 
 

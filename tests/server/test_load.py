@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from server.api.live import REQUESTS_AT_ONCE, REQUESTS_PER_S, Pace
@@ -23,6 +22,7 @@ from server.config import Config
 from server.wire import SUBPROTOCOL
 from tests import crowd
 from tests.bench.speakers import Speakers, heard_in
+from tests.patience import PATIENCE_S, connect
 from tests.process import ServerProcess
 from tests.server.fakes import FakeLink
 from tests.server.running import Running
@@ -70,7 +70,7 @@ def test_a_crowd_costs_nobody_a_sample(tmp_path: Path) -> None:
         with ServerProcess(*sources, data=tmp_path, arguments=("--record",)) as server:
             good, sent = asyncio.run(crowded(server, speakers))
             assert good.lost == 0
-            with urllib.request.urlopen(f"{server.url}/api/devices", timeout=10) as answer:
+            with urllib.request.urlopen(f"{server.url}/api/devices", timeout=PATIENCE_S) as answer:
                 ids = sorted(device["id"] for device in json.load(answer))
         heard = heard_in(sorted((tmp_path / "recordings").glob("*.mcap")))
     for device, told in zip(ids, sent["devices"], strict=True):
@@ -91,10 +91,10 @@ def test_who_sends_a_flood_of_the_protocols_own_pings_is_cut_off(tmp_path: Path)
         Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[PROTOCOL]) as polite,
     ):
-        assert polite.ping().wait(30), "one is answered"
+        assert polite.ping().wait(PATIENCE_S), "one is answered"
         with contextlib.suppress(ConnectionClosed), connect(running.ws, subprotocols=[PROTOCOL]) as rude:
             deadline = time.monotonic() + 60
             while time.monotonic() < deadline:
                 rude.ping()
             pytest.fail("a flood of pings was answered for a minute")
-        assert polite.ping().wait(30)
+        assert polite.ping().wait(PATIENCE_S)

@@ -10,15 +10,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
-from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from server import logs
 from server.config import Config, ConfigError, load
 from server.links.base import Link, LinkError, LinkSettings
 from server.wire import SUBPROTOCOL
+from tests.patience import PATIENCE_S, connect, get
 from tests.process import ServerProcess
 from tests.server.fakes import FakeLink, sample
 from tests.server.running import Running
@@ -47,7 +46,7 @@ class Log:
         return [json.loads(line) for line in self.text.splitlines()]
 
     def until(self, done: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE_S
         while not (found := [line for line in self.lines if done(line)]):
             assert time.monotonic() < deadline, self.text
             time.sleep(0.02)
@@ -122,9 +121,9 @@ def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
     config = tmp_path / "imuscope.toml"
     config.write_text('view_token = "look-look-look"\ncontrol_token = "act-act-act"\nlog_format = "json"\n')
     with ServerProcess("twin:idtp", data=tmp_path / "data", arguments=("--config", str(config))) as server:
-        answer = httpx.get(f"{server.url}/api/devices", headers={"host": "evil.example", "cookie": "t=look-look-look"})
+        answer = get(f"{server.url}/api/devices", headers={"host": "evil.example", "cookie": "t=look-look-look"})
         assert answer.status_code == 403
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE_S
         while '"refused"' not in server.log or '"live"' not in server.log:
             assert time.monotonic() < deadline, server.log
             time.sleep(0.05)

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
-from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from server.config import Config
@@ -19,6 +18,7 @@ from server.exposition import Histogram, Page
 from server.links.base import Link, LinkSettings
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
+from tests.patience import PATIENCE_S, connect
 from tests.server.fakes import FakeLink, sample
 from tests.server.running import Running
 
@@ -64,7 +64,7 @@ def until(running: Running, name: str, expected: float, **labels: str) -> dict[s
 
 
 def until_true(running: Running, done: Callable[[dict[str, Metric]], bool], what: str) -> dict[str, Metric]:
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE_S
     while not done(families := read(running)):
         assert time.monotonic() < deadline, f"{what} did not come: {families}"
         time.sleep(0.02)

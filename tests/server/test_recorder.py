@@ -32,6 +32,7 @@ from server.library.recorded import Mark
 from server.library.recorder import Plan, Recorder, RecorderError
 from server.links.base import Link, LinkSettings
 from server.wire import RecorderState
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.desk import House, house, outputs, until
 from tests.server.fakes import FakeLink, sample
@@ -98,7 +99,7 @@ def send(running: Running, links: Links, source: str, data: bytes) -> None:
 
 def settled(running: Running) -> RecorderState:
     """The state when all that waited has been written."""
-    end = time.monotonic() + 10
+    end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         state: RecorderState = running.call(lambda: running.state.recorder.state)
         if state.behind_s == 0 or not state.running:
@@ -171,7 +172,7 @@ def test_what_is_sent_is_recorded_too(running: Running, links: Links, tmp_path: 
     running.client.post("/api/recordings/start", json={})
     assert running.loop is not None
     session = running.state.sessions.get("1")
-    asyncio.run_coroutine_threadsafe(session.send(b"hello"), running.loop).result(5)
+    asyncio.run_coroutine_threadsafe(session.send(b"hello"), running.loop).result(PATIENCE_S)
     ended = running.client.post("/api/recordings/stop", json={}).json()
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "tx/1") == b"hello"
 
@@ -227,7 +228,7 @@ def test_a_full_disk_ends_the_recording_with_a_message(
     with monkeypatch.context() as patch:
         patch.setattr(_Whole, "write", full)
         send(running, links, "/dev/one", sample(2))
-        end = time.monotonic() + 10
+        end = time.monotonic() + PATIENCE_S
         while (state := running.client.get("/api/recorder").json())["running"]:
             assert time.monotonic() < end
             time.sleep(0.02)
@@ -246,7 +247,7 @@ def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
     send(running, links, "/dev/one", sample(1))
     time.sleep(0.2)
     shutil.rmtree(tmp_path / "recordings")
-    end = time.monotonic() + 20
+    end = time.monotonic() + PATIENCE_S
     while (state := running.client.get("/api/recorder").json())["running"]:
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -335,7 +336,7 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
 
         desk.session._link.write = refuse  # type: ignore[method-assign]
         state = await one.start()
-        await until(lambda: desk.control.done, "it has been given up", 30)
+        await until(lambda: desk.control.done, "it has been given up")
         assert desk.control.done[0].state == "failed"
         assert any("no Configuration of" in event.text for event in made.hub.log)
         await one.stop()
@@ -390,7 +391,7 @@ async def test_a_finished_recording_is_packed_aside(tmp_path: Path) -> None:
         await asyncio.sleep(0.5)
         await one.stop()
         path = tmp_path / "recordings" / f"{state.id}.mcap"
-        await until(lambda: packed == [path], "it is packed", 60)
+        await until(lambda: packed == [path], "it is packed")
         assert not is_loose(path)
         with Recording(path) as recording:
             assert recording.chunks
@@ -422,7 +423,7 @@ def recorded(data: Path) -> Path:
 def flowing(server: ServerProcess, line: Line) -> None:
     """Wait until a second of what the line sends has been recorded."""
     end = time.monotonic() + 60
-    with Client(base_url=server.url) as client:
+    with Client(base_url=server.url, timeout=PATIENCE_S) as client:
         while time.monotonic() < end:
             state = client.get("/api/recorder").json()
             if state["running"] and state["bytes"] > 150_000:
@@ -473,7 +474,7 @@ def test_a_server_that_is_asked_to_end_finishes_the_file(tmp_path: Path) -> None
     with Line(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
         flowing(server, line)
         server.process.terminate()
-        assert server.process.wait(20) in (0, -signal.SIGTERM)
+        assert server.process.wait(PATIENCE_S) in (0, -signal.SIGTERM)
         found = chunks(recorded(tmp_path), "rx/1")
         assert line.sent.startswith(found)
         assert len(found) > 100_000

@@ -10,10 +10,11 @@ from collections.abc import Callable
 
 import httpx
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
 from tests.looker import looking, turns
+from tests.patience import PATIENCE_S, connecting
 from tests.process import ServerProcess
 
 
@@ -25,7 +26,7 @@ def recorded(serve: Callable[..., ServerProcess]) -> tuple[ServerProcess, str, f
         client.post("/api/recordings/start", json={"devices": None, "title": "a turn"}).raise_for_status()
         time.sleep(4)
         client.post("/api/recordings/stop", json={}).raise_for_status()
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + PATIENCE_S
         while not (found := client.get("/api/recordings").json()):
             assert time.monotonic() < deadline
             time.sleep(0.1)
@@ -50,7 +51,7 @@ def test_a_scene_follows_the_player(recorded: tuple[ServerProcess, str, float]) 
 async def play(url: str, recording: str, started: float) -> None:
     page = f"{url.replace('http', 'ws', 1)}/ws/scene/{recording}"
     async with asyncio.timeout(120):
-        async with connect(page) as player:
+        async with connecting(page) as player:
             address = json.loads(await player.recv())["address"]
 
             async def at(t: float, rate: float) -> None:
@@ -79,7 +80,7 @@ async def play(url: str, recording: str, started: float) -> None:
 
 def test_a_recording_that_is_not_there_has_no_scene(server: ServerProcess) -> None:
     async def attempt() -> None:
-        async with connect(server.url.replace("http", "ws", 1) + "/ws/scene/nothing"):
+        async with connecting(server.url.replace("http", "ws", 1) + "/ws/scene/nothing"):
             pass
 
     with pytest.raises(InvalidStatus) as refused:

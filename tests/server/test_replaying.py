@@ -19,6 +19,7 @@ import pytest
 from server.cli import main
 from server.commands.replaying import ReplayError, address
 from tests.links.test_replay import of, recording
+from tests.patience import PATIENCE_S
 from tests.process import ROOT, tied
 
 
@@ -36,7 +37,7 @@ def replaying(path: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[st
 
 
 def all_of(connection: socket.socket) -> bytes:
-    connection.settimeout(30)
+    connection.settimeout(PATIENCE_S)
     found = b""
     while data := connection.recv(65536):
         found += data
@@ -53,7 +54,7 @@ def test_over_tcp_the_original_bytes_at_their_pace(tmp_path: Path) -> None:
             took = time.monotonic() - began
         assert found == of(1)
         assert took > 0.9  # not quicker than the 0.99 s of the recording; how much slower depends on the machine
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def test_two_clients_one_device_of_two_and_a_stretch(tmp_path: Path) -> None:
@@ -72,12 +73,12 @@ def test_two_clients_one_device_of_two_and_a_stretch(tmp_path: Path) -> None:
 def test_over_udp_a_datagram_for_each_chunk(tmp_path: Path) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(30)
+        receiver.settimeout(PATIENCE_S)
         place = f"127.0.0.1:{receiver.getsockname()[1]}"
         with replaying(recording(tmp_path, devices=1), "--udp", place, "--speed", "5") as (process, printed):
             assert printed == f"udp://:{receiver.getsockname()[1]}"
             datagrams = [receiver.recv(65536) for _ in range(100)]
-            assert process.wait(20) == 0
+            assert process.wait(PATIENCE_S) == 0
     assert datagrams == [of(1, n, n + 1) for n in range(100)]
 
 
@@ -102,7 +103,7 @@ def test_on_a_pseudo_terminal_every_byte_from_the_first(tmp_path: Path) -> None:
         finally:
             os.close(port)
         assert found == wanted
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def test_a_reader_that_does_not_read_holds_it_up_and_loses_nothing(tmp_path: Path) -> None:
@@ -122,13 +123,13 @@ def test_a_loop_goes_on_until_it_is_stopped(tmp_path: Path) -> None:
     path = recording(tmp_path, devices=1, frames=5)
     with replaying(path, "--tcp", ":0", "--loop") as (process, place):
         with socket.create_connection(("127.0.0.1", int(place.rpartition(":")[2]))) as connection:
-            connection.settimeout(30)
+            connection.settimeout(PATIENCE_S)
             found = b""
             while len(found) < 3 * len(of(1, 0, 5)):
                 found += connection.recv(65536)
         assert found.startswith(of(1, 0, 5) * 3)
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def test_what_cannot_be_played_is_said_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -23,7 +23,6 @@ import pytest
 from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
 from recordings.rrd.chunks import name_of
 from server import wire
@@ -32,6 +31,7 @@ from server.live.channels import Piece
 from server.live.hub import Hub
 from server.views.proxy import ViewError
 from server.views.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
+from tests.patience import PATIENCE_S, connect
 from tests.process import ROOT, ServerProcess
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
@@ -160,7 +160,7 @@ def looked(url: str, wanted: int) -> tuple[dict[str, float], list[bytes]]:
 def test_a_stream_of_a_device_that_is_not_there_is_refused_in_words(running: ServerProcess) -> None:
     address = running.url.replace("http", "ws") + "/rerun/live?device=none"
     with connect(address) as socket, pytest.raises(ConnectionClosed, match="There is no device none"):
-        socket.recv(timeout=30)
+        socket.recv(timeout=PATIENCE_S)
 
 
 def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() -> None:
@@ -314,7 +314,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
                         taker.wait(0.2)
             finally:
                 taker.terminate()
-                taker.wait(10)
+                taker.wait(PATIENCE_S)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # the taker was ended: its file has no footer
             assert any("Acceleration" in name for name in entities(out))

@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
+from tests.patience import PATIENCE_S, connecting
 from tests.process import ServerProcess
 
 VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
@@ -29,12 +29,12 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]
     config = folder / "imuscope.toml"
     config.write_text(f'view_token = "{VIEW}"\ncontrol_token = "{CONTROL}"\nlog_level = "debug"\nfoxglove = 0\n')
     arguments = ("--config", str(config), "--record")
-    with ServerProcess("twin:xbus", data=folder / "data", arguments=arguments) as server:
+    with ServerProcess("twin:xbus", data=folder / "data", arguments=arguments, fresh=True) as server:
         yield server
 
 
 def test_after_its_first_use_a_token_is_in_no_address(guarded: ServerProcess) -> None:
-    with httpx.Client(base_url=guarded.url, headers=PROXIED, timeout=30) as client:
+    with httpx.Client(base_url=guarded.url, headers=PROXIED, timeout=PATIENCE_S) as client:
         answer = client.get("/recordings", params={"token": CONTROL, "open": "7"}, headers={"accept": "text/html"})
         assert answer.status_code == 303
         assert answer.headers["location"] == "/recordings?open=7"
@@ -72,7 +72,7 @@ def test_a_token_is_in_nothing_that_is_printed_or_written(guarded: ServerProcess
 def use(url: str) -> list[httpx.Response]:
     """Hit a server with tokens, rightly and wrongly, in every way there is."""
     answers = []
-    with httpx.Client(base_url=url, headers=PROXIED, timeout=30) as client:
+    with httpx.Client(base_url=url, headers=PROXIED, timeout=PATIENCE_S) as client:
         for token in (VIEW, CONTROL, NEAR):
             bearer = {"authorization": f"Bearer {token}"}
             answers += [
@@ -110,7 +110,7 @@ async def _sockets(url: str) -> None:
     for path in ("/ws", "/viser/none", "/foxglove", "/ws/scene/none", "/nothing"):
         for token in SECRETS:
             with contextlib.suppress(InvalidStatus):
-                async with connect(
+                async with connecting(
                     f"{url}{path}?token={token}", additional_headers=PROXIED, subprotocols=["imuscope.v1"]
                 ) as one:  # type: ignore[list-item]
                     await one.send(f'{{"op": "{token}"}}')

@@ -7,12 +7,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import httpx
-from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from server import wire
 from tests.bench.feed import Feed
+from tests.patience import PATIENCE_S, connect, get
 from tests.process import ServerProcess
 
 RATE, SECONDS = 500, 2
@@ -23,15 +22,15 @@ def test_a_port_that_is_silent_at_first_loses_nothing_when_it_speaks(serve: Call
     with Feed(RATE, SECONDS) as feed:
         url = serve(f"serial://{feed.terminal}?baud=2000000").url
         time.sleep(1.0)  # in which it is told that nothing came, and nothing is guessed
-        (device,) = httpx.get(f"{url}/api/devices").json()
+        (device,) = get(f"{url}/api/devices").json()
         assert (device["status"], device["protocol"]) == ("connecting", "")
         assert "0 B so far" in device["message"]
         with connect(url.replace("http", "ws") + "/ws", subprotocols=[Subprotocol(wire.SUBPROTOCOL)]) as socket:
             feed.go()
             health: dict[str, Any] = {"messages": []}
-            deadline = time.monotonic() + 30
+            deadline = time.monotonic() + PATIENCE_S
             while _count(health) < RATE * SECONDS and time.monotonic() < deadline:
-                text = json.loads(socket.recv(timeout=30))
+                text = json.loads(socket.recv(timeout=PATIENCE_S))
                 if text["op"] == "health" and text["devices"]:
                     (health,) = text["devices"]
         assert (_count(health), health["gaps"], health["rejects"]) == (RATE * SECONDS, 0, 0)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from server import codec, wire
@@ -19,6 +19,7 @@ from server.api import live
 from server.config import Config
 from server.live.channels import Piece
 from server.live.hub import Hub
+from tests.patience import PATIENCE_S, connect
 from tests.process import ServerProcess
 from tests.server.fakes import FakeLink
 from tests.server.running import Running
@@ -85,7 +86,7 @@ def test_a_twin_streams_into_a_browser(server: ServerProcess) -> None:
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:
         reader = Reader(connection)
         reader.subscribe()
-        reader.read(20, lambda r: any(len(frames) > 80 for frames in r.live.values()))
+        reader.read(PATIENCE_S, lambda r: any(len(frames) > 80 for frames in r.live.values()))
         (device,) = reader.said("devices")[-1]["devices"]
         assert (device["status"], device["protocol"], device["link"]) == ("live", "xbus", "twin")
         acceleration = reader.channels[reader.named("Acceleration")]
@@ -106,7 +107,7 @@ def test_a_twin_streams_into_a_browser(server: ServerProcess) -> None:
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as connection:  # a reload
         late = Reader(connection)
         late.subscribe()
-        late.read(10, lambda r: r.said("backfilled") and all(r.live[n] for n in (late.named("Acceleration"),)))
+        late.read(PATIENCE_S, lambda r: r.said("backfilled") and all(r.live[n] for n in (late.named("Acceleration"),)))
         for number in [number for number in late.live if late.live[number]]:
             assert_whole(late, number)
         number = late.named("Acceleration")
@@ -160,23 +161,23 @@ def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
             readers = [Reader(slow), Reader(quick)]
             for reader in readers:
                 reader.subscribe(0)
-                reader.read(5, lambda r: r.said("backfilled"))
+                reader.read(PATIENCE_S, lambda r: r.said("backfilled"))
             started = time.monotonic()
             for _ in range(60):
                 source.send(1000)  # 96 kB each
                 readers[1].read(0.0)
-                readers[1].read(1, lambda r: sum(f.n for f in r.live[source.channel]) == source.sent)
+                readers[1].read(PATIENCE_S, lambda r: sum(f.n for f in r.live[source.channel]) == source.sent)
             assert time.monotonic() - started < 5
             source.send(1)
             for reader in readers:
-                reader.read(10, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
+                reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
             dropped = [assert_whole(reader, source.channel) for reader in readers]
             assert dropped[1] == 0
             assert dropped[0] > 10_000
             for reader in readers:  # events all came, to both
                 told = [event["text"] for text in reader.said("events") for event in text["events"]]
                 assert [text for text in told if text.isdigit()] == [str(1000 * k) for k in range(1, 61)] + ["60001"]
-            readers[0].read(3, lambda r: _dropped(r) == dropped[0])
+            readers[0].read(PATIENCE_S, lambda r: _dropped(r) == dropped[0])
             assert _dropped(readers[0]) == dropped[0]  # and health says the same
 
 
@@ -199,13 +200,13 @@ def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.Monkey
             reader = Reader(alive)
             reader.subscribe(0)
             Reader(dead).subscribe(0)
-            reader.read(5, lambda r: r.said("backfilled"))
-            end = time.monotonic() + 10
+            reader.read(PATIENCE_S, lambda r: r.said("backfilled"))
+            end = time.monotonic() + PATIENCE_S
             while len(source.hub.outboxes) > 1 and time.monotonic() < end:
                 source.send(2000)
                 reader.read(0.05)
             assert len(source.hub.outboxes) == 1
-            reader.read(1, lambda r: _end(r, source.channel) == source.sent)
+            reader.read(PATIENCE_S, lambda r: _end(r, source.channel) == source.sent)
             assert assert_whole(reader, source.channel) == 0
             with pytest.raises(ConnectionClosed):
                 read_on(dead)
@@ -213,7 +214,7 @@ def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.Monkey
 
 def read_on(connection: ClientConnection) -> None:
     while True:
-        connection.recv(timeout=5)
+        connection.recv(timeout=PATIENCE_S)
 
 
 def test_live_data_do_not_wait_for_history() -> None:
@@ -225,12 +226,12 @@ def test_live_data_do_not_wait_for_history() -> None:
         with connect(running.ws, subprotocols=PROTOCOLS, max_size=None) as connection:
             reader = Reader(connection)
             reader.subscribe()
-            reader.read(5, lambda r: r.history[source.channel])  # the first of many
+            reader.read(PATIENCE_S, lambda r: r.history[source.channel])  # the first of many
             delays = []
             while not reader.said("backfilled") and len(delays) < 1000:
                 source.send(10)
                 sent = time.monotonic()
-                reader.read(2, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
+                reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
                 delays.append(time.monotonic() - sent)
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
@@ -243,7 +244,7 @@ def test_text_that_is_none_ends_the_connection_without_a_fault_of_ours(server: S
     with connect(url, subprotocols=PROTOCOLS, max_size=None) as socket_:
         socket_.send(b'{"op": "subscr\xff', text=True)
         with pytest.raises(ConnectionClosed) as closed:
-            Reader(socket_).read(10)
+            Reader(socket_).read(PATIENCE_S)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1007
     assert "Traceback" not in server.log

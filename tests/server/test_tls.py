@@ -21,10 +21,10 @@ import pytest
 import viser
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
-from websockets.asyncio.client import connect
 
 from server import serving, tls
 from server.config import Config, ConfigError, load
+from tests.patience import PATIENCE_S, connecting
 from tests.process import ROOT, ServerProcess
 
 PEM = serialization.Encoding.PEM
@@ -226,12 +226,12 @@ def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: 
         async with serving_with(keeper) as port:
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, old.key)  # half way
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(PATIENCE_S):
                 while "stays" not in caplog.text:
                     await asyncio.sleep(0.01)
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, new.key)
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(PATIENCE_S):
                 while keeper.tls.fingerprint != new.fingerprint:
                     await asyncio.sleep(0.01)
             assert await shown(port, new.cert) == new.fingerprint
@@ -263,9 +263,9 @@ def test_everything_is_served_over_tls(tmp_path: Path) -> None:
             assert shown.status_code == 200, shown.text
             assert client.get("/rerun/").status_code == 200
         with pytest.raises(httpx.ConnectError):
-            httpx.get(server.url, timeout=10)  # who trusts the world's authorities only
+            httpx.get(server.url, timeout=PATIENCE_S)  # who trusts the world's authorities only
         with pytest.raises(httpx.HTTPError):
-            httpx.get(server.url.replace("https", "http"), timeout=10)
+            httpx.get(server.url.replace("https", "http"), timeout=PATIENCE_S)
         asyncio.run(_talk(server))
 
 
@@ -274,7 +274,7 @@ async def _talk(server: ServerProcess) -> None:
     base, trust = server.url.replace("https", "wss"), server.trust
 
     async def first(path: str, *subprotocols: Any) -> str | bytes:
-        async with connect(
+        async with connecting(
             base + path,
             ssl=trust,
             subprotocols=subprotocols or None,

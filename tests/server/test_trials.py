@@ -17,6 +17,7 @@ from server.control import trials
 from server.control.desk import Desk, DeskError
 from server.control.trials import Record, Trials
 from server.links.twin import Bench, TwinLink
+from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.desk import House, at_rate, bench, house, over, until
 
@@ -226,7 +227,7 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
 
     def killed(there: Bench) -> None:
         source = f"serial://{there.slave}?baud=115200"
-        with ServerProcess(source, data=tmp_path) as first, Client(base_url=first.url, timeout=10) as http:
+        with ServerProcess(source, data=tmp_path) as first, Client(base_url=first.url, timeout=PATIENCE_S) as http:
             answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
             http.post("/api/devices/1/read", json={})
             answers(http, lambda: http.get("/api/devices/1/values").json()["values"])
@@ -238,7 +239,7 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
         assert there.device is not None
         assert there.device.baud == 921_600
         assert len(files(tmp_path)) == 1
-        with ServerProcess(source, data=tmp_path) as second, Client(base_url=second.url, timeout=10) as http:
+        with ServerProcess(source, data=tmp_path) as second, Client(base_url=second.url, timeout=PATIENCE_S) as http:
             answers(http, lambda: trial(http) == "reverted")
             answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
         assert there.device.baud == 115_200

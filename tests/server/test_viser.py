@@ -14,10 +14,10 @@ from pathlib import Path
 
 import httpx
 import pytest
-from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from tests.looker import looking, subprotocol, turns
+from tests.patience import PATIENCE_S, connecting, get
 from tests.process import ROOT, ServerProcess
 
 
@@ -69,7 +69,7 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
     async def attempt(headers: dict[str, str]) -> int:
         try:
             address = server.url.replace("http", "ws") + "/viser"
-            async with connect(address, subprotocols=[subprotocol()], additional_headers=headers):
+            async with connecting(address, subprotocols=[subprotocol()], additional_headers=headers):
                 return 101
         except InvalidStatus as error:
             return error.response.status_code
@@ -83,7 +83,7 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
 def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) -> None:
     async def attempt() -> int | None:
         address = server.url.replace("http", "ws") + "/viser"
-        async with asyncio.timeout(60), connect(address, subprotocols=[subprotocol()], max_size=None) as socket:
+        async with asyncio.timeout(60), connecting(address, subprotocols=[subprotocol()], max_size=None) as socket:
             with contextlib.suppress(ConnectionClosedError, ConnectionResetError):
                 await socket.send(bytes(2 * 1024 * 1024))
                 async for _ in socket:
@@ -92,7 +92,7 @@ def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) 
 
     # 1009 says why; a reset overtakes it when the server closes before it has taken all that was sent.
     assert asyncio.run(attempt()) in (1009, 1006)
-    assert httpx.get(f"{server.url}/healthz").status_code == 200
+    assert get(f"{server.url}/healthz").status_code == 200
 
 
 def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: ServerProcess) -> None:
@@ -115,7 +115,10 @@ def test_it_survives_its_own_crash_and_tells(shown: httpx.Client, server: Server
 async def events(url: str) -> list[str]:
     import json
 
-    async with asyncio.timeout(20), connect(url.replace("http", "ws") + "/ws", subprotocols=["imuscope.v1"]) as socket:
+    async with (
+        asyncio.timeout(PATIENCE_S),
+        connecting(url.replace("http", "ws") + "/ws", subprotocols=["imuscope.v1"]) as socket,
+    ):
         while True:
             message = json.loads(await socket.recv())
             if message["op"] == "events":
