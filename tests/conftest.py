@@ -24,7 +24,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
 
-from tests import chromium, forked
+from tests import chromium, forked, process
 from tests.chromium import until
 from tests.forked import Nursery
 from tests.patience import PATIENCE_S
@@ -40,7 +40,7 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
 if forked.IS_THERE:
-    ServerProcess.nursery = Nursery()
+    process.nursery = Nursery()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)
@@ -88,8 +88,8 @@ def _serving(folder: Path) -> Iterator[Callable[..., ServerProcess]]:
         return running[-1]
 
     yield start
-    for process in running:
-        process.stop()
+    for one in running:
+        one.stop()
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,17 @@
 """How do tests get a server without the seconds of CPU that each start takes? From a process that has started already.
 
     test process ── socket pair ──> nursery: has imported the server, opened and served nothing; one thread
-         │                             │ fork, for every server that is asked for
-         │  pipe: what it prints       ▼
-         └────────────────────────── server: `server.cli.main([...])`, in a session of its own
+         │                             │ fork, for every command line that is asked for
+         │  files, pipes               ▼
+         └────────────────────────── `server.cli.main([...])`, in a session of its own
 
-What runs from there on is what `imuscope serve` runs. What an import may leave behind in one process is not seen this
-way, and neither is the command line in the process's title: tests of these, and of the start, ask for a start of their
-own (`ServerProcess(fresh=True)`), which is also what every benchmark gets, and every system but Linux.
+What runs from there on is what `imuscope …` runs. What an import may leave behind in one process is not seen this way,
+and neither is the command line in the process's title: tests of these, and of the start, ask for a start of their own
+(tests/process.py, `fresh`), which is also what every benchmark gets, and every system but Linux.
 
-A request is one message: JSON {argv, env}, with two descriptors: where to print, and where to tell the end (its status
-as subprocess has it: negative for a signal). The answer is the process's id. The nursery ends when the test process
-does, and the servers with the nursery.
+A request is one message: JSON {argv, env}, with four descriptors: standard input, output and error, and where to tell
+the end (its status as subprocess has it: negative for a signal). The answer is the process's id. The nursery ends when
+the test process does, and what it has forked with the nursery.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import atexit
 import contextlib
 import ctypes
 import gc
+import importlib
 import json
 import os
 import select
@@ -28,21 +29,24 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
 PR_SET_PDEATHSIG = 1  # prctl(2)
 IS_THERE = sys.platform == "linux"
+LEARNT = ("server.app", "server.commands.serve", "uvicorn.loops.auto", "uvicorn.protocols.http.auto")
 
 
 class Child:
-    """A forked server, with as much of `subprocess.Popen` as tests use."""
+    """A forked command, with as much of `subprocess.Popen` as tests use."""
 
-    def __init__(self, pid: int, command: list[str], stdout: IO[str], end: socket.socket) -> None:
+    def __init__(self, pid: int, command: Sequence[str], end: socket.socket) -> None:
         self.pid = pid
         self.args = command
-        self.stdout: IO[str] | None = stdout
+        self.stdout: IO[str] | None = None
+        self.stderr: IO[str] | None = None
         self.returncode: int | None = None
         self._end = end
         self._lock = threading.Lock()
@@ -68,6 +72,15 @@ class Child:
                 self._end.close()
             return self.returncode
 
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """What it still prints, and prints as errors (of which there may be no more than a pipe holds), to its end."""
+        said = tuple(stream.read() if stream else "" for stream in (self.stdout, self.stderr))
+        self.wait(timeout)
+        for stream in (self.stdout, self.stderr):
+            if stream:
+                stream.close()
+        return said[0], said[1]
+
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
             os.kill(self.pid, number)
@@ -86,21 +99,21 @@ class Nursery:
         self._lock = threading.Lock()
         self._line: socket.socket | None = None
 
-    def start(self, arguments: list[str]) -> Child:
-        """`imuscope ARGUMENTS`, running."""
+    def start(self, arguments: Sequence[str], given: int, out: int, err: int) -> Child:
+        """`imuscope ARGUMENTS`, running; `given`, `out` and `err` are its standard streams, and stay the caller's."""
         with self._lock:
             if self._line is None:
                 self._line = self._begin()
-            out, out_end = os.pipe()
-            end, end_end = socket.socketpair()
-            request = json.dumps({"argv": arguments, "env": dict(os.environ)}).encode()
-            socket.send_fds(self._line, [request], [out_end, end_end.fileno()])
-            os.close(out_end)
-            end_end.close()
-            pid = int(self._line.recv(16) or 0)
-            if not pid:
-                raise RuntimeError("the process that forks servers has ended: see what it printed")
-        return Child(pid, arguments, os.fdopen(out, encoding="utf-8", errors="replace"), end)
+            end, other = socket.socketpair()
+            with other:
+                request = json.dumps({"argv": [*arguments], "env": {**os.environ, "PYTHONUNBUFFERED": "1"}}).encode()
+                socket.send_fds(self._line, [request], [given, out, err, other.fileno()])
+            try:
+                pid = int(self._line.recv(16))
+            except (OSError, ValueError):
+                end.close()
+                raise RuntimeError("the process that forks has ended: see what it printed") from None
+        return Child(pid, arguments, end)
 
     def _begin(self) -> socket.socket:
         own, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -126,12 +139,11 @@ class Nursery:
 
 def _learn() -> None:
     """Import what serving imports, and settle it in memory: none of it is to be copied in every child."""
-    import uvicorn.loops.auto
-    import uvicorn.protocols.http.auto  # noqa: F401
+    from server.commands.common import warm
 
-    from protocols import registry
-
-    registry.warm()
+    warm(ROOT / "artifacts")  # first: it says where compiled code lies
+    for name in LEARNT:
+        importlib.import_module(name)
     gc.collect()
     gc.freeze()
 
@@ -150,35 +162,36 @@ def _forking(line: socket.socket) -> list[str] | None:
 
     signal.signal(signal.SIGCHLD, reap)
     while True:
-        asked, given, _, _ = socket.recv_fds(line, 1 << 20, 2)
+        asked, given, _, _ = socket.recv_fds(line, 1 << 20, 4)
         if not asked:
             return None
-        out, end = given
+        *streams, end = given
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGCHLD])  # not before it is known whose end it is
         nursery, pid = os.getpid(), os.fork()
         if pid == 0:
             for one in (line.detach(), end, *ends.values()):
                 os.close(one)
             request = json.loads(asked)
-            _settle(nursery, request["env"], out)
+            _settle(nursery, request["env"], streams)
             return list(request["argv"])
         ends[pid] = end
-        os.close(out)
+        for one in streams:
+            os.close(one)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])
         line.send(str(pid).encode())
 
 
-def _settle(nursery: int, env: dict[str, str], out: int) -> None:
-    """A child's own place: session, signals, environment, and where it prints. It ends with its nursery."""
+def _settle(nursery: int, env: dict[str, str], streams: Sequence[int]) -> None:
+    """A child's own place: session, signals, environment, standard streams. It ends with its nursery."""
     os.setsid()
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
     if os.getppid() != nursery:
         sys.exit("who asked for this has ended")
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGCHLD])
-    os.dup2(out, 1)
-    os.dup2(out, 2)
-    os.close(out)
+    for number, one in enumerate(streams):
+        os.dup2(one, number)
+        os.close(one)
     os.environ.clear()
     os.environ.update(env)
 

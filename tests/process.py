@@ -11,14 +11,15 @@ import re
 import ssl
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import urllib.request
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import ClassVar
 
-from tests.forked import Nursery
+from tests.forked import Child, Nursery
 from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -40,19 +41,57 @@ def tied(command: list[str]) -> list[str]:
     return [sys.executable, "-I", "-S", "-c", _TIED, str(os.getpid()), *command]
 
 
-def _started(words: list[str], prefix: tuple[str, ...]) -> subprocess.Popen[str]:
-    # In a process group of its own: an interrupted test run stops it through `stop`, not behind its back.
+# Whom tests have start what they need (tests/conftest.py); without it, each command is an interpreter of its own.
+nursery: Nursery | None = None
+
+
+def begun(
+    *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False
+) -> subprocess.Popen[str] | Child:
+    """`imuscope WORDS`, running, in a process group of its own: an interrupted run of tests stops it through who began
+    it, not behind their back.
+
+    Args:
+        fresh: in an interpreter of its own, also where tests share the work of starting one.
+        prefix: put before the command, to run it as somebody else.
+        apart: what is printed as an error has a pipe of its own.
+    """
+    if nursery is not None and not fresh and not prefix:
+        pipes = [os.pipe() for _ in range(1 + apart)]
+        with open(os.devnull) as nothing:
+            child = nursery.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1])
+        for _, written in pipes:
+            os.close(written)
+        child.stdout, *errors = (os.fdopen(read, encoding="utf-8", errors="replace") for read, _ in pipes)
+        child.stderr = errors[0] if errors else None
+        return child
     return subprocess.Popen(
         [*prefix, *tied([sys.executable, "-m", "server.cli", *words])],
         cwd=ROOT,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        stderr=subprocess.PIPE if apart else subprocess.STDOUT,
         text=True,
         errors="replace",
         start_new_session=True,
     )
+
+
+def imuscope(*words: str, given: bytes = b"", fresh: bool = False) -> subprocess.CompletedProcess[str]:
+    """`imuscope WORDS`, as a person runs it, to its end."""
+    with tempfile.TemporaryFile() as asked, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        asked.write(given)
+        asked.seek(0)
+        if nursery is not None and not fresh:
+            status = nursery.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
+        else:
+            command = [sys.executable, "-m", "server.cli", *words]
+            status = subprocess.run(
+                command, cwd=ROOT, stdin=asked, stdout=out, stderr=err, timeout=PATIENCE_S
+            ).returncode
+        said = [file.seek(0) or file.read().decode() for file in (out, err)]
+    return subprocess.CompletedProcess(words, status, *said)
 
 
 class ServerProcess:
@@ -69,8 +108,6 @@ class ServerProcess:
         RuntimeError: the server ended or did not answer; the message holds what it printed.
     """
 
-    nursery: ClassVar[Nursery | None] = None  # whom tests have start it
-
     def __init__(
         self,
         *sources: str,
@@ -81,8 +118,7 @@ class ServerProcess:
         fresh: bool = False,
     ) -> None:
         words = ["serve", *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
-        is_forked = self.nursery is not None and not prefix and not fresh
-        self.process = self.nursery.start(words) if self.nursery and is_forked else _started(words, prefix)
+        self.process = begun(*words, fresh=fresh, prefix=prefix)
         self.data = data
         self.lines: list[str] = []
         self._certificate = data / "tls" / "certificate.pem"

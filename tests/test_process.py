@@ -90,9 +90,9 @@ FORKING = """
 import sys, tempfile
 from pathlib import Path
 from tests.forked import Nursery
-from tests.process import ServerProcess
-ServerProcess.nursery = Nursery()
-server = ServerProcess("twin:xbus", data=Path(sys.argv[1]))
+from tests import process
+process.nursery = Nursery()
+server = process.ServerProcess("twin:xbus", data=Path(sys.argv[1]))
 print(server.process.pid, flush=True)
 sys.stdin.read()
 """

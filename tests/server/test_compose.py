@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,16 +18,11 @@ from protocols.xbus.device import XbusDevice
 from server.commands.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
 from server.commands.inspect import inspect_file
 from server.live.reading import Reading
+from tests.process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 KEY = bytes(range(32))
 S = 10**9
-
-
-def command(*arguments: str, given: bytes = b"") -> subprocess.CompletedProcess[bytes]:
-    """imuscope as a person runs it."""
-    line = [sys.executable, "-m", "server.cli", *arguments]
-    return subprocess.run(line, input=given, capture_output=True, timeout=60, cwd=Path(__file__).parents[2])
 
 
 def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = None) -> str:
@@ -102,13 +95,13 @@ def test_files_through_the_real_command_line(tmp_path: Path) -> None:
 
 
 def _through_the_command_line(file: Path) -> None:
-    listed = command("inspect", str(file), "--format", "jsonl")
+    listed = imuscope("inspect", str(file), "--format", "jsonl")
     assert listed.returncode == 0, listed.stderr
-    back = command("compose", "--jsonl", "-", given=listed.stdout)
+    back = imuscope("compose", "--jsonl", "-", given=listed.stdout.encode())
     assert back.returncode == 0, back.stderr
     data = file.read_bytes()
     records = [json.loads(line) for line in listed.stdout.splitlines()]
-    frames = [bytes.fromhex(line) for line in back.stdout.decode().splitlines()]
+    frames = [bytes.fromhex(line) for line in back.stdout.splitlines()]
     assert frames == [data[one["offset"] : one["offset"] + one["size"]] for one in records]
     assert records
 
@@ -195,12 +188,12 @@ def test_what_is_not_known_is_answered_with_the_nearest(words: list[str], said: 
 
 
 def test_one_line_and_status_1_for_what_cannot_be() -> None:
-    done = command("compose", "NoSuchThing")
-    assert (done.returncode, done.stdout) == (1, b"")
-    assert done.stderr.count(b"\n") == 1
-    assert b"no message is called 'NoSuchThing'" in done.stderr
-    done = command("compose", "--jsonl", "-", given=b'{"protocol":"isb","message":"GET_DATA","fields":{}}\n')
-    assert (done.returncode, done.stderr) == (1, b"imuscope: line 1: id is missing.\n")
+    done = imuscope("compose", "NoSuchThing")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.count("\n") == 1
+    assert "no message is called 'NoSuchThing'" in done.stderr
+    done = imuscope("compose", "--jsonl", "-", given=b'{"protocol":"isb","message":"GET_DATA","fields":{}}\n')
+    assert (done.returncode, done.stderr) == (1, "imuscope: line 1: id is missing.\n")
 
 
 def test_values_without_a_field() -> None:

@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ import pytest
 from server.commands import doctor
 from server.host import checks
 from server.host.checks import Finding, Machine, look
-from tests.process import ROOT
+from tests.process import imuscope
 
 NOW = 1_760_000_000.0
 
@@ -237,8 +236,7 @@ def test_what_is_printed_and_the_exit_status() -> None:
 
 
 def test_on_this_machine(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "server.cli", "doctor", "--json", "--data", str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = imuscope("doctor", "--json", "--data", str(tmp_path))
     found = json.loads(done.stdout)
     assert done.returncode == int(any(one["status"] == "problem" for one in found)), done.stderr
     assert all(set(one) == {"status", "about", "found", "todo"} for one in found)

@@ -8,7 +8,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,16 +17,16 @@ import pytest
 
 from server.cli import main
 from server.commands.replaying import ReplayError, address
+from tests.forked import Child
 from tests.links.test_replay import of, recording
 from tests.patience import PATIENCE_S
-from tests.process import ROOT, tied
+from tests.process import begun
 
 
 @contextmanager
-def replaying(path: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def replaying(path: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str] | Child, str]]:
     """The command, and the address that it prints."""
-    command = [sys.executable, "-m", "server.cli", "replay", str(path), *arguments]
-    process = subprocess.Popen(tied(command), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = begun("replay", str(path), *arguments, apart=True)
     try:
         assert process.stdout is not None
         yield process, process.stdout.readline().strip()

@@ -9,7 +9,6 @@ import json
 import re
 import socket
 import subprocess
-import sys
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -32,7 +31,7 @@ from server.live.hub import Hub
 from server.views.proxy import ViewError
 from server.views.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
 from tests.patience import PATIENCE_S, connect
-from tests.process import ROOT, ServerProcess
+from tests.process import ROOT, ServerProcess, imuscope
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
 
@@ -279,10 +278,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
 
 
 def test_an_address_that_is_none_of_a_viewer_is_refused_before_anything_starts() -> None:
-    said = subprocess.run(
-        [sys.executable, "-m", "server.cli", "serve", "--rerun-connect", "http://elsewhere"],
-        capture_output=True, text=True, timeout=120, cwd=ROOT,
-    )  # fmt: skip
+    said = imuscope("serve", "--rerun-connect", "http://elsewhere")
     assert said.returncode == 1
     assert "rerun_connect" in said.stderr
 

@@ -7,21 +7,21 @@ from typing import Any
 
 import pytest
 
-from tests.server.test_compose import command
+from tests.process import imuscope
 
 
 def sent(*arguments: str) -> list[dict[str, Any]]:
     """The lines that `imuscope send` printed."""
-    done = command("send", *arguments)
-    assert done.returncode == 0, done.stderr.decode()
-    return [json.loads(line) for line in done.stdout.decode().splitlines()]
+    done = imuscope("send", *arguments)
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
 
 
 def refused(*arguments: str) -> str:
     """The one line with which it failed."""
-    done = command("send", *arguments)
-    lines = [line for line in done.stderr.decode().splitlines() if "compiling" not in line]
-    assert (done.returncode, done.stdout, len(lines)) == (1, b"", 1), done
+    done = imuscope("send", *arguments)
+    lines = [line for line in done.stderr.splitlines() if "compiling" not in line]
+    assert (done.returncode, done.stdout, len(lines)) == (1, "", 1), done
     return lines[0]
 
 
@@ -47,9 +47,9 @@ def test_a_setting_is_read_and_written_by_its_name() -> None:
 
 
 def test_what_the_device_made_of_it_is_told() -> None:
-    done = command("send", "twin:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
+    done = imuscope("send", "twin:isb", "DID_FLASH_CONFIG", "startupNavDtMs=4", "startupImuDtMs=9")
     assert done.returncode == 0
-    assert b"startupImuDtMs is not as asked: 4 instead of 9" in done.stderr
+    assert "startupImuDtMs is not as asked: 4 instead of 9" in done.stderr
 
 
 def test_what_does_harm_is_sent_only_with_a_yes() -> None:

@@ -8,7 +8,6 @@ import datetime
 import hashlib
 import json
 import ssl
-import subprocess
 import sys
 import time
 from collections.abc import AsyncIterator
@@ -25,7 +24,7 @@ from cryptography.hazmat.primitives import serialization
 from server import serving, tls
 from server.config import Config, ConfigError, load
 from tests.patience import PATIENCE_S, connecting
-from tests.process import ROOT, ServerProcess
+from tests.process import ServerProcess, imuscope
 
 PEM = serialization.Encoding.PEM
 DAY = datetime.timedelta(days=1)
@@ -160,9 +159,8 @@ def test_settings_that_do_not_go_together(given: dict[str, Any], words: str) -> 
 
 def test_the_command_says_it_in_one_line(tmp_path: Path) -> None:
     """Before anything is compiled or opened."""
-    arguments = ["--tls-cert", str(tmp_path / "a.pem"), "--tls-key", "b.pem", "--port", "0", "--data", str(tmp_path)]
-    command = [sys.executable, "-m", "server.cli", "serve", "udp://127.0.0.1:0", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    arguments = ("--tls-cert", str(tmp_path / "a.pem"), "--tls-key", "b.pem", "--port", "0", "--data", str(tmp_path))
+    done = imuscope("serve", "udp://127.0.0.1:0", *arguments)
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.splitlines()[-1] == (
