@@ -10,8 +10,7 @@
 # --hostname     the machine's own name: the address that is printed uses it, and requests to it are let in.
 # The address is not loopback, so a token is asked for: it is in the URL that `docker logs` shows.
 # /data          recordings; without a volume there they end with the container.
-# /tmp           where the compiled loops of the image are copied to, because numba reads no cache it cannot write; without
-#                it the start takes some seconds longer.
+# /tmp           for a while, while a file is uploaded, exported or opened.
 
 FROM python:3.13-slim-bookworm AS build
 ENV UV_COMPILE_BYTECODE=1 UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=/app \
@@ -25,7 +24,7 @@ COPY . .
 RUN uv sync --frozen --no-dev --no-editable
 # Compile the hot loops now, for any CPU of this architecture. Started from / so that the installed package is meant.
 ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
-RUN cd / && /app/bin/python -c "import protocols.registry" && ls /app/numba/*/*.nbi > /dev/null
+RUN cd / && /app/bin/python -c "from server.commands.common import warm; warm(None)" && ls /app/numba/kept.bin
 
 FROM python:3.13-slim-bookworm
 COPY --from=build /app /app

@@ -1,9 +1,15 @@
 """How is a hot loop compiled, and where is the result kept?
 
 `compiled` is numba's `njit` with two habits of this house: the signature is written out, so that nothing is compiled
-behind the reader's back while a device streams, and the machine code is cached on disk. Numba looks for a place in
-`NUMBA_CACHE_DIR` (the server sets it before anything here is imported), beside the source file and in the user's cache
-folder; where none of them can be written the function is compiled for this run only, and `uncached` says which.
+behind the reader's back while a device streams, and the machine code is kept on disk:
+
+    the server has said where    in one file of ours (protocols/machine_code.py), from which it is taken at the next
+                                 start; numba is not even imported then
+    it has not (tests, scripts)  by numba, in `NUMBA_CACHE_DIR`, beside the source file or in the user's cache folder;
+                                 where none of them can be written the function is compiled for this run only
+
+Because numba may never be there, the types of a signature are said as what they will be once it is: a `Kind` makes
+numba's type of its module `types`.
 
 Rules for the functions themselves:
 
@@ -17,48 +23,107 @@ Rules for the functions themselves:
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
-from numba import types
+
+from protocols import machine_code
 
 F = TypeVar("F", bound=Callable[..., Any])
+Kind = Callable[[Any], Any]
+"""numba.types -> one of its types."""
 
-BYTES = types.Array(types.uint8, 1, "C", readonly=True)  # what np.frombuffer(bytes) gives; a writable array fits too
-ROWS = types.Array(types.uint8, 2, "C")
-INTS = types.Array(types.int64, 1, "C")
-TABLE = types.Array(types.int64, 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
-STRIDED = types.Array(types.int64, 2, "A")  # a TABLE of which some columns are left out
-INT = types.int64
-FLAG = types.boolean
-NOTHING = types.void
-PAIR: Any = types.Tuple([INT, INT])  # type: ignore[no-untyped-call]
-FOUR: Any = types.Tuple([INT, INT, INT, INT])  # type: ignore[no-untyped-call]
+
+def scalar(name: str) -> Kind:
+    """A number, as numba calls it."""
+    return lambda types: getattr(types, name)
+
+
+def array(item: str, dimensions: int, layout: str, *, readonly: bool = False) -> Kind:
+    """An array; `layout` is "C" where it is contiguous, "A" for any."""
+    return lambda types: types.Array(getattr(types, item), dimensions, layout, readonly=readonly)
+
+
+def several(*kinds: Kind) -> Kind:
+    """A tuple."""
+    return lambda types: types.Tuple([kind(types) for kind in kinds])
+
+
+BYTES = array("uint8", 1, "C", readonly=True)  # what np.frombuffer(bytes) gives; a writable array fits too
+ROWS = array("uint8", 2, "C")
+INTS = array("int64", 1, "C")
+TABLE = array("int64", 2, "C")  # one row per quantity, one column per frame: each quantity is contiguous
+STRIDED = array("int64", 2, "A")  # a TABLE of which some columns are left out
+INT = scalar("int64")
+FLAG = scalar("boolean")
+NOTHING = scalar("void")
+PAIR = several(INT, INT)
+FOUR = several(INT, INT, INT, INT)
 
 unsigned = np.uint64
 
-uncached: list[str] = []
-"""Names of the functions that found no place for their machine code and were compiled for this run only."""
+_disabled = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+_place = None if _disabled else machine_code.place()
+_kept = machine_code.load(_place) if _place else {}
+_is_whole = bool(_kept)
+_made: dict[str, Any] = {}
+_parts: list[Path] = []
 
 
-def compiled(result: Any, *arguments: Any) -> Callable[[F], F]:
-    """Compile the decorated function for exactly these types, once, cached on disk where that is possible."""
+def compiled(result: Kind, *arguments: Kind) -> Callable[[F], F]:
+    """Compile the decorated function for exactly these types, once, kept on disk where that is possible."""
 
     def decorate(function: F) -> F:
-        signature = result(*arguments)
+        name = f"{function.__module__}.{function.__qualname__}"
+        if name in _kept:
+            return cast(F, _kept[name])
+        import numba
+
+        signature = result(numba.types)(*(kind(numba.types) for kind in arguments))
         try:
-            return cast(F, numba.njit(signature, cache=True, nogil=True)(function))
+            made = numba.njit(signature, cache=_place is None, nogil=True)(function)
         except RuntimeError as problem:
             if "locator" not in str(problem):
                 raise
-            uncached.append(f"{function.__module__}.{function.__qualname__}")
-            return cast(F, numba.njit(signature, nogil=True)(function))
+            made = numba.njit(signature, nogil=True)(function)
+        _made[name] = made
+        return cast(F, made)
 
     return decorate
 
 
 def inlined(function: F) -> F:
     """Write the decorated function into the compiled ones that call it; worth it in a loop over frames only."""
+    if _kept:
+        return function  # it is in the machine code of its callers
+    import numba
+
     return cast(F, numba.njit(inline="always")(function))
+
+
+def keep() -> None:
+    """Write the machine code of all that was compiled to where the next process looks for it, if anything was.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    if _place and _made and not _is_whole:
+        machine_code.keep(_place, _made, *_parts)
+        for part in _parts:
+            part.unlink(missing_ok=True)
+
+
+def keep_part(path: Path, package: str) -> None:
+    """Write that of one package's modules only, for another process to `take`."""
+    machine_code.keep(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
+
+
+def take(part: Path) -> None:
+    """Use what another process has compiled, for modules that are not imported yet, and keep it with the rest."""
+    functions = machine_code.load(part)
+    if functions:
+        _kept.update(functions)
+        _parts.append(part)

@@ -3,9 +3,12 @@
 numba looks at NUMBA_CACHE_DIR once, when it is imported, so this is decided first and without importing it:
 
     data folder/compiled/<mark>   the usual place; or NUMBA_CACHE_DIR, where that is set already (a container image)
-    a copy of it in a fresh       where that place is there but read-only: numba reads no cache that it cannot write
-    temporary folder
-    nowhere                       nothing can be written: compiled for this run only (protocols/jit.py), a few seconds
+    a fresh temporary folder      where that place cannot be written: compiled for this run only, a few seconds
+    nowhere                       nothing can be written: each process compiles for itself (protocols/jit.py)
+
+In that folder lie numba's own cache and, once all is compiled, one file with the machine code, from which a process
+starts without numba (protocols/machine_code.py). That one is only read: a place that is read-only will do, if the file
+fits.
 
 The mark is that of the sources: numba notices a change in the file of a function, but not in the files of the functions
 it calls, so after an update it could run half of the old code. Marks of former versions are swept away.
@@ -16,15 +19,24 @@ A temporary folder is made anew for each run, never found by name: whoever could
 from __future__ import annotations
 
 import atexit
-import hashlib
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
+from importlib import import_module
 from pathlib import Path
 
-import protocols
+from protocols import machine_code
 
+ROOT = Path(__file__).resolve().parents[1]
+_ISB = """
+import sys
+from pathlib import Path
+from protocols import jit
+from protocols.isb import decoder
+jit.keep_part(Path(sys.argv[1]), "protocols.isb")
+"""
 VARIABLE = "NUMBA_CACHE_DIR"
 
 
@@ -37,40 +49,48 @@ def prepare_cache(data: Path) -> tuple[bool, list[str]]:
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False, []
     home = data / "compiled"
-    wanted = Path(os.environ.get(VARIABLE) or home / _mark())
-    if _writable(wanted):
-        os.environ[VARIABLE] = str(wanted)
-        if wanted.parent == home:
-            _sweep(home, wanted)
-        return _is_empty(wanted), []
-    try:
-        copy = Path(tempfile.mkdtemp(prefix="imuscope-"))
-    except OSError:
-        os.environ.pop(VARIABLE, None)
-        return True, [f"{wanted} and the temporary folder cannot be written: compiled code is kept for this run only."]
-    atexit.register(shutil.rmtree, copy, ignore_errors=True)
-    if wanted.is_dir():
-        shutil.copytree(wanted, copy, dirs_exist_ok=True)
-        for folder in [copy, *copy.rglob("*/")]:
-            folder.chmod(0o700)  # the copy is as read-only as what it is a copy of
-    os.environ[VARIABLE] = str(copy)
-    if _is_empty(copy):
-        return True, [f"{wanted} cannot be written: compiled code is kept for this run only."]
-    return False, []
+    place = _wanted(data)
+    fits, words = machine_code.fits(place / machine_code.NAME), []
+    if _writable(place):
+        if place.parent == home:
+            _sweep(home, place)
+    elif not fits:
+        words = [f"{place} cannot be written: compiled code is kept for this run only."]
+        try:
+            place = Path(tempfile.mkdtemp(prefix="imuscope-"))
+        except OSError:
+            os.environ.pop(VARIABLE, None)
+            return True, words
+        atexit.register(shutil.rmtree, place, ignore_errors=True)
+    os.environ[VARIABLE] = str(place)
+    os.environ[machine_code.VARIABLE] = str(place / machine_code.NAME)
+    return not fits, words
+
+
+def compile_by_two() -> None:
+    """Compile all, half of it in a second process: a process compiles on one core only, and ISB is half of it."""
+    place = machine_code.place()
+    if place is None or (os.cpu_count() or 1) < 2:
+        return
+    part = place.with_name(f"isb-{os.getpid()}.bin")
+    nothing = (
+        subprocess.DEVNULL
+    )  # should it fail, this process finds nothing to take, compiles ISB too and says why not
+    with subprocess.Popen([sys.executable, "-c", _ISB, part], cwd=ROOT, stdin=nothing, stderr=nothing):
+        for module in ("protocols.idtp.decoder", "protocols.xbus.decoder", "recordings.blocks"):
+            import_module(module)
+    from protocols import jit
+
+    jit.take(part)
 
 
 def is_there(data: Path) -> bool:
     """Is there compiled code of these sources, with this data folder? Looks only."""
-    return not _is_empty(Path(os.environ.get(VARIABLE) or data / "compiled" / _mark()))
+    return machine_code.fits(_wanted(data) / machine_code.NAME)
 
 
-def _mark() -> str:
-    """Names the sources of everything that is compiled, and the Python that runs them."""
-    digest = hashlib.sha256(sys.version.encode())
-    root = Path(protocols.__file__).parent
-    for source in sorted(root.rglob("*.py")):
-        digest.update(source.relative_to(root).as_posix().encode() + b"\0" + source.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
+def _wanted(data: Path) -> Path:
+    return Path(os.environ.get(VARIABLE) or data / "compiled" / machine_code.sources_mark())
 
 
 def _sweep(home: Path, kept: Path) -> None:
@@ -87,7 +107,3 @@ def _writable(folder: Path) -> bool:
             return True
     except OSError:
         return False
-
-
-def _is_empty(folder: Path) -> bool:
-    return next(folder.rglob("*.nbi"), None) is None

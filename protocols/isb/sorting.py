@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
@@ -41,9 +40,9 @@ from protocols.isb.timeline import (
     tell,
     up_time,
 )
-from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, TABLE, compiled, inlined, unsigned
+from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
 
-VIEW = types.Array(types.int64, 2, "A")  # a scan's table is the filled part of a larger one
+VIEW = STRIDED  # a scan's table is the filled part of a larger one
 
 KEY, PART, TIME, TIMED, STEP, BY = range(6)
 SORTED = 6

@@ -29,10 +29,9 @@ show as one second too much. Source: IERS Bulletin C; GPS week and epoch: IS-GPS
 from __future__ import annotations
 
 import numpy as np
-from numba import types
 
 from protocols.framing import Bytes
-from protocols.jit import FLAG, INT, compiled, inlined, unsigned
+from protocols.jit import FLAG, INT, compiled, inlined, several, unsigned
 
 LEAP_SECONDS_AS_OF = "2025-07-07"  # IERS Bulletin C 70: none at the end of 2025
 
@@ -42,8 +41,8 @@ NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 # tuple, because compiled code keeps its numbers in registers; an array would be counted in and out of every function.
 State = tuple[int, int, int, int, int, int]
 Told = tuple[State, int, int, int, int]
-STATE = types.UniTuple(types.int64, 6)  # type: ignore[no-untyped-call]
-TOLD = types.Tuple([STATE, INT, INT, INT, INT])  # type: ignore[no-untyped-call]
+STATE = several(INT, INT, INT, INT, INT, INT)
+TOLD = several(STATE, INT, INT, INT, INT)
 NOT_SHIFTED, ROUGHLY, EXACTLY = range(3)
 UNKNOWN, FROM_START, FROM_1970 = range(3)
 

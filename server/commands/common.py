@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from server import logs
-from server.compiled import prepare_cache
+from server.compiled import compile_by_two, prepare_cache
 from server.config import load
 from server.live.reading import Reading, key_text, reading, schema_text
 
@@ -24,10 +24,14 @@ def warm(data: Path | None) -> Path:
         logs.say(f"imuscope: {sentence}")
     if first:
         logs.say("imuscope: compiling the decoders; this is done once and takes some seconds.")
+        compile_by_two()
     from protocols import jit, registry
+    from recordings import blocks  # noqa: F401 (it has compiled loops, too)
 
     registry.warm()
-    if jit.uncached and not words:
+    try:
+        jit.keep()
+    except OSError:
         logs.say("imuscope: compiled code could not be kept; it is compiled again next time.")
     return folder
 

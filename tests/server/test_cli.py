@@ -15,24 +15,18 @@ from typing import Any
 import pytest
 from httpx import Client
 
+from protocols import machine_code
 from protocols.idtp.device import IdtpDevice
 from protocols.isb.frames import get_data, stop
 from server import compiled
 from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess
+from tests.process import ROOT, ServerProcess, begun, imuscope
 
 
-def run(*arguments: str, timeout: float = 60) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "server.cli", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=timeout)
-
-
-def test_version_and_help_answer_at_once() -> None:
-    started = time.monotonic()
-    assert run("--version").stdout.startswith("imuscope ")
-    assert "inspect" in run("--help").stdout
-    assert "SOURCE" in run("serve", "--help").stdout
-    assert time.monotonic() - started < 6
+def test_version_and_help_are_answered() -> None:
+    assert imuscope("--version", fresh=True).stdout.startswith("imuscope ")
+    assert "inspect" in imuscope("--help").stdout
+    assert "SOURCE" in imuscope("serve", "--help").stdout
 
 
 def test_heavy_parts_are_not_imported_for_help() -> None:
@@ -64,7 +58,7 @@ def test_heavy_parts_are_not_imported_for_help() -> None:
     ],
 )
 def test_what_is_wrong_is_one_line(arguments: tuple[str, ...], words: str, tmp_path: Path) -> None:
-    done = run(*arguments, "--data", str(tmp_path))
+    done = imuscope(*arguments, "--data", str(tmp_path))
     assert done.returncode == 1
     lines = [line for line in done.stderr.splitlines() if "compiling" not in line]
     assert len(lines) == 1, done.stderr
@@ -76,7 +70,7 @@ def test_a_port_in_use_is_one_line(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        done = run("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path))
+        done = imuscope("serve", "--port", str(taken.getsockname()[1]), "--data", str(tmp_path), fresh=True)
     assert done.returncode == 1
     assert "Give another with --port" in done.stderr
     assert "Traceback" not in done.stderr
@@ -121,14 +115,14 @@ def test_inspect_reaches_every_family(tmp_path: Path) -> None:
     path = tmp_path / "secure.bin"
     path.write_bytes(IdtpDevice(mode=2, key=key).advance(100_000_000))
     data = ("--data", str(tmp_path))
-    done = run("inspect", str(path), "--rejects", *data)
+    done = imuscope("inspect", str(path), "--rejects", *data)
     assert "no_key: a Secure frame, and no key to check it with" in done.stdout
-    done = run("inspect", str(path), "--key", key.hex(), "--format", "jsonl", "--rejects", *data)
+    done = imuscope("inspect", str(path), "--key", key.hex(), "--format", "jsonl", "--rejects", *data)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == 22
     assert {line.get("reject") for line in lines} == {None}
     (tmp_path / "host.bin").write_bytes(get_data(1, period=0) + stop())
-    done = run("inspect", str(tmp_path / "host.bin"), "--direction", "tx", "--format", "jsonl", *data)
+    done = imuscope("inspect", str(tmp_path / "host.bin"), "--direction", "tx", "--format", "jsonl", *data)
     assert json.loads(done.stdout.splitlines()[0])["message"] == "GET_DATA"
 
 
@@ -141,14 +135,12 @@ def test_it_ends_cleanly(how: signal.Signals, tmp_path: Path) -> None:
 
 
 def test_beyond_loopback_the_address_carries_a_token(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "server.cli", "serve", "udp://127.0.0.1:0", "--host", "0.0.0.0", "--port", "0"]
-    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(
-        [*command, "--data", str(tmp_path)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        lines = [process.stdout.readline(), process.stdout.readline()]
-        process.terminate()
+    words = ("serve", "udp://127.0.0.1:0", "--host", "0.0.0.0", "--port", "0", "--data", str(tmp_path))
+    process = begun(*words, apart=True)
+    assert process.stdout is not None
+    lines = [process.stdout.readline(), process.stdout.readline()]
+    process.terminate()
+    process.communicate(timeout=PATIENCE_S)
     assert lines[0].startswith("to look:")
     assert lines[1].startswith("to control:")
     assert all("?token=" in line for line in lines)
@@ -164,52 +156,72 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv("NUMBA_DISABLE_JIT")
 
 
+@pytest.fixture
+def unset(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No place for compiled code is set; what a test sets is taken back."""
+    for variable in (compiled.VARIABLE, machine_code.VARIABLE):
+        monkeypatch.setenv(variable, "")
+        monkeypatch.delenv(variable)
+
+
+@pytest.mark.usefixtures("unset")
 def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(compiled.VARIABLE, raising=False)
+    assert not compiled.is_there(tmp_path / "data")
     first, words = compiled.prepare_cache(tmp_path / "data")
     assert (first, words) == (True, [])
     place = Path(os.environ[compiled.VARIABLE])
     assert place.parent == tmp_path / "data" / "compiled"
-    (place / "x.nbi").touch()
+    assert os.environ[machine_code.VARIABLE] == str(place / machine_code.NAME)
+    machine_code.keep(place / machine_code.NAME, {})
     monkeypatch.delenv(compiled.VARIABLE)
+    assert compiled.is_there(tmp_path / "data")
     assert compiled.prepare_cache(tmp_path / "data") == (False, [])
 
 
+@pytest.mark.usefixtures("unset")
 def test_other_sources_have_other_compiled_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """numba does not see that a function called from another file changed; what was compiled before is swept away."""
-    monkeypatch.delenv(compiled.VARIABLE, raising=False)
+    """A function may call one of another file, which has changed; what was compiled before is swept away."""
     compiled.prepare_cache(tmp_path)
     before = Path(os.environ[compiled.VARIABLE])
-    (before / "x.nbi").touch()
+    machine_code.keep(before / machine_code.NAME, {})
     monkeypatch.delenv(compiled.VARIABLE)
     package = tmp_path / "protocols"
     package.mkdir()
-    (package / "__init__.py").write_text("changed = True")
-    monkeypatch.setattr(compiled.protocols, "__file__", str(package / "__init__.py"))
+    (package / "machine_code.py").write_text("changed = True")
+    monkeypatch.setattr(machine_code, "__file__", str(package / "machine_code.py"))
+    monkeypatch.setattr(machine_code, "sources_mark", machine_code.sources_mark.__wrapped__)
     assert compiled.prepare_cache(tmp_path) == (True, [])
     assert os.environ[compiled.VARIABLE] != str(before)
     assert not before.exists()
 
 
+@pytest.mark.usefixtures("unset")
 def test_a_place_that_is_given_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(compiled.VARIABLE, str(tmp_path / "given"))
     compiled.prepare_cache(tmp_path / "data")
     assert os.environ[compiled.VARIABLE] == str(tmp_path / "given")
 
 
-def test_a_read_only_place_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A container image is warmed when it is built and read-only when it runs; numba reads no cache it cannot write."""
+@pytest.mark.usefixtures("unset")
+def test_a_read_only_place_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container image is warmed when it is built and read-only when it runs."""
     given = tmp_path / "given"
     given.mkdir()
-    (given / "x.nbi").write_text("warm")
+    machine_code.keep(given / machine_code.NAME, {})
     monkeypatch.setenv(compiled.VARIABLE, str(given))
     monkeypatch.setattr(compiled, "_writable", lambda folder: False)
     assert compiled.prepare_cache(tmp_path) == (False, [])
-    copy = Path(os.environ[compiled.VARIABLE])
-    assert copy != given
-    assert (copy / "x.nbi").read_text() == "warm"
+    assert os.environ[machine_code.VARIABLE] == str(given / machine_code.NAME)
+    damaged = bytearray((given / machine_code.NAME).read_bytes())
+    damaged[-3] ^= 1
+    (given / machine_code.NAME).write_bytes(damaged)
+    first, (words,) = compiled.prepare_cache(tmp_path)
+    assert first
+    assert "for this run only" in words
+    assert os.environ[compiled.VARIABLE] != str(given)
 
 
+@pytest.mark.usefixtures("unset")
 def test_nowhere_to_write_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(compiled.VARIABLE, "/proc/none")
 
