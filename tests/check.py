@@ -7,10 +7,10 @@
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
 The tests of one file run one after the other, the files beside each other: they often wait. What failed beside other
-work is judged once more, alone. Every part runs, also after one has failed; the end shows each one's closing line,
-pytest's last, and the exit status is 0 only when all is well. Names of parts run these alone (`tests/check.py ruff
-pytest`); `--deep` draws many more examples in the property tests; everything after `--` goes to pytest
-(`tests/check.py pytest -- -k clocks`).
+work is judged once more, alone. Of the parts before, two run beside each other. Every part runs, also after one has
+failed; the end shows each one's closing line, pytest's last, and the exit status is 0 only when all is well. Names of
+parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests;
+everything after `--` goes to pytest (`tests/check.py pytest -- -k clocks`).
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -40,6 +42,7 @@ class Part:
     command: Callable[[argparse.Namespace], list[str]]
     closing: str = ""  # how the line begins that says how it ended; "" for the last one
     alone: Callable[[argparse.Namespace], list[str]] | None = None  # judges again what failed beside other work
+    is_narrow: bool = False  # one core is enough for it: two of these run beside each other
 
 
 @dataclass(frozen=True)
@@ -78,12 +81,12 @@ def _tests(name: str, workers: int, *arguments: str) -> Part:
 
 PARTS = (
     Part("page", lambda _: [PYTHON, "web/build.py", "--modules"]),
-    Part("ruff", _tool("ruff", "check"), "Found"),
-    Part("format", _tool("ruff", "format", "--check")),
-    Part("mypy", _tool("mypy")),
-    Part("audit", lambda _: [PYTHON, "-m", "tests.audit"]),
-    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web")),
-    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests "),
+    Part("mypy", _tool("mypy"), is_narrow=True),
+    Part("ruff", _tool("ruff", "check"), "Found", is_narrow=True),
+    Part("format", _tool("ruff", "format", "--check"), is_narrow=True),
+    Part("audit", lambda _: [PYTHON, "-m", "tests.audit"], is_narrow=True),
+    Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), is_narrow=True),
+    Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", is_narrow=True),
     _tests("pytest", 4, "--ignore=tests/browser"),
     _tests("browser", 3, "tests/browser"),
 )
@@ -99,9 +102,21 @@ def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome
     return Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
 
 
+def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
+    """Run parts one after the other, the narrow ones that follow each other by twos."""
+    outcomes: list[Outcome] = []
+    for is_narrow, group in groupby(parts, key=lambda part: part.is_narrow):
+        with ThreadPoolExecutor(2 if is_narrow else 1) as lanes:
+            outcomes += lanes.map(lambda part: run(part, options, env), group)
+    return outcomes
+
+
 def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
-    """What it prints is passed on as it comes."""
-    print(f"\n── {part.name} {'─' * (76 - len(part.name))}", flush=True)
+    """What it prints is passed on as it comes; of a narrow part, when it has ended."""
+    title = f"\n── {part.name} {'─' * (76 - len(part.name))}\n"
+    held: list[str] = []
+    say = held.append if part.is_narrow else lambda text: print(text, end="", flush=True)
+    say(title)
     began = time.monotonic()
     lines: list[str] = []
     process = subprocess.Popen(
@@ -116,10 +131,11 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
     )
     assert process.stdout
     for line in process.stdout:
-        print(line, end="", flush=True)
+        say(line)
         if line.strip():
             lines.append(line.strip())
     status = process.wait()
+    print("".join(held), end="", flush=True)
     closing = [line for line in lines if line.startswith(part.closing)] or lines
     closing = closing or [f"exit status {status}" if status else "no complaint"]
     return Outcome(part.name, status, time.monotonic() - began, closing[-1])
@@ -147,7 +163,7 @@ def main() -> int:
     if any(part.alone for part in chosen) and (path := chromium.provide(print)):
         env["IMUSCOPE_CHROMIUM"] = str(path)
 
-    outcomes = [run(part, options, env) for part in chosen]
+    outcomes = run_all(chosen, options, env)
     print(f"\n── all {'─' * 73}")
     for outcome in outcomes:
         word = "ok    " if outcome.status == 0 else "FAILED"
