@@ -50,7 +50,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 @cache
 def sources_mark() -> str:
-    """Names the sources of everything that is compiled, and the Python that runs them; as they are at the first call."""
+    """Names the sources of everything that is compiled, and the Python that runs them, as at the first call."""
     digest = hashlib.sha256(sys.version.encode())
     root = Path(__file__).parents[1]
     for package in _SOURCES:
