@@ -8,8 +8,9 @@
 
 So it is told what a browser is told, in the same words, and what holds for a browser holds for it: what it does not
 take waits in an outbox of its own, where the oldest samples are dropped; nothing it does slows a device. Samples go out
-at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often. Nor are they decoded more
-often for it: what a hub does for a browser 125 times a second costs more than all that is done here.
+at most `PER_S` times a second, whatever the device's rate: a viewer draws no more often, and one that plays out what it
+gets needs less. Nor are they decoded more often for it: what a hub does for a browser 125 times a second costs more
+than all that is done here.
 
 What it may say on standard output, besides what its view understands:
 
@@ -39,7 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HEAD = struct.Struct("<IB")
 TEXT, SAMPLES, OURS = 0, 1, 2
 PER_S = 60.0
-FLUSH_S = 0.95 / PER_S  # a little sooner than they are sent, so that there is always something to send
+EARLY = 0.95  # of the time between two: samples are made a little sooner than sent, so that there always are some
 PATIENCE_S = 0.8  # from the end of its input to being killed: it holds nothing that could be lost
 MOST_LINE = 1024 * 1024
 LAST_WORDS = 6  # lines of its standard error that are told after a crash
@@ -54,6 +55,7 @@ class Aside:
         module: what is run, as `python -m module`.
         on_told: each line it says, as an object.
         on_crash: it ended by itself; what it said last.
+        per_s: how often samples go out, at most.
     """
 
     def __init__(
@@ -62,12 +64,14 @@ class Aside:
         module: str,
         on_told: Callable[[Mapping[str, Any]], None],
         on_crash: Callable[[str], None],
+        per_s: float = PER_S,
     ) -> None:
         self._hub = hub
         self._module = module
         self._on_told = on_told
         self._on_crash = on_crash
-        self._wake = asyncio.Event()
+        self._pause_s = 1 / per_s
+        self._wake, self._spoken = asyncio.Event(), asyncio.Event()
         self._outbox = Outbox(self._wake.set)
         self._outbox.interval_s = FLUSH_NOBODY_S
         self._ours: deque[bytes] = deque()
@@ -105,6 +109,7 @@ class Aside:
         """Tell the process something of ours; before all that still waits."""
         self._ours.append(json.dumps(words).encode())
         self._wake.set()
+        self._spoken.set()
 
     async def stop(self) -> None:
         """End it, and wait until it is gone. Idempotent."""
@@ -135,6 +140,9 @@ class Aside:
         due = loop.time()
         with contextlib.suppress(ConnectionError):
             while True:
+                if not self._ours and loop.time() < due:
+                    await self._rest(due)
+                    continue
                 sort, body = self._next()
                 if body is None:
                     self._wake.clear()
@@ -143,8 +151,14 @@ class Aside:
                 pipe.write(HEAD.pack(len(body), sort) + body)
                 await pipe.drain()
                 if sort == SAMPLES:
-                    due = max(due + 1 / PER_S, loop.time())  # evenly, however long the writing took
-                    await asyncio.sleep(due - loop.time())
+                    due = max(due + self._pause_s, loop.time())  # evenly, however long the writing took
+
+    async def _rest(self, until: float) -> None:
+        """Until then, or until there is something of ours."""
+        self._spoken.clear()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout_at(until):
+                await self._spoken.wait()
 
     def _next(self) -> tuple[int, bytes | None]:
         if self._ours:
@@ -185,7 +199,7 @@ class Aside:
             channel = self._hub.channels[number]
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
-        self._outbox.interval_s = FLUSH_S if channels else FLUSH_NOBODY_S
+        self._outbox.interval_s = EARLY * self._pause_s if channels else FLUSH_NOBODY_S
         self._outbox.subscribe(channels, History(spans), codec.encode_text(wire.Backfilled()))
 
     async def _overhear(self) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from recordings.rrd import ground, layout
 from server.codec import Samples
+from server.views.playout import Playout
 
 Floats = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
@@ -121,7 +122,7 @@ class Look:
         device: which of its channels say what.
         infos: all its channels.
     Attributes:
-        q_frame_from_body: newest attitude in the frame the device speaks; None before there is one.
+        q_frame_from_body: attitude in the frame the device speaks, newest or played out; None before there is one.
         gravity: in body axes, in units of g; field: in body axes, any unit.
         place: newest position: metres east, north and up of its first one.
     """
@@ -138,6 +139,12 @@ class Look:
         self.place: Vector | None = None
         self._origin: ground.Origin | None = None
         self._track: Floats = np.zeros((0, 4))  # time (unix s), east, north, up; ascending
+        self._playout = Playout()
+
+    @property
+    def waits(self) -> bool:
+        """There are attitudes to play out."""
+        return self._playout.waits
 
     @property
     def channels(self) -> list[int]:
@@ -152,8 +159,12 @@ class Look:
         q = self.q_frame_from_body
         return None if q is None else multiply(ENU_FROM[self.frame], q)
 
-    def hear(self, samples: Samples) -> None:
-        """Newer samples of a channel, or of a position older ones."""
+    def hear(self, samples: Samples, heard: float | None = None) -> None:
+        """Newer samples of a channel, or of a position older ones.
+
+        Args:
+            heard: when they came, monotonic, s: attitudes are to be played out with `play`. None: the newest is taken.
+        """
         if samples.n == 0 or samples.channel not in self.channels:
             return
         own = samples.columns[2:]
@@ -162,12 +173,24 @@ class Look:
         if samples.history:
             return
         if self.attitude and samples.channel == self.attitude.channel:
-            values = [float(column[-1]) for column in own]
-            self.q_frame_from_body = READ[self.attitude.kind](values) or self.q_frame_from_body
+            if heard is None:
+                self._turn([float(column[-1]) for column in own])
+            else:
+                self._playout.hear(samples, heard)
         elif samples.channel == self._acceleration:
             self.gravity = _direction([-float(column[-1]) / G for column in own])
         elif samples.channel == self._field:
             self.field = _direction([float(column[-1]) for column in own])
+
+    def play(self, now: float) -> None:
+        """Bring the attitude to what is to be shown now (monotonic, s)."""
+        values = self._playout.at(now)
+        if values is not None:
+            self._turn(values)
+
+    def _turn(self, values: Sequence[float]) -> None:
+        assert self.attitude is not None
+        self.q_frame_from_body = READ[self.attitude.kind](values) or self.q_frame_from_body
 
     def track(self, seconds: float) -> Floats:
         """Where it was in its last so many seconds.

@@ -13,7 +13,7 @@ more than the newest of each for a browser that does not keep up. Arrows follow 
 `TRACK_PER_S`, because nobody sees more and each costs as much as the body. With nobody looking nothing is sent at all.
 
 Only server/views/viser_aside.py imports this: viser takes seconds to import. What is private in viser and touched here
-(the handlers of its wire) is kept in `_closed_to_strangers`.
+is kept in `_closed_to_strangers` (the handlers of its wire), `_at_once` (when it sends) and `_turn` (a message of it).
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from server.views.poses import ENU_FROM, Look, Quaternion, Vector, about_z, from
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0
+LEAST_TURN = math.radians(0.3)  # of an arrow; less is not seen
 APART = 2.4  # m between two devices; a body is at most 1 m
 TRAIL_S, LONGEST_TRAIL_S = 60, 600
 MOST_UPLOADS = 2  # under way at once
@@ -48,6 +49,21 @@ BOX = "Sensor"
 
 
 @dataclass(slots=True)
+class Arrow:
+    """An arrow in body axes."""
+
+    node: viser.SceneNodeHandle
+    to: Vector | None = None
+
+    def point(self, to: Vector | None) -> None:
+        """Turn it into this direction; None hides it."""
+        self.node.visible = to is not None
+        if to is not None and (self.to is None or _angle(self.to, to) > LEAST_TURN):
+            self.to = to
+            _turn(self.node, from_x(to))
+
+
+@dataclass(slots=True)
 class Stand:
     """The nodes of one device."""
 
@@ -55,11 +71,12 @@ class Stand:
     root: viser.FrameHandle
     frame: viser.FrameHandle
     body: viser.FrameHandle
-    gravity: viser.SceneNodeHandle
-    field: viser.SceneNodeHandle
+    gravity: Arrow
+    field: Arrow
     track: viser.LineSegmentsHandle
     start: Vector | None = None  # where the device was when it first told; from there it moves unless followed
     heading: float = 0.0  # rad about the frame's z axis that the display leaves out
+    shown: Quaternion | None = None  # attitude that was sent last; None: it has to be sent
 
 
 class Scene:
@@ -80,6 +97,7 @@ class Scene:
         self._mesh: Mesh | None = None
         self._next_slow = self._next_track = 0.0
         _closed_to_strangers(self._server)
+        _at_once(self._server)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="small")
         self._server.initial_camera.look_at = (0.0, 0.0, 0.0)
         self._controls()
@@ -112,20 +130,22 @@ class Scene:
                 self._next_slow = now + 1 / SLOW_PER_S
             if track:
                 self._next_track = now + 1 / TRACK_PER_S
-            for look in self._looks:
-                stand = self._stands.get(look.id)
-                if stand is not None:
-                    self._move(look, stand, slow=slow, track=track)
+            with self._server.atomic():  # one message for all that moves
+                for look in self._looks:
+                    stand = self._stands.get(look.id)
+                    if stand is not None:
+                        self._move(look, stand, slow=slow, track=track)
 
     # ── what moves ───────────────────────────────────────────────────────────────────────────────────────────────────
 
     def _move(self, look: Look, stand: Stand, *, slow: bool, track: bool) -> None:
         q = look.q_frame_from_body
-        if q is not None:
-            stand.body.wxyz = multiply(ENU_FROM[look.frame], multiply(about_z(-stand.heading), q))
+        if q is not None and q != stand.shown:
+            stand.shown = q
+            _turn(stand.body, multiply(ENU_FROM[look.frame], multiply(about_z(-stand.heading), q)))
         if slow:
-            _point(stand.gravity, look.gravity if self._vectors.value else None)
-            _point(stand.field, look.field if self._vectors.value else None)
+            stand.gravity.point(look.gravity if self._vectors.value else None)
+            stand.field.point(look.field if self._vectors.value else None)
         if look.place is None:
             return
         if stand.start is None:
@@ -184,13 +204,13 @@ class Scene:
         )
         return Stand(base, root, frame, body, gravity, field, track)
 
-    def _arrow(self, name: str, words: str, colour: tuple[int, int, int]) -> viser.SceneNodeHandle:
+    def _arrow(self, name: str, words: str, colour: tuple[int, int, int]) -> Arrow:
         scene = self._server.scene
         node = scene.add_frame(name, show_axes=False, visible=False)
         line = np.array([[[0, 0, 0], [0.75, 0, 0]]], np.float32)
         scene.add_arrows(f"{name}/line", line, colour, shaft_radius=0.012, head_radius=0.03, head_length=0.08)
         self._small(f"{name}/name", words, (0.84, 0.0, 0.0))
-        return node
+        return Arrow(node)
 
     def _small(self, name: str, words: str, place: tuple[float, ...]) -> None:
         at = (place[0], place[1], place[2])
@@ -235,6 +255,7 @@ class Scene:
                     if stand is not None:
                         q: Quaternion | None = look.q_frame_from_body
                         stand.heading = yaw_of(q) if reset and q is not None else 0.0
+                        stand.shown = None
                 true.visible = reset
             self.show(time.monotonic())
 
@@ -266,10 +287,15 @@ class Scene:
             self._build()
 
 
-def _point(arrow: viser.SceneNodeHandle, to: Vector | None) -> None:
-    arrow.visible = to is not None
-    if to is not None:
-        arrow.wxyz = from_x(to)
+def _turn(node: viser.SceneNodeHandle, wxyz: Quaternion) -> None:
+    """`node.wxyz = wxyz`, without the arrays that cost twice as much as all else of it."""
+    node._impl.api._queue_scene_message(_messages.SetOrientationMessage(node._impl.name, wxyz))
+
+
+def _angle(a: Vector, b: Vector) -> float:
+    """Between two directions, rad."""
+    cosine = sum(map(float.__mul__, a, b)) / (math.hypot(*a) * math.hypot(*b))
+    return math.acos(min(1.0, max(-1.0, cosine)))
 
 
 def _draw(line: viser.LineSegmentsHandle, track: np.ndarray[Any, Any], here: Vector) -> None:
@@ -284,6 +310,12 @@ def _minus(a: Vector, b: Vector) -> Vector:
 
 def _plus(a: Vector, b: Vector) -> Vector:
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def _at_once(server: viser.ViserServer) -> None:
+    """Have it send what it has at once. It would gather for 17 ms before and after; ours is gathered already, by
+    `atomic`, and what one browser does not take in time is replaced by the newest."""
+    server._websock_server._broadcast_buffer.window_duration_sec = 0.0
 
 
 def _closed_to_strangers(server: viser.ViserServer) -> None:

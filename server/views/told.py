@@ -8,8 +8,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
+import select
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
@@ -28,7 +29,7 @@ class Told:
     """
 
     def __init__(self, source: IO[bytes] | None = None, out: IO[str] | None = None) -> None:
-        self._in = source or sys.stdin.buffer
+        self._in = source or open(0, "rb", buffering=0, closefd=False)  # noqa: SIM115 - unbuffered, see `messages`
         self._out = out or _own_output()
         self._lock = threading.Lock()
         self.devices: list[Mapping[str, Any]] = []
@@ -50,12 +51,26 @@ class Told:
 
     def messages(self) -> Iterator[list[Samples] | Mapping[str, Any]]:
         """Samples as they come, and what our side of the view says; ends with the server."""
+        for message in self.messages_until(lambda: None):
+            assert message is not None
+            yield message
+
+    def messages_until(self, due: Callable[[], float | None]) -> Iterator[list[Samples] | Mapping[str, Any] | None]:
+        """The same, and None when it is time for something else.
+
+        Args:
+            due: when that is, monotonic, s; None: whenever a message has come. Asked before each wait.
+        """
         while True:
-            head = self._in.read(HEAD.size)
+            at = due()
+            if at is not None and not select.select([self._in], [], [], max(0.0, at - time.monotonic()))[0]:
+                yield None
+                continue
+            head = self._exactly(HEAD.size)
             if len(head) < HEAD.size:
                 return
             size, sort = HEAD.unpack(head)
-            body = self._in.read(size)
+            body = self._exactly(size)
             if len(body) < size:
                 return
             if sort == SAMPLES:
@@ -67,6 +82,13 @@ class Told:
                     yield []
             else:
                 yield json.loads(body)
+
+    def _exactly(self, size: int) -> bytes:
+        """So many bytes; fewer where the input ends. (A file that buffers would hide from `select` what it has.)"""
+        out = self._in.read(size)
+        while len(out) < size and (more := self._in.read(size - len(out))):
+            out += more
+        return out
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         if message["op"] == "devices":

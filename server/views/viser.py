@@ -27,6 +27,7 @@ from typing import Any
 from server.live.hub import Hub
 from server.views.aside import Aside
 from server.views.door import Door, new_secret
+from server.views.playout import MESSAGES_PER_S
 from server.views.proxy import ViewError
 from server.views.replayed import Replayed
 
@@ -156,7 +157,7 @@ class Viser:
         if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
             raise ViewError("viser ended by itself several times.", "Try again in a minute; the events say why.")
         self._starts.append(now)
-        self._aside = Aside(self._hub, MODULE, self._told, self._crashed)
+        self._aside = Aside(self._hub, MODULE, self._told, self._crashed, MESSAGES_PER_S)
         try:
             await self._aside.start()
         except OSError as error:

@@ -4,6 +4,9 @@ told:  {"op": "open", "key": "", "title": …,      begin a scene: "" of all dev
         "secret": …}                              who does not say this is not let in (server/views/door.py)
        {"op": "close", "key": …}
 says:  {"op": "scene", "key": …, "port": …}       it is served on this loopback port
+
+Samples come 30 times a second and are shown 60 times a second, each row in its time (server/views/playout.py). While
+nothing moves nothing is done.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ from server.views.poses import TRACK_S, Look, looks_of
 from server.views.scene import Scene
 from server.views.told import Told
 
+SHOWN_PER_S = 60.0
+
 
 class Stage:
     """All scenes, and the devices in them."""
@@ -30,6 +35,21 @@ class Stage:
         self._by_channel: dict[int, list[Look]] = {}
         self._known: list[tuple[str, tuple[int, ...]]] = []
         self._recorded: dict[str, list[Look]] = {}
+        self._next = 0.0
+
+    def due(self) -> float | None:
+        """When the next picture is to be shown, monotonic, s; None while there is nothing new in it."""
+        return self._next if any(look.waits for look in self._looks) else None
+
+    def show(self) -> None:
+        """Show what is to be seen now."""
+        now = time.monotonic()
+        self._next = max(self._next + 1 / SHOWN_PER_S, now)  # evenly, however late this one was
+        for look in self._looks:
+            look.play(now)
+        for key, scene in self._scenes.items():
+            if key not in self._recorded:
+                scene.show(now)
 
     def hear(self, message: Sequence[Samples] | Mapping[str, Any]) -> None:
         """What came next."""
@@ -39,13 +59,12 @@ class Stage:
         if self._told.changed:
             self._told.changed = False
             self._arrange()
+        now = time.monotonic()
         for samples in message:
             for look in self._by_channel.get(samples.channel, ()):
-                look.hear(samples)
-        now = time.monotonic()
-        for key, scene in self._scenes.items():
-            if key not in self._recorded:
-                scene.show(now)
+                look.hear(samples, now)
+        if self.due() is None:  # a place without an attitude
+            self.show()
 
     def _obey(self, words: Mapping[str, Any]) -> None:
         key = str(words["key"])
@@ -108,8 +127,11 @@ def main() -> None:
     """Until standard input ends."""
     told = Told()
     stage = Stage(told)
-    for message in told.messages():
-        stage.hear(message)
+    for message in told.messages_until(stage.due):
+        if message is None:
+            stage.show()
+        else:
+            stage.hear(message)
 
 
 if __name__ == "__main__":
