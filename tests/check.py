@@ -157,6 +157,7 @@ def main() -> int:
     # A browser that is not there is a failure here, not a skipped test.
     env = {**os.environ, "NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "IMUSCOPE_NEEDS_BROWSER": "1"}
     env.pop("FORCE_COLOR", None)
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # some hundred processes would each compile every module anew
     if options.deep:
         env["HYPOTHESIS_PROFILE"] = "deep"
     chosen = [part for part in PARTS if part.name in (options.parts or names)]

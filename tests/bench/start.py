@@ -67,6 +67,7 @@ def main() -> None:
     if path is None:
         sys.exit("no Chromium on this machine: name one in IMUSCOPE_CHROMIUM")
     os.environ.pop("NUMBA_CACHE_DIR", None)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # as on a machine that is not set up to build images
     with tempfile.TemporaryDirectory() as data, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=chromium.ARGUMENTS)
         browser.new_context().new_page().goto("about:blank")  # the browser itself is warm
