@@ -1,18 +1,15 @@
 """Decoded columns on disk: any stretch of any channel, exact or as min/max buckets, at once, however long it is.
 
 A file of hours is decoded once, from front to back, into a store; every plot at every zoom is then one query of it. A
-store is two files, mapped into memory, and a manifest:
+store is two files, mapped into memory, an index and a manifest:
 
-    columns.bin    block after block; a block is up to 65 536 rows of one channel, column by column:
-                   clocks    key │ arrival │ time │ key, arrival of level 16 │ of level 256 │ of level 4096
-                   values    own columns … │ level 16 │ level 256 │ level 4096
+    columns.bin    block after block; a block is up to 65 536 rows of one channel, column by column, and its fine levels
+    overview.bin   the coarse levels of the blocks (recordings/levels.py says where in both each column is)
     blocks.npy     one row a block: channel, rows, where its clocks and its values are, first and last key and arrival
     manifest.json  what the channels are, and whatever the maker adds; written last, so a store without one is none
 
-A *level* summarises every 16 (256, 4096) rows by the first key and arrival, and for each own column the least and the
-greatest value, NaN left out; of a status word the bits that were set in any row and those that were set in all of them,
-so that a fault of one sample is seen at every zoom. A query reads the coarsest level that still has eight summaries for
-each bucket asked for: it touches a few hundred kilobytes, never the whole column.
+A query reads the coarsest level that still has eight summaries for each bucket asked for: it touches a few hundred
+kilobytes, never the whole column.
 
 `key` is what a query searches by in the device base: device time mapped to host time, or the arrival where there is
 none, made non-decreasing, because a sample may carry a time older than its neighbours'. Quantities that come in one
@@ -36,22 +33,24 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recordings.levels import FAR, LEVELS, padding, places, summary
+
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
 Base = Literal["device", "arrival"]
 Clock = Literal["key", "arrival", "time"]
+_CLOCKS: tuple[Clock, ...] = ("key", "arrival", "time")
 
-VERSION = 2
+VERSION = 3
 BLOCK_ROWS = 1 << 16
-LEVELS = (16, 256, 4096)
 PER_BUCKET = 8  # summaries that a bucket is at least made of
 INDEX = np.dtype(
     [
         *(("channel", "<u4"), ("rows", "<u4"), ("clocks", "<u8"), ("values", "<u8")),
+        *(("far_clocks", "<u8"), ("far_values", "<u8")),
         *(("key0", "<f8"), ("key1", "<f8"), ("arrival0", "<f8"), ("arrival1", "<f8")),
     ]
 )
-_ALIGN = 64
 _CLOCKS_KEPT = 4  # written lately, to be shared: as many messages as interleave closely
 
 
@@ -111,8 +110,8 @@ def summarised(rows: Exact, t: Floats, status: Sequence[bool], grid: tuple[float
     return Buckets(
         t[cuts],
         np.diff(cuts, append=len(t)),
-        [_summary(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
-        [_summary(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
+        [summary(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
+        [summary(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
     )
 
 
@@ -135,14 +134,14 @@ class ColumnsWriter:
         self._aside = folder.with_name(f".{folder.name}.{os.getpid()}.making")
         shutil.rmtree(self._aside, ignore_errors=True)
         self._aside.mkdir(parents=True)
-        self._file = (self._aside / "columns.bin").open("wb", buffering=1 << 20)
-        self._at = 0
+        self._near = _Growing(self._aside / "columns.bin")
+        self._far = _Growing(self._aside / "overview.bin")
         self._shapes: dict[int, Shape] = {}
         self._waiting: dict[int, list[Sequence[Array]]] = {}
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
-        self._written: deque[tuple[tuple[Array, Array, Array], int]] = deque(maxlen=_CLOCKS_KEPT)
+        self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_CLOCKS_KEPT)
 
     def channel(self, number: int, shape: Shape) -> None:
         """A channel, before its first rows."""
@@ -181,7 +180,7 @@ class ColumnsWriter:
         """
         try:
             self._name(manifest)
-            self._file.close()
+            self._close()
             shutil.rmtree(self._folder, ignore_errors=True)
             os.replace(self._aside, self._folder)
         except OSError:
@@ -191,14 +190,19 @@ class ColumnsWriter:
 
     def abandon(self) -> None:
         """Leave nothing behind."""
-        self._file.close()
+        self._close()
         shutil.rmtree(self._aside, ignore_errors=True)
+
+    def _close(self) -> None:
+        self._near.file.close()
+        self._far.file.close()
 
     def _name(self, manifest: Mapping[str, Any]) -> None:
         """Write what waits, and name all that is written; who reads meanwhile has the names of before, or these."""
         for number in self._shapes:
             self._write(number, everything=True)
-        self._file.flush()
+        self._near.file.flush()
+        self._far.file.flush()
         index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
         shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
         body = json.dumps({**manifest, "version": VERSION, "shapes": shapes}, ensure_ascii=False)
@@ -227,41 +231,51 @@ class ColumnsWriter:
         key = np.where(np.isnan(time), arrival, time)
         key[0] = max(key[0], self._newest.get(number, -np.inf))
         key = np.maximum.accumulate(key)
-        clocks = self._clocks((key, arrival, time))
-        values = self._at
+        clocks, far_clocks = self._clocks((key, arrival, time))
+        values, far_values = self._near.at, self._far.at
         own = [column.astype("<" + dtype, copy=False) for column, dtype in zip(columns[2:], shape.dtypes, strict=True)]
         for array in own:
-            self._put(array)
+            self._near.put(array)
         low, high, step = own, own, 1
         for level in LEVELS:
             cuts = np.arange(0, -(-len(key) // step), level // step)
-            low = [_summary(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
-            high = [_summary(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
+            low = [summary(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
+            high = [summary(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
             step = level
             for array in (*low, *high):
-                self._put(array)
+                (self._far if level in FAR else self._near).put(array)
         ends = (float(key[0]), float(key[-1]), float(arrival.min()), float(arrival.max()))
-        self._index.append((number, len(key), clocks, values, *ends))
+        self._index.append((number, len(key), clocks, values, far_clocks, far_values, *ends))
         self._newest[number] = float(key[-1])
 
-    def _clocks(self, clocks: tuple[Array, Array, Array]) -> int:
-        """Where these are written; once, where another quantity of the message has them too."""
+    def _clocks(self, clocks: tuple[Array, Array, Array]) -> tuple[int, int]:
+        """Where these and their levels are written; once, where another quantity of the message has them too."""
         for known, at in self._written:
             if all(np.array_equal(a, b, equal_nan=True) for a, b in zip(known, clocks, strict=True)):
                 return at
-        at = self._at
+        at = self._near.at, self._far.at
         for array in clocks:
-            self._put(array)
+            self._near.put(array)
         for level in LEVELS:
-            self._put(np.ascontiguousarray(clocks[0][::level]))
-            self._put(np.ascontiguousarray(clocks[1][::level]))
+            file = self._far if level in FAR else self._near
+            file.put(np.ascontiguousarray(clocks[0][::level]))
+            file.put(np.ascontiguousarray(clocks[1][::level]))
         self._written.append((clocks, at))
         return at
 
-    def _put(self, array: Array) -> None:
-        self._file.write(array.data)
-        self._file.write(bytes(-array.nbytes % _ALIGN))
-        self._at += array.nbytes + -array.nbytes % _ALIGN
+
+class _Growing:
+    """A file that columns are added to."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = path.open("wb", buffering=1 << 20)
+        self.at = 0
+
+    def put(self, array: Array) -> None:
+        """One more column."""
+        self.file.write(array.data)
+        self.file.write(bytes(padding(array.nbytes)))
+        self.at += array.nbytes + padding(array.nbytes)
 
 
 class Columns:
@@ -281,10 +295,14 @@ class Columns:
         shapes = self.manifest["shapes"]
         self.shapes = {int(number): Shape(tuple(d), tuple(s)) for number, (d, s) in shapes.items()}
         index = np.load(folder / "blocks.npy")
-        size = (folder / "columns.bin").stat().st_size
-        self._data = np.memmap(folder / "columns.bin", np.uint8, "r") if size else np.empty(0, np.uint8)
+        self._near, self._far = _mapped(folder / "columns.bin"), _mapped(folder / "overview.bin")
         self._blocks = {number: index[index["channel"] == number] for number in self.shapes}
         self._firsts = {number: np.cumsum(mine["rows"]) - mine["rows"] for number, mine in self._blocks.items()}
+        own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
+        self._own = own
+        self._places = {
+            number: places(mine, [dtype.itemsize for dtype in own[number]]) for number, mine in self._blocks.items()
+        }
 
     def rows(self, channel: int) -> int:
         """How many rows a channel has."""
@@ -416,47 +434,24 @@ class Columns:
         return Buckets(
             t[cuts],
             np.add.reduceat(np.concatenate(counts), cuts),
-            [_summary(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
-            [_summary(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
+            [summary(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
+            [summary(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
         )
 
     # -- where a column of a block is ----------------------------------------------------------------------------------
 
     def _column(self, channel: int, block: int, name: Clock | int, step: int = 1, which: int = 0) -> Array:
         """One column of a block: of its rows (step 1), or of a level: `which` 0 the least, 1 the greatest."""
-        row = self._blocks[channel][block]
-        rows = int(row["rows"])
+        n = -(-int(self._blocks[channel]["rows"][block]) // step)
+        data, where = self._far if step in FAR else self._near, self._places[channel]
         if isinstance(name, str):
-            return self._clock(int(row["clocks"]), rows, name, step)
-        own = [np.dtype("<" + dtype) for dtype in self.shapes[channel].dtypes]
-        sizes = [dtype.itemsize for dtype in own]
-        at = int(row["values"])
-        for level in (1, *LEVELS):
-            n = -(-rows // level)
-            strides = [_padded(n * size) for size in sizes]
-            if level == step:
-                at += sum(strides[:name]) + (sum(strides) if which and step > 1 else 0)
-                return self._data[at : at + n * sizes[name]].view(own[name])
-            at += sum(strides) * (1 if level == 1 else 2)
-        raise KeyError(step)
-
-    def _clock(self, at: int, rows: int, name: Clock, step: int) -> Array:
-        order = ("key", "arrival", "time")
-        for level in (1, *LEVELS):
-            size = 8 * -(-rows // level)
-            if level == step:
-                at += order.index(name) * _padded(size)
-                return self._data[at : at + size].view("<f8")
-            at += (3 if level == 1 else 2) * _padded(size)
-        raise KeyError(step)
+            at = int(where.clocks[step][block, _CLOCKS.index(name)])
+            return data[at : at + 8 * n].view("<f8")
+        dtype = self._own[channel][name]
+        at = int(where.values[step][block, name + (len(self._own[channel]) if which and step > 1 else 0)])
+        return data[at : at + n * dtype.itemsize].view(dtype)
 
 
-def _padded(size: int) -> int:
-    return size + -size % _ALIGN
-
-
-def _summary(column: Array, cuts: NDArray[np.int64], flags: bool, which: int) -> Array:
-    """Each stretch between `cuts` as one value: least or greatest, or of flags the bits of any and of all."""
-    if flags:
-        return np.bitwise_or.reduceat(column, cuts) if which == 0 else np.bitwise_and.reduceat(column, cuts)
-    return np.fmin.reduceat(column, cuts) if which == 0 else np.fmax.reduceat(column, cuts)
+def _mapped(path: Path) -> Array:
+    """A file's bytes. No np.memmap: a slice of one is made in Python, and a query takes a thousand."""
+    return np.asarray(np.memmap(path, np.uint8, "r")) if path.stat().st_size else np.empty(0, np.uint8)

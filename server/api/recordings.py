@@ -115,7 +115,7 @@ async def get_recording(recording: str, request: Request, shelf: OneShelf, parti
     responses={**bytes_of(SAMPLES), **responses(404, 422)},
     response_class=Response,
 )
-async def get_window(
+def get_window(  # a thread of its own: what is not in memory is read from the disk, and live devices do not wait
     store: SoFar,
     t0: float,
     t1: float,
@@ -153,7 +153,7 @@ def get_fared(
 
 
 @router.get("/api/recordings/{recording}/query", responses=TABLE, response_class=Response)
-async def query_recording(
+def query_recording(
     store: OneStore,
     channel: Annotated[str, Query(description="id, or name")],
     t0: Time = None,

@@ -21,6 +21,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from starlette.concurrency import run_in_threadpool
+
 from recordings.container import RecordingError
 from recordings.library import Entry, Library
 from server.library.recorded import Marker, RecordedDevice, RecordingInfo
@@ -178,7 +180,13 @@ class Catalogue:
 
     def start(self) -> None:
         """Begin to look for what comes and goes."""
+        self._keep(self._warm(), "warming the library")
         self._watcher = asyncio.get_running_loop().create_task(self._watch(), name="library")
+
+    async def _warm(self) -> None:
+        """Have ready what the first look at the library would wait for: 0.1 s of imports, and of reading sources."""
+        if self.shelf is not None:
+            await run_in_threadpool(self.shelf.warm)  # which also has the threads that routes run in
 
     async def close(self) -> None:
         """Look no more."""

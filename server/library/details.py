@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from recordings.columns import Columns
 from server import codec
@@ -20,9 +21,15 @@ def channel_info(told: Mapping[str, Any]) -> ChannelInfo:
     return ChannelInfo(**{**told, "columns": columns})
 
 
+_KNOWN: WeakKeyDictionary[Columns, dict[int, ChannelInfo]] = WeakKeyDictionary()
+
+
 def channels_of(store: Columns) -> dict[int, ChannelInfo]:
-    """The channels of a store as the wire describes them."""
-    return {info["id"]: channel_info(info) for info in store.manifest["channels"]}
+    """The channels of a store as the wire describes them; every window asks for them."""
+    known = _KNOWN.get(store)
+    if known is None:
+        known = _KNOWN[store] = {info["id"]: channel_info(info) for info in store.manifest["channels"]}
+    return known
 
 
 def devices_of(store: Columns) -> list[RecordedDevice]:

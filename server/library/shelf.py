@@ -38,7 +38,15 @@ CACHE_BYTES = 20 << 30
 TRIES = 3  # a file may be packed while it is opened: then it is another file
 SPARE_S = 120.0  # a process that was started ahead waits so long
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
-DECODED_BY = ("library/opening", "live/channels", "live/intake", "live/incidents", "live/senders", "live/raws")
+DECODED_BY = (
+    "library/opening",
+    "library/opening_tables",
+    "live/channels",
+    "live/intake",
+    "live/incidents",
+    "live/senders",
+    "live/raws",
+)
 RECORDINGS, CACHE = "recordings", "cache"
 
 
@@ -73,6 +81,10 @@ class Shelf:
         self._spare: asyncio.subprocess.Process | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
         self._preparing = False
+
+    def warm(self) -> None:
+        """Find out what all stores are named after."""
+        _mark()
 
     def store_of(self, recording: str) -> Path:
         """The folder in which the columns of a recording are, or would be.

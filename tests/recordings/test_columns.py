@@ -128,6 +128,19 @@ def test_wide_queries_read_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert 0 < read < 20_000 + 2 * 4096
 
 
+def test_a_whole_recording_is_looked_at_in_the_overview_alone(tmp_path: Path) -> None:
+    """Else its first plot waits for a thousand places of a slow disk."""
+    store = made(tmp_path / "a", rows(200_000))
+    assert store.span() is not None
+    whole = store.query(7, START - 1, START + 1e6, 60)
+    (tmp_path / "a" / "columns.bin").write_bytes(b"")
+    again = Columns(tmp_path / "a").query(7, START - 1, START + 1e6, 60)
+    assert isinstance(whole, Buckets)
+    assert isinstance(again, Buckets)
+    np.testing.assert_array_equal(whole.t, again.t)
+    np.testing.assert_array_equal(whole.low[0], again.low[0])
+
+
 def test_a_sample_without_a_clock_is_found_by_its_arrival_and_late_ones_are_not_lost(tmp_path: Path) -> None:
     columns = rows(5000)
     columns[1][1000:2000] = np.nan
