@@ -43,7 +43,7 @@ VARIABLE = "IMUSCOPE_MACHINE_CODE"
 
 NAME = "kept.bin"
 
-_SOURCES = ("protocols", "recordings")  # the packages that hold compiled functions
+_SOURCES = ("protocols/**/*.py", "recordings/blocks.py")  # what holds compiled functions and their constants
 _HEAD = struct.Struct("<I")
 _DIGEST = hashlib.sha256().digest_size
 
@@ -53,8 +53,8 @@ def sources_mark() -> str:
     """Names the sources of everything that is compiled, and the Python that runs them, as at the first call."""
     digest = hashlib.sha256(sys.version.encode())
     root = Path(__file__).parents[1]
-    for package in _SOURCES:
-        for source in sorted((root / package).rglob("*.py")):
+    for pattern in _SOURCES:
+        for source in sorted(root.glob(pattern)):
             digest.update(source.relative_to(root).as_posix().encode() + b"\0" + source.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
 
