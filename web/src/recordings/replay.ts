@@ -3,18 +3,17 @@
  *
  *     head, speed, loop ──▶ view, cursor (the same signals as on Live) ──▶ plots, panels
  *                             │
- *                             ├─ the window, as finely as the screen ──▶ Feed ──▶ store `drawn`   what plots draw
- *                             └─ samples around the cursor, as they came ──▶ Feeds ──▶ store `near`   what is read
+ *                             ├─ the window, as finely as the screen ──▶ Screen ──▶ store `drawn`   what plots draw
+ *                             └─ samples around the cursor, as they came ──▶ Feeds ──▶ store `near`     what is read
  *
  * `near` tells of the devices as they were at the head: its clock is the head, its events are those that had happened by then.
  */
-import { computed, signal } from "@preact/signals";
+import { computed, type Signal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring";
 import type { Channel } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
 import { Minute } from "../panels/minute";
 import { readingAt } from "../panels/reading";
-import { plotsOf } from "../plots/select";
 import { asked } from "../plots/stack";
 import type { App } from "../pages/app";
 import type { Problem } from "../ui/api";
@@ -25,11 +24,10 @@ import { Feed } from "./feed";
 import { healthAt, until } from "./figures";
 import { advance, begin, followed, type Playing } from "./player";
 import { ReplayStore } from "./replay-store";
-import { type Bounds, isEnough, type Near, nearOf, stretchFor } from "./stretch";
+import { Screen, type Shown } from "./screen";
+import { type Bounds, type Near, nearOf } from "./stretch";
 import type { Marker, RecordingDetail } from "./types";
 
-/** Plots are seldom wider than this before their width is known, px. */
-const USUAL_PX = 1200;
 /** Shortest reach of samples around the cursor, s. */
 const LEAST_REACH_S = 0.02;
 /** The server gives rows as they are when there are at most twice as many. */
@@ -63,14 +61,12 @@ export class Replay {
   readonly loop = signal<readonly [number, number] | undefined>(undefined);
   readonly looping = signal(false);
   readonly follow = signal(true);
-  readonly problem = signal<Problem | undefined>(undefined);
+  readonly problem: Signal<Problem | undefined>;
   /** How much of it is decoded, 0..1. */
   readonly progress = signal(1);
   /** Where it is read, unix s. Changes with every frame: not a signal. */
   head: number;
-  /** Width of the plots, px. */
-  pixels = USUAL_PX;
-  readonly #window: Feed;
+  readonly #screen: Screen;
   readonly #fared: FaredFeed;
   readonly #minute = new Minute();
   #around: readonly Around[] = [];
@@ -78,22 +74,40 @@ export class Replay {
   #frame = NaN;
   #told = "";
   readonly #before = { view: view.peek(), cursor: cursor.peek(), measure: measure.peek(), hidden: hidden.peek(), asked: asked.peek() };
-  readonly #drawnChannels = computed(() => this.#wanted(this.drawn.channels.value, view.value.device));
 
+  /** @param screen of this recording, where it was prepared */
   constructor(
     readonly detail: RecordingDetail,
     place: Place,
+    screen = new Screen(detail),
   ) {
-    this.bounds = boundsOf(detail);
+    this.#screen = screen;
+    this.bounds = screen.bounds;
     this.head = this.bounds.first;
-    this.drawn = new ReplayStore(detail, () => this.bounds.last);
+    this.drawn = screen.store;
+    this.problem = screen.problem;
     this.near = new ReplayStore(detail, () => this.head);
-    this.#window = new Feed(detail.info.id, this.drawn, (problem) => (this.problem.value = problem));
     this.#fared = new FaredFeed(detail.info.id, this.bounds);
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
     this.app = appOf(this.near, this.#minute, (channel, from, to) => this.#every(channel, from, to));
     this.go(place);
+    this.#screen.want(this.#shown); // at once: before anything is drawn
+  }
+
+  /** Width of the plots, px. */
+  set pixels(width: number) {
+    this.#screen.pixels = width;
+  }
+
+  /** Is what is on screen here, as finely as the screen can show it? */
+  get isShown(): boolean {
+    return this.#screen.has(this.#shown);
+  }
+
+  get #shown(): Shown {
+    const { end, span, device, timeBase: base } = view.peek();
+    return { device, t0: end - span, t1: end, base, speed: this.playing.peek() && this.follow.peek() ? this.speed.peek() : 0 };
   }
 
   /** Show a place; what it does not say is the whole recording and its first device. */
@@ -115,7 +129,7 @@ export class Replay {
     const now = this.detail;
     if (progress === 1 || devices.length !== now.devices.length || channels.length !== now.channels.length || t0 !== now.t0 || t1 !== now.t1) return false;
     this.progress.value = progress;
-    this.#window.held = undefined;
+    this.#screen.refresh();
     for (const { feed } of this.#around) feed.held = undefined;
     this.#fared.refresh();
     return true;
@@ -186,18 +200,19 @@ export class Replay {
     const at = cursor.peek();
     if (at?.kind === "pinned" && at.time !== this.head) this.head = at.time; // somebody pressed on a plot or stepped
     if (this.playing.peek()) this.#advance(seconds);
-    this.#draw();
-    this.#read(now);
+    this.#screen.want(this.#shown);
+    // What is drawn comes first; what is read of it a moment later.
+    if (this.#screen.held || this.problem.peek()) this.#read(now);
     this.#tell();
   }
 
   /** Milliseconds from the last request for the window to its samples in their rings. */
   get took(): number {
-    return this.#window.took;
+    return this.#screen.took;
   }
 
   dispose(): void {
-    this.#window.dispose();
+    this.#screen.dispose();
     this.#fared.dispose();
     for (const { feed } of this.#around) feed.dispose();
     view.value = this.#before.view;
@@ -226,30 +241,9 @@ export class Replay {
     if (this.follow.peek() && !whole) view.value = { ...view.peek(), end: followed(end, span, was, next.head) };
   }
 
-  /** Channels whose samples are drawn: those of the plots on screen, and the status words under them. */
-  #wanted(channels: readonly Channel[], device: string | undefined): readonly number[] {
-    const own = channels.filter(({ info }) => info.device === device);
-    const shown = plotsOf(own).filter(({ primary, key }) => primary !== asked.value.has(key));
-    const ids = shown.flatMap(({ series }) => series.map(({ channel }) => channel.info.id));
-    const status = own.filter(({ info }) => info.kind === "status").map(({ info }) => info.id);
-    const track = own.filter(({ info }) => info.columns.some(({ name }) => /^lat/i.test(name))).map(({ info }) => info.id);
-    return [...new Set([...ids, ...status, ...track].map((id) => (id < 0 ? -1 - id : id)))];
-  }
-
-  #draw(): void {
-    const { end, span, timeBase: base } = view.peek();
-    const channels = this.#drawnChannels.value;
-    const speed = this.playing.peek() && this.follow.peek() ? this.speed.peek() : 0;
-    const { held } = this.#window;
-    const same = this.#window.holds(channels, base);
-    if (same && isEnough(held?.stretch, held?.exact ?? false, end - span, end, this.pixels, speed, this.bounds)) return;
-    if (!same) this.drawn.keepOnly(channels);
-    this.#window.ask({ stretch: stretchFor(end - span, end, this.pixels, speed, this.bounds), channels, base });
-  }
-
   /** Where a channel's samples of the window are all there: what is drawn, when that is not summarised, or what is read. */
   #every({ info, ring }: Channel, from: number, to: number): Ring | undefined {
-    const { held } = this.#window;
+    const { held } = this.#screen;
     const whole = held?.exact && held.stretch.t0 <= Math.max(from, this.bounds.first) && held.stretch.t1 >= Math.min(to, this.bounds.last);
     const drawn = whole ? this.drawn.channel(info.device, info.name)?.ring : undefined;
     if (drawn && drawn.length > 0) return drawn;
@@ -317,14 +311,6 @@ export class Replay {
     this.near.health.value = new Map([[device, healthAt(this.detail, device, this.head, fared)]]);
     if (fared) this.#minute.put(device, minuteAt(fared, happened, device, this.head));
   }
-}
-
-/** Device times may begin years off, before a receiver knows the date: those samples are there, but no axis starts with them. */
-const FAR_OFF_S = 86_400;
-
-function boundsOf({ t0, t1, info }: RecordingDetail): Bounds {
-  const first = info.started !== null && t0 < info.started - FAR_OFF_S ? info.started : t0;
-  return { first, last: Math.max(t1, first + 1e-3) };
 }
 
 /** The recording as the panels know the page: always with something on screen, and never old. */

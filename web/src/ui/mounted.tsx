@@ -1,5 +1,5 @@
 /** Where a panel that writes the DOM itself stands in the tree of components: mounted once, updated by the one frame loop. */
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { onFrame } from "../data/loop";
 import type { Panel } from "./dom";
 
@@ -15,7 +15,8 @@ interface Props {
 /** `mount` is called once; a changed function is not noticed (give the component a key instead). */
 export function Mounted(props: Props) {
   const host = useRef<HTMLDivElement>(null);
-  useEffect(() => {
+  // Before the first paint: nobody sees it empty, and what it shows comes a frame sooner.
+  useLayoutEffect(() => {
     if (!host.current) return undefined;
     const panel = props.mount(host.current);
     const stop = onFrame((now) => panel.update(now));

@@ -8,7 +8,7 @@ import { Icon } from "../../ui/icons";
 import { type App, run, select, sheet } from "../app";
 import { go, href } from "../route";
 import { exporting, Jobs } from "./export";
-import { edit, remove, rename, undelete } from "./shelf";
+import { aboutToOpen, edit, remove, rename, undelete } from "./shelf";
 
 export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   return (
@@ -53,7 +53,7 @@ function Actions({ info }: { readonly info: RecordingInfo }) {
   };
   return (
     <div class="acts">
-      <a class="btn main" href={href("recordings", info.id)}>
+      <a class="btn main" href={href("recordings", info.id)} {...aboutToOpen(info)}>
         <Icon name="wave" />
         Open
       </a>

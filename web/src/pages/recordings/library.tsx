@@ -11,7 +11,7 @@ import { href } from "../route";
 import { OfflineBand, ProblemBand } from "../states";
 import { PageOverlays } from "./overlays";
 import { Details } from "./details";
-import { add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./shelf";
+import { aboutToOpen, add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./shelf";
 import { Thumb } from "./thumb";
 
 /** Files are over the page, to be dropped. */
@@ -284,7 +284,7 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
       </td>
       <td>
         <b class="ell">
-          {open ? <a href={href("recordings", info.id)}>{titleOf(info)}</a> : titleOf(info)}
+          {open ? <a href={href("recordings", info.id)} {...aboutToOpen(info)}>{titleOf(info)}</a> : titleOf(info)}
           {info.pinned && <Icon name="pin" />}
         </b>
         <small class="ell">

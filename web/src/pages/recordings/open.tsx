@@ -1,8 +1,10 @@
 /** Opens a recording: how far its first decoding is, why it cannot be opened, and then the recording itself. */
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 import { readPlace } from "../../recordings/address";
+import { type Answer, take } from "../../recordings/ahead";
 import { Replay } from "../../recordings/replay";
+import type { Screen } from "../../recordings/screen";
 import { isOpening, server } from "../../recordings/server";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
 import type { Problem } from "../../ui/api";
@@ -12,6 +14,7 @@ import { href, route } from "../route";
 import { OfflineBand } from "../states";
 import { PageOverlays } from "./overlays";
 import { ReplayPage } from "./replay";
+import { all } from "./shelf";
 
 /** How often is asked how far it is, ms. */
 const ASK_MS = 120;
@@ -29,21 +32,22 @@ declare global {
 
 export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
   const now = useSignal<State>({ kind: "opening", state: undefined });
-  useEffect(() => {
+  // Before the page is painted: what was prepared is on screen with the first frame.
+  useLayoutEffect(() => {
     let replay: Replay | undefined;
     let timer: ReturnType<typeof setTimeout> | undefined;
     let over = false;
     let times = 0;
-    const opened = (detail: RecordingDetail): void => {
+    const opened = (detail: RecordingDetail, screen?: Screen): void => {
       if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
       if (replay?.grow(detail)) return;
-      replay = replay?.reopened(detail) ?? new Replay(detail, readPlace(route.peek().query ?? ""));
+      replay = replay?.reopened(detail) ?? new Replay(detail, readPlace(route.peek().query ?? ""), screen);
       window.imuscopeReplay = replay;
       now.value = { kind: "open", replay, times: (times += 1) };
     };
-    const ask = async (): Promise<void> => {
-      const outcome = await server.detail(id);
-      if (over) return;
+    const ask = async (first?: Promise<Answer>): Promise<void> => {
+      const { outcome, screen } = first ? await first : { outcome: await server.detail(id), screen: undefined };
+      if (over) return screen?.dispose();
       if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
       else if (!outcome.ok) {
         now.value = { kind: "failed", problem: outcome.problem };
@@ -52,9 +56,10 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
       } else if (isOpening(outcome.value)) {
         now.value = { kind: "opening", state: outcome.value };
         timer = setTimeout(() => void ask(), ASK_MS);
-      } else opened(outcome.value);
+      } else opened(outcome.value, screen);
     };
-    void ask();
+    const known = all.peek()?.find((one) => one.id === id);
+    void ask(take(id, known));
     return () => {
       over = true;
       clearTimeout(timer);

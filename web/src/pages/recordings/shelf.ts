@@ -1,5 +1,6 @@
 /** What the library holds and what is chosen of it: asked for when the server says that it has changed. */
 import { computed, effect, signal } from "@preact/signals";
+import { pass, prepare } from "../../recordings/ahead";
 import { type Choice, chosen } from "../../recordings/listing";
 import { server, upload } from "../../recordings/server";
 import type { Edit, RecordingInfo } from "../../recordings/types";
@@ -44,6 +45,16 @@ export function follow(app: App): () => void {
     void app.store.recorder.value?.running;
     if (app.store.connection.value === "open" || all.peek() === undefined) void load();
   });
+}
+
+/** What a link to a recording listens to, so that it is there as soon as it is pressed. */
+export function aboutToOpen(info: RecordingInfo) {
+  return {
+    onPointerEnter: () => prepare(info),
+    onPointerLeave: pass,
+    onFocus: () => prepare(info),
+    onPointerDown: () => prepare(info, true),
+  };
 }
 
 function replace(info: RecordingInfo | undefined): void {
