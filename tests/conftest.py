@@ -51,11 +51,20 @@ settings.register_profile("deep", max_examples=2000, deadline=None, print_blob=T
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 
+# What is compiled once, for servers (kept in one file of ours) and for the tests themselves (kept by numba).
+FOR_SERVERS = "from pathlib import Path; from server.commands.common import warm; warm(Path('artifacts'))"
+FOR_TESTS = "import recordings.blocks; from protocols import registry; registry.warm()"
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """What is compiled once is so before workers would all do it beside each other."""
-    if not hasattr(config, "workerinput") and not compiled.is_there(ARTIFACTS):
-        code = "from pathlib import Path; from server.commands.common import warm; warm(Path('artifacts'))"
-        subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, timeout=600)
+    """Compile before several workers would do it beside each other."""
+    if not getattr(config.option, "numprocesses", None):
+        return
+    missing = [] if compiled.is_there(ARTIFACTS) else [FOR_SERVERS]
+    if not any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi")):
+        missing.append(FOR_TESTS)
+    for one in [subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) for code in missing]:
+        one.wait()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
