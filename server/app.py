@@ -52,6 +52,7 @@ from server.live.reading import Reading
 from server.live.recognition import Speech
 from server.live.sessions import OpenLink, Sessions
 from server.metrics import Metrics
+from server.turnstile import Turnstile
 from server.version import VERSION
 from server.views.foxglove import Foxglove
 from server.views.rerun import Rerun
@@ -145,6 +146,7 @@ def create_app(
     app.state.history_pace = asyncio.Lock()
     errors.install(app)
     app.add_middleware(texts.WholeTexts)
+    app.add_middleware(Turnstile)
     for module in (
         devices,
         control,

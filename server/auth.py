@@ -5,7 +5,8 @@ Three dangers, three checks, all before a route is reached:
     a stranger on the network      token, needed when the server listens beyond loopback, when the request did not come
                                    from this machine, or when a proxy forwarded it
     a foreign page in the          Origin must be this server (or listed), for everything that changes something and for
-    visitor's browser              every WebSocket; bodies are JSON, which no form and no "simple" request can send
+    visitor's browser              every WebSocket; bodies are JSON, which no form and no "simple" request can send.
+                                   What its pictures and scripts ask for is not answered either: it may begin a viewer
     a foreign name that resolves   Host must be an address, a name of this machine, or listed, for everything but the
     to this machine (rebinding)    page's own files
 
@@ -138,6 +139,8 @@ class Access:
         self._check_host(headers.get("host", ""))
         if changes or websocket:
             self._check_origin(headers.get("origin"), headers.get("host", ""))
+        else:
+            self._check_site(headers)
         role = self._check_token(headers, client, query_token)
         if changes:
             self._check_body(headers, upload=(method, path) == UPLOAD)
@@ -166,6 +169,16 @@ class Access:
             return
         hint = "If it should be, add it to allowed_origins in the configuration file."
         raise RefusedError(403, "bad-origin", f"The page {origin!r:.120} may not use this server.", hint)
+
+    def _check_site(self, headers: Mapping[str, str]) -> None:
+        """Another page may lead here, in sight of its visitor, and take nothing in unless it is listed. (A browser says
+        so to addresses that it trusts, loopback and TLS; elsewhere there is a token, which it does not send along.)"""
+        own = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
+        led = (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == ("navigate", "document")
+        if own or led:
+            return
+        parts = urlsplit(headers.get("referer", ""))
+        self._check_origin(headers.get("origin") or f"{parts.scheme}://{parts.netloc}", headers.get("host", ""))
 
     def _check_token(self, headers: Mapping[str, str], client: str, query_token: str) -> Role:
         token = _bearer(headers) or query_token or self._cookie(headers)

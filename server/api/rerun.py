@@ -100,7 +100,7 @@ async def file(request: Request, name: str = "") -> Response:
     try:
         folder = await asyncio.to_thread(viewer_files, data)
     except ViewError as error:
-        raise ApiError(503, "no-view", error.message, error.hint) from None
+        raise ApiError(error.status, error.kind, error.message, error.hint) from None
     kind = "application/wasm" if name.endswith(".wasm") else KINDS[".js"]
     etag = f'"{folder_of(data).name}"'
     headers = {**PAGE_HEADERS, "cache-control": "no-cache", "etag": etag, "vary": "accept-encoding"}

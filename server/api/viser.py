@@ -43,7 +43,7 @@ def viser_of(request: Request) -> Viser:
 OneViser = Annotated[Viser, Depends(viser_of)]
 
 
-@router.get("/api/views/scene", tags=["views"], responses=responses(422, 503))
+@router.get("/api/views/scene", tags=["views"], responses=responses(404, 422, 503))
 async def begin_scene(
     viser: OneViser, device: Annotated[str, Query(description="id of a device; all when left out")] = ""
 ) -> dict[str, str]:
@@ -51,7 +51,7 @@ async def begin_scene(
     try:
         await viser.door(device)
     except ViewError as error:
-        raise ApiError(503, "no-view", error.message, error.hint) from None
+        raise ApiError(error.status, error.kind, error.message, error.hint) from None
     return {"address": f"/viser/{device}/" if device else "/viser/"}
 
 
@@ -71,7 +71,7 @@ async def scene(request: Request, viser: OneViser, key: str = "") -> Response:
     try:
         page = await fetch(await viser.door(key), "/", most=MOST_PAGE, gzip=gzip)
     except ViewError as error:
-        raise ApiError(503, "no-view", error.message, error.hint) from None
+        raise ApiError(error.status, error.kind, error.message, error.hint) from None
     headers = {**PAGE_HEADERS, "content-type": page.kind, "cache-control": "no-cache"}
     if page.encoding:
         headers["content-encoding"] = page.encoding
@@ -109,7 +109,7 @@ async def recorded_scene(socket: WebSocket, recording: str) -> None:
     try:
         store = await socket.app.state.shelf.opened(recording)
     except (KeyError, FileNotFoundError, RecordingError):
-        await turn_away(socket, ViewError("This recording cannot be opened.", "Its page says why."))
+        await turn_away(socket, ViewError("This recording cannot be opened.", "Its page says why.", 404))
         return
     await socket.accept()
     replayed = Replayed(store)

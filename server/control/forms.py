@@ -319,6 +319,7 @@ class SnapshotInfo:
     settings: int
     missing: int
     pinned: bool = False
+    readable: bool = True  # by this version; if not, `reason` says why, and what to do
 
 
 @dataclass(slots=True)

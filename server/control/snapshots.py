@@ -318,12 +318,9 @@ class Snapshots:
         return snapshot.info(name)
 
     def all(self, protocol: str, serial_number: str) -> list[SnapshotInfo]:
-        """Those of a device, newest first. Files that are no snapshots are not told."""
-        infos = []
-        for path in self._paths(self._of(protocol, serial_number)).values():
-            info = self._info(path)
-            if info is not None:
-                infos.append(info)
+        """Those of a device, newest first; one that cannot be read says why in its `reason`."""
+        paths = self._paths(self._of(protocol, serial_number)).values()
+        infos = [info for path in paths if (info := self._info(path)) is not None]
         return sorted(infos, key=lambda info: (info.taken, info.name), reverse=True)
 
     def get(self, protocol: str, serial_number: str, name: str) -> Snapshot:
@@ -361,9 +358,9 @@ class Snapshots:
             known = self._known.get(path)
             key = (about.st_mtime_ns, about.st_size)
             if known is None or known[0] != key:
-                known = self._known[path] = (key, from_text(path.read_text(encoding="utf-8")).info(path.stem))
+                known = self._known[path] = (key, _info_of(path))
             return known[1]
-        except (OSError, UnicodeDecodeError, SnapshotError):
+        except OSError:  # gone meanwhile
             return None
 
     def _free(self, folder: Path, snapshot: Snapshot) -> str:
@@ -384,6 +381,27 @@ class Snapshots:
         loose = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
         for name in loose[: len(paths) - KEPT]:
             durable.remove(paths[name])
+
+
+def _info_of(path: Path) -> SnapshotInfo:
+    """What is told of a file. One that cannot be read is left alone: a newer imuscope may know what it says."""
+    try:
+        return from_text(path.read_text(encoding="utf-8")).info(path.stem)
+    except UnicodeDecodeError:
+        why = "This file is no text. Was it changed by another program?"
+    except SnapshotError as error:
+        why = f"{error} {error.hint}".strip()
+    stamp, _, title = path.stem.partition("-")
+    title = " ".join(title.split("-")).capitalize() or path.stem
+    return SnapshotInfo(path.stem, title, _stamped(stamp), why, "", "", "", 0, 0, pinned=True, readable=False)
+
+
+def _stamped(stamp: str) -> float:
+    """Unix seconds of 20261121T044324Z, with which the name of a file begins; 0 where it does not."""
+    try:
+        return datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        return 0.0
 
 
 def _safe(text: str) -> str:

@@ -56,12 +56,22 @@ class Page:
 
 
 class ViewError(Exception):
-    """A viewer that cannot be shown: a sentence and what to do."""
+    """A viewer that cannot be shown: a sentence and what to do.
 
-    def __init__(self, message: str, hint: str = "") -> None:
+    Args:
+        status: of HTTP: 404 for what is not there, 503 for a viewer that does not run.
+    """
+
+    def __init__(self, message: str, hint: str = "", status: int = 503) -> None:
         super().__init__(message)
         self.message = message
         self.hint = hint
+        self.status = status
+
+    @property
+    def kind(self) -> str:
+        """One word for programs."""
+        return "not-found" if self.status == 404 else "no-view"
 
 
 async def fetch(door: Door, path: str, *, most: int, gzip: bool) -> Page:
@@ -141,8 +151,8 @@ async def relay(
 
 async def turn_away(browser: WebSocket, why: ViewError) -> None:
     """Refuse a WebSocket that was not accepted yet, in the one shape of errors."""
-    problem = Problem("no-view", why.message, why.hint)
-    await refuse(browser.scope, browser.receive, browser.send, 503, problem)
+    problem = Problem(why.kind, why.message, why.hint)
+    await refuse(browser.scope, browser.receive, browser.send, why.status, problem)
 
 
 async def _pump(

@@ -236,7 +236,7 @@ class Rerun:
             ViewError: there is no such device, or too many streams run.
         """
         if device and device not in self._hub.devices:
-            raise ViewError(f"There is no device {device:.40}.", "Leave the device out for all that there are.")
+            raise ViewError(f"There is no device {device:.40}.", "Leave the device out for all that there are.", 404)
         async with self._starting:
             feed = self.feeds.get(device)
             if feed is None or not feed.is_running:

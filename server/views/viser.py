@@ -74,10 +74,10 @@ class Viser:
         """Where the scene of this key is served; begins it when it is not there.
 
         Raises:
-            ViewError: there is no such device, viser does not start, or there are too many scenes.
+            ViewError: there is no such device (404), viser does not start, or there are too many scenes.
         """
         if key and key not in self._hub.devices and key not in self._replays:
-            raise ViewError(f"There is no scene {key:.40}.", "Open /viser/ for all devices that there are.")
+            raise ViewError(f"There is no device {key:.40} to show.", "Open /viser/ for all that there are.", 404)
         async with self._starting:
             if self._aside is None:
                 await self._start()

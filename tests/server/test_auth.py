@@ -72,6 +72,23 @@ def test_matrix(where: str, token: str, way: str, method: str) -> None:
         assert got == role
 
 
+def test_a_foreign_page_takes_nothing_in_and_may_lead_here() -> None:
+    """A picture whose address was /viser/ began viser, from any page."""
+    taken = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "sec-fetch-dest": "image"}
+    assert outcome(access(), headers=taken) == 403
+    assert outcome(access(), headers={**taken, "sec-fetch-site": "same-site"}) == 403  # another port of this machine
+    assert outcome(access(), headers={**taken, "referer": "https://elsewhere.example/page"}) == 403
+    assert outcome(access(), headers={**taken, "sec-fetch-dest": "iframe", "sec-fetch-mode": "navigate"}) == 403
+    led = {**taken, "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+    assert outcome(access(), headers=led) == "control"
+    for own in ("same-origin", "none"):
+        assert outcome(access(), headers={**taken, "sec-fetch-site": own}) == "control"
+    listed = access(allowed_origins=("https://elsewhere.example",))
+    assert outcome(listed, headers={**taken, "referer": "https://elsewhere.example/page"}) == "control"
+    assert outcome(listed, headers={**taken, "origin": "https://elsewhere.example"}) == "control"
+    assert outcome(listed, headers={**taken, "referer": "https://others.example/"}) == 403
+
+
 def test_tokens_are_made_up_beyond_loopback_only() -> None:
     assert Access(Config()).control_token == ""
     first, second = Access(Config(host="0.0.0.0")), Access(Config(host="0.0.0.0"))

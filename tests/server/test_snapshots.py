@@ -186,3 +186,22 @@ def test_names_with_points_are_written_too() -> None:
         assert path.startswith(at.name)
         assert value_at(right, path) == value
     assert title_at(fields, "wheelConfig.transform.t_b2w.1").endswith(" 2")
+
+
+def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_path: Path) -> None:
+    """A snapshot of a newer format was missing from the list, as if it were gone."""
+    folder = Snapshots(tmp_path)
+    keep(folder, "Ours", 5.0)
+    later = next(tmp_path.rglob("*.yaml")).with_name("19700102T000000Z-new-mast.yaml")
+    later.write_text("imuscope: 7\ntitle: New mast\n", encoding="utf-8")
+    later.with_name("torn.yaml").write_bytes(b"\xff\xfe")
+    found = {info.name: info for info in folder.all("xbus", "0080")}
+    newest = found[later.stem]
+    assert (newest.title, newest.taken, newest.readable) == ("New mast", 86400.0, False)
+    assert "newer imuscope" in newest.reason
+    assert "Update imuscope" in newest.reason
+    assert "no text" in found["torn"].reason
+    assert [info.readable for info in found.values()].count(True) == 1
+    for second in range(KEPT + 2):
+        keep(folder, "Loose", 10.0 + second)
+    assert later.exists()

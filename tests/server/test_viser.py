@@ -53,9 +53,10 @@ def test_a_scene_is_begun_by_name_and_an_unknown_one_refused(shown: httpx.Client
     assert shown.get("/api/views/scene", params={"device": device["id"]}).json() == {
         "address": f"/viser/{device['id']}/"
     }
-    refused = shown.get("/viser/nobody/")
-    assert refused.status_code == 503
-    assert set(refused.json()) == {"kind", "message", "hint"}
+    for refused in (shown.get("/viser/nobody/"), shown.get("/api/views/scene", params={"device": "nobody"})):
+        assert (refused.status_code, refused.json()["kind"]) == (404, "not-found")
+        assert "nobody" in refused.json()["message"]
+        assert refused.json()["hint"]
 
 
 def test_the_body_turns_as_the_device_does(shown: httpx.Client, server: ServerProcess) -> None:

@@ -291,6 +291,8 @@ export interface SnapshotInfo {
   readonly settings: number;
   readonly missing: number;
   readonly pinned: boolean;
+  /** by this version; if not, `reason` says why, and what to do */
+  readonly readable: boolean;
 }
 
 export interface SnapshotBody {
