@@ -21,7 +21,8 @@ from server import wire
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.catalogue import Catalogue
 from server.library.details import as_json, channels_of, detail
-from server.library.recorded import OpeningState, RecordingDetail
+from server.library.recorded import OpeningState, RecordedSettings, RecordingDetail
+from server.library.settings import settings_of
 from server.library.shelf import Opening, Shelf
 from server.library.windows import Answer, arrow_of, frame_of, json_of, live, recorded
 from server.live.hub import Hub
@@ -150,6 +151,12 @@ def get_fared(
         raise ApiError(422, "too-many", f"At most {MOST_SECONDS} seconds come at once.", "Ask for a shorter stretch.")
     names = store.manifest.get("fared", {})
     return fared(store.folder, names, device, known[device] or device, math.floor(t0), math.floor(t1))
+
+
+@router.get("/api/recordings/{recording}/settings", responses=responses(404, 422))
+def get_settings(store: SoFar, device: Annotated[str, Query(description="id of a device in it")]) -> RecordedSettings:
+    """What a device was set to when it was recorded, in the words of Configure; nothing where that was not recorded."""
+    return settings_of(store.manifest["snapshots"].get(device, {}))
 
 
 @router.get("/api/recordings/{recording}/query", responses=TABLE, response_class=Response)

@@ -8,6 +8,7 @@
     GET    /api/recordings/{id}?partial=0|1       RecordingDetail; opens it: until then 202 with an OpeningState,
                                                   with partial=1 as soon as something is decoded a RecordingDetail of it
     GET    /api/recordings/{id}/fared?device&t0&t1          Fared (recordings/fared.py): how a device fared, by seconds
+    GET    /api/recordings/{id}/settings?device    RecordedSettings: what a device was set to, in words
     PATCH  /api/recordings/{id}    Edit           title, tags, notes, pinned, file: RecordingInfo, of another id then
     DELETE /api/recordings/{id}                   into the bin: RecordingInfo
     POST   /api/recordings/{id}/undelete {}       and back, within 7 days
@@ -109,6 +110,28 @@ class RecordingDetail:
     snapshots: dict[str, dict[str, Any]] = field(default_factory=dict)  # device → configuration
     longest_s: dict[str, float] = field(default_factory=dict)  # channel id → usual time between samples
     progress: float = 1.0  # less while it is decoded for the first time: as much of it is there
+
+
+@dataclass(slots=True)
+class SettingRow:
+    title: str  # of the field; "" where a setting has but one
+    words: str  # "400 Hz", "ENU"
+
+
+@dataclass(slots=True)
+class RecordedSetting:
+    """What one setting of a device was when it was recorded."""
+
+    name: str
+    title: str
+    group: str
+    rows: list[SettingRow]
+
+
+@dataclass(slots=True)
+class RecordedSettings:
+    settings: list[RecordedSetting]  # in the order of Configure
+    missing: dict[str, str] = field(default_factory=dict)  # title → why it could not be read
 
 
 @dataclass(slots=True)

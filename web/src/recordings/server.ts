@@ -2,7 +2,7 @@
 import { type Outcome, type Problem, request } from "../ui/api";
 import type { ExportJob, RecorderState } from "../wire/types";
 import type { Fared } from "./fared";
-import type { Edit, Export, Mark, Marker, OpeningState, Play, RecordingDetail, RecordingInfo, Start } from "./types";
+import type { Edit, Export, Mark, Marker, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "./types";
 
 const ROOT = "/api/recordings";
 const of = (id: string, more = ""): string => `${ROOT}/${encodeURIComponent(id)}${more}`;
@@ -30,6 +30,8 @@ export const server = {
   remove: (id: string) => request<RecordingInfo>("DELETE", of(id)),
   undelete: (id: string) => request<RecordingInfo>("POST", of(id, "/undelete"), {}),
   markLater: (id: string, body: Mark) => request<Marker>("POST", of(id, "/markers"), body),
+  /** What a device was set to when it was recorded, in the words of Configure. */
+  settings: (id: string, device: string) => request<RecordedSettings>("GET", of(id, `/settings?device=${encodeURIComponent(device)}`)),
   export: (id: string, body: Export) => request<ExportJob>("POST", of(id, "/exports"), body),
   exports: () => request<readonly ExportJob[]>("GET", `${ROOT}/exports`),
   cancelExport: (job: number) => request<unknown>("DELETE", `${ROOT}/exports/${job}`),

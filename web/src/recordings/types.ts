@@ -83,6 +83,28 @@ export interface RecordingDetail {
   readonly progress: number;
 }
 
+export interface SettingRow {
+  /** of the field; "" where a setting has but one */
+  readonly title: string;
+  /** "400 Hz", "ENU" */
+  readonly words: string;
+}
+
+/** What one setting of a device was when it was recorded. */
+export interface RecordedSetting {
+  readonly name: string;
+  readonly title: string;
+  readonly group: string;
+  readonly rows: readonly SettingRow[];
+}
+
+export interface RecordedSettings {
+  /** in the order of Configure */
+  readonly settings: readonly RecordedSetting[];
+  /** title → why it could not be read */
+  readonly missing: Readonly<Record<string, string>>;
+}
+
 export interface Start {
   /** null: all */
   readonly devices: readonly string[] | null;

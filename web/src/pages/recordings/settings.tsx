@@ -1,8 +1,11 @@
 /** The settings that a device had while it was recorded: as they were read, and beside those that it has now. */
-import { signal } from "@preact/signals";
+import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { view } from "../../data/view";
 import { dateWords, titleOf } from "../../recordings/listing";
 import type { Replay } from "../../recordings/replay";
+import { server as recordings } from "../../recordings/server";
+import type { RecordedSettings } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
@@ -41,18 +44,6 @@ function settingsOf(replay: Replay, device: string | undefined): Settings | unde
 function presentOf(app: App, { about }: Settings): DeviceInfo | undefined {
   const same = app.store.devices.value.filter(({ protocol, status, link }) => protocol === about.protocol && status === "live" && link !== "file");
   return same.find(({ serial_number: serial }) => about.serial_number !== "" && serial === about.serial_number) ?? (about.serial_number === "" ? same[0] : undefined);
-}
-
-/** "OutputConfiguration" → "Output configuration". */
-function spaced(name: string): string {
-  const text = name.replace(/_/g, " ").replace(/([a-z])([A-Z])/g, (_, a: string, b: string) => `${a} ${b.toLowerCase()}`);
-  return text.charAt(0).toUpperCase() + text.slice(1);
-}
-
-function said(value: unknown): string {
-  if (Array.isArray(value)) return value.map(said).join(value.some((one) => typeof one === "object") ? "\n" : ", ");
-  if (isFields(value)) return Object.entries(value).map(([name, inside]) => `${name.replace(/_/g, " ")} ${said(inside)}`).join(", ");
-  return value === null ? "none" : String(value).replace(/^-(?=\d)/, "−");
 }
 
 /** A line of the rail; nothing where no settings were recorded. */
@@ -97,23 +88,49 @@ export function SettingsDialog({ replay, app }: { readonly replay: Replay; reado
         ) : (
           <p class="hint">The device is not connected: with it they can be compared with what it has now, and written to it again.</p>
         )}
-        <dl>
-          {Object.entries(settings.values).map(([name, fields]) => (
-            <div key={name}>
-              <dt>{spaced(name)}</dt>
-              <dd>
-                {Object.entries(fields).map(([field, value]) => (
-                  <span key={field}>
-                    {Object.keys(fields).length > 1 && <small>{field.replace(/_/g, " ")}</small>} {said(value)}
-                  </span>
-                ))}
-              </dd>
-            </div>
-          ))}
-        </dl>
-        {Object.keys(settings.missing).length > 0 && <p class="hint">{count(Object.keys(settings.missing).length, "setting")} could not be read: {Object.keys(settings.missing).map(spaced).join(", ")}.</p>}
+        <Values recording={replay.detail.info.id} device={view.value.device ?? ""} />
       </div>
     </Dialog>
+  );
+}
+
+/** All of them as Configure says them, group by group. */
+function Values({ recording, device }: { readonly recording: string; readonly device: string }) {
+  const told = useSignal<RecordedSettings | undefined>(undefined);
+  const why = useSignal("");
+  useEffect(() => {
+    void recordings.settings(recording, device).then((outcome) => {
+      if (outcome.ok) told.value = outcome.value;
+      else why.value = `${outcome.problem.message} ${outcome.problem.hint}`;
+    });
+  }, [recording, device]);
+  if (why.value !== "") return <p class="hint">{why.value}</p>;
+  if (told.value === undefined) return <p class="hint" aria-busy="true">Putting them into words …</p>;
+  const { settings, missing } = told.value;
+  const without = Object.keys(missing);
+  return (
+    <>
+      {[...new Set(settings.map(({ group }) => group))].map((group) => (
+        <section key={group} aria-label={group}>
+          <h3>{group}</h3>
+          <dl>
+            {settings.filter((one) => one.group === group).map(({ name, title, rows }) => (
+              <div key={name}>
+                <dt>{title}</dt>
+                <dd>
+                  {rows.map((row, k) => (
+                    <span key={k}>
+                      {row.title !== "" && <small>{row.title}</small>} {row.words}
+                    </span>
+                  ))}
+                </dd>
+              </div>
+            ))}
+          </dl>
+        </section>
+      ))}
+      {without.length > 0 && <p class="hint">{count(without.length, "setting")} could not be read: {without.join(", ")}.</p>}
+    </>
   );
 }
 

@@ -1,0 +1,67 @@
+"""The settings in a recording are told as Configure tells them, and nothing that was recorded is left out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from server.library.settings import settings_of
+
+OUTPUTS = [
+    {"data_identifier": 0x4020, "output_frequency": 400},
+    {"data_identifier": 0x2014, "output_frequency": 100},
+    {"data_identifier": 0, "output_frequency": 0},
+]
+
+
+def told(snapshot: dict[str, Any]) -> dict[str, dict[str, str]]:
+    """Setting → title of a row → words."""
+    return {one.name: {row.title: row.words for row in one.rows} for one in settings_of(snapshot).settings}
+
+
+def snapshot(protocol: str, product: str, values: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"protocol": protocol, "product": product, "serial_number": "", "firmware": "", "values": values, **more}
+
+
+def test_rates_flags_and_units_are_in_words() -> None:
+    """They were wire values: "data identifier 16416, output frequency 400", "flags 16"."""
+    place = {"latitude": 52.0, "longitude": 6.0, "altitude": 30.0}
+    values = {"OutputConfiguration": {"outputs": OUTPUTS}, "LatLonAlt": place, "OptionFlags": {"flags": 16}}
+    found = told(snapshot("xbus", "MTi-630", values))
+    assert found["OutputConfiguration"] == {"Acceleration": "400 Hz", "Quaternion": "100 Hz, NED"}
+    assert [words[-2:] for words in found["LatLonAlt"].values()] == [" °", " °", " m"]
+    assert found["OptionFlags"][""].replace(" ", "").isidentifier()  # its name
+
+
+def test_a_data_set_is_told_field_by_field_with_units_and_choices() -> None:
+    values = {"DID_FLASH_CONFIG": {"startupImuDtMs": 4, "later": 7}, "DID_BIT": {"command": 2}}
+    found = told(snapshot("isb", "IMX-5", values))
+    assert "4 ms" in found["DID_FLASH_CONFIG"].values()
+    assert "7" in found["DID_FLASH_CONFIG"].values()  # a field that the table has not got
+    assert list(found["DID_BIT"].values()) == ["FULL_STATIONARY"]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"FromTomorrow": {"speed": 3, "modes": ["a", "b"]}},
+        {"Baudrate": {"baudrate": {"rate": [1]}}},
+        {"OutputConfiguration": {"outputs": "all of them"}},
+        {"OutputConfiguration": {"outputs": [{"data_identifier": "0x4020"}]}},
+        {"OutputConfiguration": {"outputs": [3]}},
+        {"Baudrate": {}},
+    ],
+)
+@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp", "", "another"])
+def test_what_the_tables_do_not_know_is_told_as_it_stands(protocol: str, values: dict[str, Any]) -> None:
+    found = settings_of(snapshot(protocol, "MTi-630", values, missing={"FilterProfile": "no answer", "x": 3}))
+    assert [one.name for one in found.settings] == list(values)
+    for one in found.settings:
+        assert len(one.rows) > 0 or not values[one.name]
+    assert len(found.missing) == 2
+
+
+@pytest.mark.parametrize("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])
+def test_a_strangers_snapshot_tells_nothing(body: dict[str, Any]) -> None:
+    assert settings_of(body).settings == []
