@@ -90,8 +90,9 @@ def imuscope(*words: str, given: bytes = b"", fresh: bool = False) -> subprocess
             status = subprocess.run(
                 command, cwd=ROOT, stdin=asked, stdout=out, stderr=err, timeout=PATIENCE_S
             ).returncode
-        said = [file.seek(0) or file.read().decode() for file in (out, err)]
-    return subprocess.CompletedProcess(words, status, *said)
+        for file in (out, err):
+            file.seek(0)
+        return subprocess.CompletedProcess(words, status, out.read().decode(), err.read().decode())
 
 
 class ServerProcess:

@@ -221,7 +221,7 @@ def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes,
     opened = 0
     for seed in range(12):
         path = tmp_path / f"{seed}.mcap"
-        path.write_bytes(damaged(whole[packed], seed))
+        path.write_bytes(damaged(whole[1] if packed else whole[0], seed))
         with contextlib.suppress(RecordingError):  # any other exception would be a fault of ours
             columns = decode(open_file(path), tmp_path / f"store{seed}", speech())
             assert 0 <= rows_of(columns) <= whole[2]

@@ -67,9 +67,9 @@ def browser(server: ServerProcess, *, stuck: bool) -> Iterator[ClientConnection]
         line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     url = f"ws://{address.netloc}/ws"
     made = connect(url, sock=line, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None, max_queue=1)
-    with made as connection:
-        connection.send(codec.encode_text(wire.Subscribe(600)))
-        yield connection
+    with made:
+        made.send(codec.encode_text(wire.Subscribe(600)))
+        yield made
 
 
 def children(pid: int) -> list[int]:

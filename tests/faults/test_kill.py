@@ -156,7 +156,14 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
         assert old.stdin
         assert old.stdout.readline() == "half\n"
         assert left_behind(tmp_path) == [path]  # the next server starts, and packs
-        packing.pack(path, progress=lambda share: (old.stdin.write("\n" * 1000), old.stdin.flush(), old.wait(60)))  # type: ignore[union-attr, func-returns-value]
+        pipe = old.stdin
+
+        def let_it_end(share: float) -> None:
+            pipe.write("\n" * 1000)
+            pipe.flush()
+            old.wait(60)
+
+        packing.pack(path, progress=let_it_end)
     assert received(path) == wanted
     assert not is_loose(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
@@ -108,6 +109,10 @@ class FakeDecoder:
     def feed(self, data: bytes, arrival_ns: int) -> None:
         self._data += data
         self._ends.append((self._at + len(self._data), arrival_ns))
+
+    def feed_many(self, data: bytes, ends: NDArray[np.int64], arrival_ns: NDArray[np.int64]) -> None:
+        for begin, end, arrival in zip([0, *ends[:-1].tolist()], ends.tolist(), arrival_ns.tolist(), strict=True):
+            self.feed(data[begin:end], arrival)
 
     @property
     def _arrival(self) -> int:

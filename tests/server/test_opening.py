@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from protocols import events
 from protocols.registry import PROTOCOLS
 from protocols.xbus.device import XbusDevice
 from recordings.container import Writer
@@ -16,6 +17,7 @@ from recordings.parts import McapSource
 from server.library.opening import decode
 from server.live import speech
 from server.live.channels import Channels
+from server.wire import ChannelInfo
 
 START = 1_760_000_000_000_000_000
 
@@ -50,9 +52,13 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     decoder = PROTOCOLS["xbus"].decoder()
     decoder.feed(kept, 0)
     names: list[str] = []
-    channels = Channels("1", lambda info: names.append(info.name) or len(names))
-    batches = [event for event in decoder.drain(stalled=True) if type(event).__name__ == "Batch"]
-    pieces = channels.split([(batch, np.full(len(batch), np.nan)) for batch in batches])  # type: ignore[misc]
+
+    def advertise(info: ChannelInfo) -> int:
+        names.append(info.name)
+        return len(names)
+
+    batches = events.batches(decoder.drain(stalled=True))
+    pieces = Channels("1", advertise).split([(batch, np.full(len(batch), np.nan)) for batch in batches])
     found = {info["name"]: info["id"] for info in store.manifest["channels"]}
     assert found.keys() == {*names, "EulerAngles"}  # and what is worked out of them
     for piece in pieces:
