@@ -8,6 +8,7 @@ from fastapi import APIRouter, Depends, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.registry import PROTOCOLS
+from server.api.control import OneDesk
 from server.api.devices import OneSession
 from server.api.errors import ApiError, responses
 from server.control.casters import CorrectionError
@@ -44,14 +45,16 @@ async def get_corrections(session: OneSession, desk: TheDesk) -> Corrections:
 
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
-async def put_corrections(session: OneSession, desk: TheDesk, body: SetCorrections) -> Corrections:
+async def put_corrections(
+    session: OneSession, desk: TheDesk, configuring: OneDesk, body: SetCorrections
+) -> Corrections:
     """Forward this stream, in place of the one before."""
     if not desk.takes(session):
         title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
         hint = "An MTi-680G takes them, and any Inertial Sense device."
         raise ApiError(409, "no-receiver", f"{title} {session.info.product} takes no corrections.", hint)
     try:
-        await desk.begin(session, body.source)
+        await desk.begin(session, body.source, configuring.log.streamed)
     except CorrectionError as error:
         raise ApiError(400, "bad-source", error.message, error.hint) from None
     return desk.state(session)

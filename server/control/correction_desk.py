@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
+from server.control.correction_diary import Tell, nobody
 from server.control.corrections import Forwarding
 from server.control.forms import Corrections
 from server.live.session import Session
@@ -41,13 +42,15 @@ class CorrectionDesk:
         stream = self._streams.get(session.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: Session, source: str) -> None:
+    async def begin(self, session: Session, source: str, tell: Tell = nobody) -> None:
         """Forward a stream in place of the one before.
 
+        Args:
+            tell: takes down what the device's log says of it.
         Raises:
             CorrectionError: the source is written wrongly; the one before goes on.
         """
-        fresh = Forwarding(session, source, lambda: self._is_there(session))
+        fresh = Forwarding(session, source, lambda: self._is_there(session), tell)
         await self.end(session)
         self._streams[session.info.id] = fresh
 

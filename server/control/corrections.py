@@ -7,7 +7,7 @@
 
 A stream that ends is opened again, after 1 s, then twice as long each time up to a minute. What goes through is counted
 by message number; what is no message, and what the device refuses, too. `age_s` is what a person watches: how old is
-the last message that the device got?
+the last message that the device got? The device's log says where it begins and ends (correction_diary.py).
 
 A virtual reference station wants to know where the receiver is. What the device itself says (a GGA sentence, or a
 position in its own protocol) is sent to the caster when the stream begins and every `REPORT_S` after that.
@@ -21,7 +21,7 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -34,6 +34,7 @@ from protocols.isb.writing import sentence
 from protocols.rtcm import Splitter, epoch_ms
 from protocols.xbus.frames import build as xbus_frame
 from server.control.casters import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
+from server.control.correction_diary import Diary, Tell, nobody
 from server.control.forms import Corrections
 from server.links.base import LinkError
 from server.links.sources import is_host, is_printable
@@ -234,6 +235,7 @@ class Forwarding:
     Args:
         source: as given, with its password.
         is_there: whether the device is still one of the server's.
+        tell: takes down what the device's log says of it.
     Raises:
         CorrectionError: the source is written wrongly.
     """
@@ -243,6 +245,7 @@ class Forwarding:
         session: Receiver,
         source: str,
         is_there: Callable[[], bool] = lambda: True,
+        tell: Tell = nobody,
         *,
         first_retry_s: float = FIRST_RETRY_S,
     ) -> None:
@@ -253,7 +256,7 @@ class Forwarding:
         self._retry_s = self._first_retry_s = first_retry_s
         self._places = Whereabouts()
         self._counts = _Counts()
-        self._messages: Counter[str] = Counter()
+        self._diary = Diary(self._told, tell)
         self._recent: deque[tuple[float, int]] = deque()
         self._message, self._hint = f"Opening {self._told}.", ""
         self._running = True
@@ -276,7 +279,7 @@ class Forwarding:
             hint=self._hint,
             age_s=None if at is None else max(now - at, 0.0),
             bytes_per_s=sum(size for _, size in self._recent) / RATE_S,
-            messages=dict(self._messages),
+            messages=dict(self._diary.messages),
             rejected=self._counts.rejected + self._splitter.rejected,
             refused=self._counts.refused,
         )
@@ -286,6 +289,9 @@ class Forwarding:
         self._off()
         self._task.cancel()
         await asyncio.gather(self._task, return_exceptions=True)
+        if self._running:
+            self._running = False
+            self._diary.ended()
 
     # -- the stream ----------------------------------------------------------------------------------------------------
 
@@ -296,9 +302,11 @@ class Forwarding:
             except CorrectionError as error:
                 self._message, self._hint = error.message, error.hint
                 self._running = not error.over
+                (self._diary.ended if error.over else self._diary.stopped)(error.message)
             except Exception:  # the top of this task: a fault must not become silence
                 log.exception("corrections of %s failed", self._session.info.source)
                 self._message, self._hint = "A fault in imuscope ended the stream.", "The log has details."
+                self._diary.stopped(self._message)
             finally:
                 await self._source.close()
             if self._running:
@@ -337,17 +345,19 @@ class Forwarding:
         xbus = self._session.info.protocol == "xbus"
         await self._session.idle()  # a message between a setting and its acknowledgement would be answered with Error
         self._counts.asked_at = time.monotonic()  # before: a twin answers at once
+        frame = xbus_frame(FORWARD_GNSS_DATA, message) if xbus else message
         try:
-            await self._session.send(xbus_frame(FORWARD_GNSS_DATA, message) if xbus else message)
+            await self._session.send(frame)
         except LinkError as error:
             self._message, self._hint = f"Not forwarded: {error.message}", error.hint
             self._counts.refused += 1
+            self._diary.stopped(error.message)
             return
         now = time.monotonic()
         self._retry_s = self._first_retry_s
         self._counts.forwarded_at = now
         self._recent.append((now, len(message)))
-        self._messages[name] += 1
+        self._diary.forwarded(name, frame, len(message))
         self._message, self._hint = f"Forwarding from {self._told}.", ""
 
     # -- the device ----------------------------------------------------------------------------------------------------
@@ -359,6 +369,7 @@ class Forwarding:
             at = self._counts.asked_at
             if at is not None and time.monotonic() - at < ANSWER_S:
                 self._counts.refused += 1
+                self._diary.refused()
 
     def _gga(self) -> bytes:
         place = self._places.place

@@ -87,6 +87,15 @@ class ExchangeLog:
         data = {"message": name, "hex": frame[:HEX_BYTES].hex()}
         self._hub.event(self._device, "command", "info", f"{name}: {text}" if text else name, data=data)
 
+    def streamed(self, frame: bytes, text: str, level: Level = "info") -> None:
+        """Of a stream that goes to the device all day: its first frame, and in words where it breaks and ends."""
+        if frame:
+            self.flush()
+            self._say_again()
+            name = str((self._decode(frame) or {}).get("message") or "") or self._name_of(frame)
+            self._add("tx", name, frame, text)
+        self._hub.event(self._device, "command", level, text, data={"hex": frame[:HEX_BYTES].hex()} if frame else None)
+
     def _say_again(self) -> None:
         """How often the last frame was sent again, before anything else is told."""
         again, self._again, self._last_sent = self._again, 0, b""

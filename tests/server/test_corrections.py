@@ -24,6 +24,7 @@ from protocols.rtcm import Splitter, epoch_ms
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
 from server.control.casters import Caster, CorrectionError, mounts
+from server.control.correction_diary import Diary
 from server.control.corrections import Forwarding, gga, source_of, without_password
 from server.control.forms import Corrections
 from server.links.base import LinkError
@@ -284,6 +285,27 @@ async def test_a_caster_is_told_where_the_receiver_is() -> None:
     assert words[3] == "N"
     assert float(words[2]) == pytest.approx(4500, abs=1)
     assert any(b"Ntrip-GGA: $GPGGA" in request for request in requests)
+
+
+def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
+    told: list[tuple[bytes, str, str]] = []
+    diary = Diary("tcp://base:1", lambda frame, text, level: told.append((frame, text, level)))
+    diary.stopped("base does not answer.")
+    diary.stopped("base does not answer.")  # tried again: the same reason is told once
+    for n in range(50):
+        diary.forwarded("1077", b"frame %d" % n, 300)
+    diary.refused()
+    diary.refused()
+    diary.stopped("The stream broke.")
+    diary.forwarded("1005", b"again", 25)
+    diary.ended()
+    assert [(frame, level) for frame, _, level in told] == [
+        *((b"", "caution"), (b"frame 0", "info"), (b"", "caution"), (b"", "caution"), (b"again", "info"), (b"", "info"))
+    ]
+    assert told[3][1] == (
+        "Corrections stopped: The stream broke. Forwarded so far: 50 messages, 15 kB (1077 × 50), 2 refused."
+    )
+    assert told[5][1].endswith("Forwarded: 51 messages, 15 kB (1005 × 1, 1077 × 50), 2 refused.")
 
 
 def test_a_sentence_that_says_where() -> None:

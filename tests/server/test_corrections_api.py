@@ -6,11 +6,13 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from httpx import Client
 
+from recordings.parts import McapSource
 from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.test_corrections import NUMBERS, STREAM
@@ -18,7 +20,8 @@ from tests.server.test_corrections import NUMBERS, STREAM
 
 @pytest.fixture
 def client(serve: Callable[..., ServerProcess]) -> Iterator[Client]:
-    with Client(base_url=serve("twin:isb", "twin:idtp").url, timeout=PATIENCE_S) as client:
+    server = serve("twin:isb", "twin:idtp")
+    with Client(base_url=server.url, timeout=PATIENCE_S, headers={"x-data": str(server.data)}) as client:
         yield client
 
 
@@ -63,6 +66,30 @@ def test_a_stream_is_set_watched_and_ended(client: Client, base: int) -> None:
     assert state["age_s"] < 20
     assert client.delete(path).json()["running"] is False
     assert client.get(path).json()["source"] == ""
+
+
+def test_what_was_forwarded_is_in_the_log_and_in_the_recording(client: Client, base: int) -> None:
+    """The bytes were there; that and how long corrections were forwarded was nowhere to be read."""
+    until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
+    client.post("/api/recordings/start", json={"devices": ["1"], "title": "corrected"}).raise_for_status()
+    client.put("/api/devices/1/corrections", json={"source": f"tcp://127.0.0.1:{base}"}).raise_for_status()
+    until(client, "/api/devices/1/corrections", lambda body: body["messages"] == NUMBERS)
+    client.delete("/api/devices/1/corrections").raise_for_status()
+    log = client.get("/api/devices/1/exchange").json()
+    [first] = [entry for entry in log if "are forwarded" in entry["text"]]  # one entry, not one a message
+    assert first["way"] == "tx"
+    assert STREAM.startswith(bytes.fromhex(first["hex"]))
+    client.post("/api/recordings/stop", json={}).raise_for_status()
+    [info] = until(client, "/api/recordings", lambda found: bool(found) and not found[0]["recording"])
+    detail = until(client, f"/api/recordings/{info['id']}", lambda body: "events" in body)
+    told = [event["text"] for event in detail["events"] if event["text"].startswith("Corrections ")]
+    assert [text.partition(" from ")[0] for text in told] == ["Corrections", "Corrections"]
+    assert told[0].endswith("are forwarded.")
+    assert "Forwarded: 4 messages" in told[1]
+    assert "1077 × 1" in told[1]
+    path = next(Path(str(client.headers["x-data"])).glob("recordings/*.mcap"))
+    sent = b"".join(part.data for part in McapSource(path).parts() if part.way == "tx")
+    assert STREAM in sent
 
 
 def test_what_cannot_be_is_answered_in_words(client: Client) -> None:
