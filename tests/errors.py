@@ -5,7 +5,8 @@
 They are found in the source: every call of a constructor in SHAPES, anywhere in server/ and recordings/, with its words
 as they are written; what is filled in stands in braces. Words that were put into a variable are looked up in the
 function (all that it is given there) and in the module. A call that passes on the words of another error is not listed
-again: that other one is. So a new error is in the list by being written, and its test (tests/test_errors.py) reads it.
+again: that other one is, and of the call only the kind is looked at (server/kinds.py). So a new error is in the list by
+being written, and its test (tests/test_errors.py) reads it.
 """
 
 from __future__ import annotations
@@ -90,6 +91,24 @@ def everything() -> list[Said]:
         for path in sorted((ROOT / folder).rglob("*.py")):
             found += list(_of_module(path))
     return list(dict.fromkeys(found))
+
+
+def kinds() -> list[tuple[str, str, int]]:
+    """Every kind that is written in the source: where, which, and with which status of HTTP (0: none is written there).
+
+    Also of calls that pass on another error's words."""
+    found = []
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                shape = SHAPES.get(_name(node.func)) if isinstance(node, ast.Call) else None
+                if not isinstance(node, ast.Call) or shape is None or shape.kind is None:
+                    continue
+                status = node.args[0] if shape.kind == 1 and node.args else None
+                told = status.value if isinstance(status, ast.Constant) and isinstance(status.value, int) else 0
+                where = f"{path.relative_to(ROOT)}:{node.lineno}"
+                found += [(where, kind, told) for kind in _texts(_part(node, shape.kind, "kind"), {})]
+    return found
 
 
 def _of_module(path: Path) -> Iterator[Said]:

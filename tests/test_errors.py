@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from tests.errors import Said, everything
+from server.kinds import KINDS
+from tests.errors import Said, everything, kinds
 
 MOST = 200  # characters, with what is filled in
 FILLED = 12  # that a brace is counted as
@@ -16,6 +17,9 @@ KIND = re.compile(r"[a-z]+(-[a-z]+)*\Z")
 
 NO_HINT: dict[str, str] = {}
 """Errors that say all there is to say: how the message begins → why."""
+
+BY_HTTP = {"not-allowed", "no-view"}
+"""Kinds that are put into an error by what was called, not by who calls (api/errors.py, views/proxy.py)."""
 
 ALL = everything()
 
@@ -73,3 +77,22 @@ def test_hints_are_sentences() -> None:
 def test_kinds_are_words_for_programs() -> None:
     wrong = [said for said in ALL if said.kind and not all(KIND.match(kind) for kind in said.kind.split("/"))]
     assert not wrong, listed(wrong)
+
+
+def test_one_kind_is_one_meaning() -> None:
+    """A program acts on the kind: "busy" once meant a port in use and a queue that was full."""
+    said = kinds()
+    assert len(said) > 150
+    assert not [(where, kind) for where, kind, _ in said if kind not in KINDS], "without a row in server/kinds.py"
+    assert KINDS.keys() - {kind for _, kind, _ in said} == BY_HTTP, "rows that nothing says"
+    assert not [one for one in said if one[2] and one[2] != KINDS[one[1]].status]
+    meanings = [kind.meaning for kind in KINDS.values()]
+    assert len(set(meanings)) == len(meanings)
+
+
+def test_one_meaning_is_one_kind() -> None:
+    by_message: dict[str, set[str]] = {}
+    for said in ALL:
+        if said.kind and re.sub(r"\{\w*\}\W*", "", said.message):
+            by_message.setdefault(said.message, set()).add(said.kind)
+    assert not {message: found for message, found in by_message.items() if len(found) > 1}

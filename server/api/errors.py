@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
 from server.control.desk import DeskError
+from server.kinds import status_of
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.api")
@@ -34,8 +35,7 @@ class ApiError(Exception):
         self.body = ProblemBody(kind=kind, message=message, hint=hint)
 
 
-KINDS = {400: "bad-request", 404: "not-found", 405: "not-allowed", 413: "too-large", 415: "not-json"}
-LINK_STATUS = {"bad-source": 400, "busy": 409, "not-found": 404, "denied": 403}
+KINDS = {404: "not-found", 405: "not-allowed", 413: "too-large", 415: "not-json"}
 
 
 def problem(status: int, kind: str, message: str, hint: str = "", headers: Any = None) -> JSONResponse:
@@ -73,11 +73,11 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(LinkError)
     async def _(_: Request, error: LinkError) -> Response:
-        return problem(LINK_STATUS.get(error.kind, 502), error.kind, error.message, error.hint)
+        return problem(status_of(error.kind), error.kind, error.message, error.hint)
 
     @app.exception_handler(DeskError)
     async def _(_: Request, error: DeskError) -> Response:
-        return problem(404 if error.kind == "not-found" else 409, error.kind, error.message, error.hint)
+        return problem(status_of(error.kind), error.kind, error.message, error.hint)
 
     @app.exception_handler(HTTPException)
     async def _(request: Request, error: HTTPException) -> Response:

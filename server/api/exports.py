@@ -11,6 +11,7 @@ from fastapi.responses import FileResponse
 from server import wire
 from server.api.errors import ApiError, bytes_of, responses
 from server.api.library import unknown
+from server.kinds import status_of
 from server.library.exports import Exports, ExportsError
 from server.library.recorded import Export
 
@@ -42,7 +43,7 @@ async def add_export(recording: str, body: Export, exports: TheExports) -> wire.
     except KeyError:
         raise unknown(recording) from None
     except ExportsError as error:
-        raise ApiError(422 if error.kind == "bad-format" else 409, error.kind, error.message, error.hint) from None
+        raise ApiError(status_of(error.kind), error.kind, error.message, error.hint) from None
 
 
 @router.get("/exports")
@@ -63,7 +64,7 @@ async def fetch_export(job: int, exports: TheExports) -> FileResponse:
     except KeyError:
         raise _none(job) from None
     except ExportsError as error:
-        raise ApiError(409, error.kind, error.message, error.hint) from None
+        raise ApiError(status_of(error.kind), error.kind, error.message, error.hint) from None
     return FileResponse(
         path,
         media_type="application/octet-stream",

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Request
 from recordings.container import RecordingError
 from server import wire
 from server.api.errors import ApiError, responses
+from server.kinds import status_of
 from server.library.recorded import Mark, Start
 from server.library.recorder import Recorder, RecorderError
 
@@ -27,7 +28,7 @@ TheRecorder = Annotated[Recorder, Depends(recorder_of)]
 
 
 def _refused(error: RecorderError) -> ApiError:
-    return ApiError(404 if error.kind == "not-found" else 409, error.kind, error.message, error.hint)
+    return ApiError(status_of(error.kind), error.kind, error.message, error.hint)
 
 
 def _bounded(text: str, most: int, what: str) -> None:

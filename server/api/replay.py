@@ -53,7 +53,7 @@ def source_of(path: Path, play: Play) -> str:
         options.append(f"from={first:.9f}")
         if play.t1 is not None:
             if play.t1 - began <= first:
-                raise ApiError(422, "bad-request", "The range ends before it begins.", "t0 and t1 are unix seconds.")
+                raise ApiError(422, "bad-span", "The stretch ends before it begins.", "Unix seconds, t0 ≤ t1.")
             options.append(f"to={play.t1 - began:.9f}")
     return f"{path}?{'&'.join(options)}" if options else str(path)
 

@@ -115,7 +115,7 @@ async def file(request: Request, name: str = "") -> Response:
 @router.get(
     "/api/recordings/{recording}/recording.rrd",
     tags=["recordings"],
-    responses={**bytes_of("application/octet-stream"), **responses(404, 422, 429)},
+    responses={**bytes_of("application/octet-stream"), **responses(404, 409, 422)},
     response_class=Response,
 )
 async def get_rrd(
@@ -130,7 +130,7 @@ async def get_rrd(
     """The recording for a Rerun viewer, sent while it is made; what is static first."""
     _stretch(t0, t1)
     if rerun.slots.locked():
-        raise ApiError(429, "busy", "Several recordings are being opened in Rerun already.", "Try again in a moment.")
+        raise ApiError(409, "full", "Several recordings are being opened in Rerun already.", "Try again in a moment.")
     title = request.app.state.library.info(recording).title
     wish = {"store": str(store.folder), "title": title, "t0": t0, "t1": t1, "most": most}
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
@@ -157,7 +157,7 @@ async def get_amount(
 def _stretch(t0: float | None, t1: float | None) -> tuple[float, float]:
     begin, end = -math.inf if t0 is None else t0, math.inf if t1 is None else t1
     if end < begin or not all(t is None or math.isfinite(t) for t in (t0, t1)):
-        raise ApiError(422, "bad-value", "The stretch ends before it begins.", "Give t0 before t1, in unix seconds.")
+        raise ApiError(422, "bad-span", "The stretch ends before it begins.", "Unix seconds, t0 ≤ t1.")
     return begin, end
 
 

@@ -88,7 +88,7 @@ async def get_snapshot(
     return Response(text, media_type=YAML, headers={"content-disposition": file})
 
 
-@router.post("/snapshots", status_code=201, responses=responses(404, 409, 422))
+@router.post("/snapshots", status_code=201, responses=responses(404, 409, 422, 507))
 async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotInfo:
     """Keep a text, or what the device had when it was last read, under a name."""
     title = " ".join(body.title.split())[:120]
@@ -109,7 +109,7 @@ async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotI
     try:
         return await asyncio.to_thread(desks.snapshots.keep, snapshot, desk.rows)
     except SnapshotError as error:
-        raise ApiError(409, "not-kept", str(error), error.hint) from None
+        raise ApiError(507, "disk", str(error), error.hint) from None
 
 
 @router.delete("/snapshots/{name}", status_code=204, responses=responses(404, 409, 422))
@@ -169,7 +169,7 @@ async def _load(desk: Desk, desks: Desks, name: str) -> Snapshot:
     except KeyError:
         raise _none(name) from None
     except SnapshotError as error:
-        raise ApiError(409, "bad-snapshot", str(error), error.hint) from None
+        raise ApiError(422, "bad-snapshot", str(error), error.hint) from None
 
 
 async def _parsed(text: str) -> Snapshot:

@@ -51,7 +51,7 @@ class JobError(Exception):
 
 
 class DeskError(Exception):
-    """A wish that does not become a job: `kind` is "busy", "no-driver", "not-found" or "not-now"."""
+    """A wish that does not become a job: `kind` is "full", "no-driver", "not-found" or "not-now"."""
 
     def __init__(self, kind: str, message: str, hint: str = "") -> None:
         super().__init__(message)
@@ -178,7 +178,7 @@ class Desk:
         """
         if len(self._queue) >= MOST_WAITING:
             hint = "Wait, or take one out of the queue."
-            raise DeskError("busy", f"{MOST_WAITING} jobs wait for this device, and that is the most.", hint)
+            raise DeskError("full", f"{MOST_WAITING} jobs wait for this device, and that is the most.", hint)
         job = Job(id=self._next_job, device=self.device, title=title, state="waiting")
         self._next_job += 1
         task = Task(job, work, stoppable)

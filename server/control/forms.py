@@ -24,8 +24,8 @@
 `preview`, `fit` and `compare` send nothing to a device, and a view token is enough for them. What could
 harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
 that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
-could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "busy" (the queue is
-full), "not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "bad-snapshot"; 404 "not-found".
+could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "full" (the queue),
+"not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "bad-snapshot"; 404 "not-found"; 507 "disk".
 
 A job comes back at once (202); how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result
 is in `ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints

@@ -92,7 +92,7 @@ class Exports:
         if info.recording:
             raise ExportsError("busy", "It is being recorded.", "Stop the recording first.")
         if sum(job.told.state in ("waiting", "running") for job in self._jobs.values()) >= MOST_WAITING:
-            raise ExportsError("busy", f"{MOST_WAITING} exports are waiting already.", "Wait, or cancel one.")
+            raise ExportsError("full", f"{MOST_WAITING} exports are waiting already.", "Wait, or cancel one.")
         if self._next == 1:
             self._sweep()
         number = self._next

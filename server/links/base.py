@@ -36,7 +36,7 @@ from server.wire import Try
 __all__ = ["Chunk", "ErrorKind", "Link", "LinkError", "LinkKind", "LinkSettings", "Progress", "Try", "steady_clock"]
 
 LinkKind = Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
-ErrorKind = Literal["gone", "denied", "busy", "refused", "not-found", "bad-source", "ended"]
+ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
 Progress = Callable[[Try], None]
 
 
@@ -62,9 +62,9 @@ class LinkError(Exception):
     """The world did not cooperate.
 
     Args:
-        kind: "gone" it was there and is not any more · "denied" no permission · "busy" another program has it ·
-            "refused" nobody answers at that address · "not-found" there is no such port, host or file ·
-            "bad-source" the source is written wrongly (retrying cannot help) · "ended" a file has been played.
+        kind: "gone" it was there and is not any more · "denied" no permission · "busy" another has it · "full" as many
+            as there may be · "refused" nobody answers at that address · "not-found" there is no such port, host or
+            file · "bad-source" the source is written wrongly (retrying cannot help) · "ended" a file has been played.
         message: one sentence, for a person.
         hint: what to do next, "" only where there is nothing to do.
     """

@@ -74,7 +74,7 @@ class Sessions:
         Args:
             reading: what was said about it; what the source itself says comes before that, and is shown nowhere.
         Raises:
-            LinkError: kind "bad-source", or "busy" when it is open already or there are too many.
+            LinkError: kind "bad-source", "busy" when it is open already, or "full" when there are too many.
         """
         try:
             source, reading = taken_from(source, reading)
@@ -87,7 +87,7 @@ class Sessions:
                     "busy", f"{source} is open already, as device {session.info.id}.", "Retry or remove it."
                 )
         if len(self._sessions) >= MOST_DEVICES:
-            raise LinkError("busy", f"{MOST_DEVICES} devices are open, and that is the most.", "Remove one first.")
+            raise LinkError("full", f"{MOST_DEVICES} devices are open, and that is the most.", "Remove one first.")
         link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
         device = str(self._next_id)
         self._next_id += 1
