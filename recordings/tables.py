@@ -20,6 +20,7 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -48,6 +49,7 @@ BLOCK_BYTES = 4 << 20
 LONGEST_LINE = 4 << 20  # of the comment in which a CSV file that was handed over has its markers
 FAR_OFF_S = 86_400.0  # a stamp further from when it came is of another clock
 MOST_COLUMNS = 500
+_TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
 _HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
@@ -94,6 +96,10 @@ class TableSource:
     def rows(self) -> Iterator[Rows]:
         """All rows, a block of each table after the other."""
         raise NotImplementedError
+
+    def last(self) -> float:
+        """When the last row is, as far as that can be told before all are read, unix s; 0 where it cannot."""
+        return 0.0
 
 
 class CsvSource(TableSource):
@@ -156,6 +162,15 @@ class CsvSource(TableSource):
             self.damage.append(Damage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
         if wrong:
             self.damage.append(Damage(-1, f"{wrong} cells hold no number; they are empty."))
+
+    def last(self) -> float:
+        assert self._time is not None
+        with self.path.open("rb") as file:
+            file.seek(max(0, self.path.stat().st_size - _TAIL_BYTES))
+            lines = file.read().decode(errors="replace").splitlines()
+        cells = next(csv.reader(lines[-1:], delimiter=self._delimiter), [])
+        number = _seconds(cells[self._time], self._factor) if len(cells) > self._time else None
+        return number + self._origin if number is not None and math.isfinite(number) else 0.0
 
     def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[Rows, int]:
         assert self._time is not None
@@ -303,6 +318,10 @@ class MessageSource(TableSource):
             kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
             hint = "JSON is read, and protobuf and ROS 2 messages whose schema is in the file."
             raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
+
+    def last(self) -> float:
+        with Recording(self.path) as recording:
+            return max((chunk.message_end_time for chunk in recording.chunks), default=0) / 1e9
 
     def rows(self) -> Iterator[Rows]:
         left_out: set[str] = set()

@@ -276,7 +276,7 @@ def decode(
     writer = ColumnsWriter(folder)
     try:
         if isinstance(source, TableSource):
-            return decode_tables(source, writer, progress)
+            return decode_tables(source, writer, progress, Showing(shown))
         fared = FaredWriter(writer.aside)
         hub = Collector(writer, fared)
         showing = Showing(shown)

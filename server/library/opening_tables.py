@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import RecordingError
 from recordings.tables import DEVICE, Rows, TableSource, grouped
 from server import codec, wire
+
+if TYPE_CHECKING:
+    from server.library.opening import Showing
 
 AXES = ("x", "y", "z", "w")
 
@@ -71,21 +74,31 @@ class _Tables:
         return plan
 
 
-def decode_tables(source: TableSource, writer: ColumnsWriter, progress: Callable[[float], None]) -> Columns:
-    """Write the tables of a file into a store.
+def decode_tables(
+    source: TableSource, writer: ColumnsWriter, progress: Callable[[float], None], showing: Showing
+) -> Columns:
+    """Write the tables of a file into a store, shown now and then while it is made.
 
     Raises:
         RecordingError: there is no number in them.
     """
     tables = _Tables(writer)
+    last = source.last()
     for rows in source.rows():
         tables.take(rows)
         progress(min(rows.done, 0.99))
+        if showing.is_due and tables.infos:
+            so_far = _manifest(source, tables) | {"progress": min(rows.done, 0.99), "ended": max(tables.last, last)}
+            showing.show(writer.show(codec.plain(so_far)))
     if not tables.infos:
         raise RecordingError(f"There are no numbers in {source.path.name}.", "A table needs a row at least.")
+    return writer.finish(codec.plain(_manifest(source, tables)))
+
+
+def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:
     name = source.path.name
     device = wire.DeviceInfo(id=DEVICE, name=source.path.stem, source=name, link="file", status="ended")
-    manifest: dict[str, Any] = {
+    return {
         "format": source.format,
         "timed": source.timed,
         "about": {},
@@ -100,4 +113,3 @@ def decode_tables(source: TableSource, writer: ColumnsWriter, progress: Callable
         "damage": [asdict(damage) for damage in source.damage],
         "figures": {DEVICE: {"bytes": 0, "lost": 0, "gaps": 0, "rejects": 0, "messages": tables.counts}},
     }
-    return writer.finish(codec.plain(manifest))

@@ -80,8 +80,8 @@ def test_what_was_forwarded_is_in_the_log_and_in_the_recording(client: Client, b
     assert first["way"] == "tx"
     assert STREAM.startswith(bytes.fromhex(first["hex"]))
     client.post("/api/recordings/stop", json={}).raise_for_status()
-    [info] = until(client, "/api/recordings", lambda found: bool(found) and not found[0]["recording"])
-    detail = until(client, f"/api/recordings/{info['id']}", lambda body: "events" in body)
+    found: Any = until(client, "/api/recordings", lambda found: bool(found) and not found[0]["recording"])
+    detail = until(client, f"/api/recordings/{found[0]['id']}", lambda body: "events" in body)
     told = [event["text"] for event in detail["events"] if event["text"].startswith("Corrections ")]
     assert [text.partition(" from ")[0] for text in told] == ["Corrections", "Corrections"]
     assert told[0].endswith("are forwarded.")

@@ -10,8 +10,10 @@ import pytest
 from protocols import events
 from protocols.registry import PROTOCOLS
 from protocols.xbus.device import XbusDevice
+from recordings.columns import Columns
 from recordings.container import Writer
 from recordings.fared import fared
+from recordings.importers import open_file
 from recordings.packing import pack
 from recordings.parts import McapSource
 from server.library.opening import decode
@@ -146,7 +148,6 @@ def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None
 
 
 def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from recordings.columns import Columns
     from server.library import opening
     from server.library.details import channels_of
 
@@ -170,6 +171,30 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
     assert seen == sorted(seen)
     assert 0 < seen[0][1] <= store.rows(number)
     assert all(ended == pytest.approx(store.manifest["ended"], abs=0.02) for _, _, ended in seen)  # known before
+    assert "progress" not in store.manifest
+
+
+def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long CSV was a progress bar to its last row."""
+    from recordings import tables
+    from server.library import opening
+
+    monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
+    monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)
+    monkeypatch.setattr(tables, "BLOCK_BYTES", 4096)
+    path = tmp_path / "bench.csv"
+    path.write_text("time (s),acc_x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n % 7}\n" for n in range(2000)))
+    seen: list[tuple[float, int, float]] = []
+
+    def shown(folder: Path) -> None:
+        store = Columns(folder)
+        seen.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
+
+    store = decode(open_file(path), tmp_path / "store", speech.speech(), shown=shown)
+    assert len(seen) > 2
+    assert seen == sorted(seen)
+    assert 0 < seen[0][1] < store.rows(1) == 2000
+    assert {ended for _, _, ended in seen} == {store.manifest["ended"]}  # known before: the axis stays as it is
     assert "progress" not in store.manifest
 
 
