@@ -151,7 +151,7 @@ def test_a_file_plays_to_its_end_at_the_asked_speed(capture: Path) -> None:
         chunks = await gather(link, capture.stat().st_size)
         took = time.monotonic() - start
         assert joined(chunks) == capture.read_bytes()
-        assert 0.18 < took < 1.0
+        assert took > 0.18  # how much longer is the machine's: `test_play_waits_until_each_piece_is_due` counts it
         stamps = np.array([chunk.arrival_ns for chunk in chunks])
         assert (np.diff(stamps) >= 0).all()
         error = await dies(link)

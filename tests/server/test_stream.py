@@ -162,12 +162,11 @@ def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
             for reader in readers:
                 reader.subscribe(0)
                 reader.read(PATIENCE_S, lambda r: r.said("backfilled"))
-            started = time.monotonic()
             for _ in range(60):
                 source.send(1000)  # 96 kB each
                 readers[1].read(0.0)
                 readers[1].read(PATIENCE_S, lambda r: sum(f.n for f in r.live[source.channel]) == source.sent)
-            assert time.monotonic() - started < 5
+                assert _end(readers[1], source.channel) == source.sent, "it waited for the one that takes nothing"
             source.send(1)
             for reader in readers:
                 reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
@@ -218,7 +217,7 @@ def read_on(connection: ClientConnection) -> None:
 
 
 def test_live_data_do_not_wait_for_history() -> None:
-    """While minutes of history are on their way, live samples arrive within a few flushes."""
+    """While minutes of history are on their way, live samples arrive, and are answered by others that arrive."""
     with Running(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)
         for _ in range(40):
@@ -227,15 +226,14 @@ def test_live_data_do_not_wait_for_history() -> None:
             reader = Reader(connection)
             reader.subscribe()
             reader.read(PATIENCE_S, lambda r: r.history[source.channel])  # the first of many
-            delays = []
-            while not reader.said("backfilled") and len(delays) < 1000:
+            rounds = 0  # that came and went while history was on its way
+            while not reader.said("backfilled") and rounds < 1000:
                 source.send(10)
-                sent = time.monotonic()
                 reader.read(PATIENCE_S, lambda r: r.live[source.channel] and _end(r, source.channel) == source.sent)
-                delays.append(time.monotonic() - sent)
+                rounds += not reader.said("backfilled")
             assert assert_whole(reader, source.channel) == 0
             assert sum(frame.n for frame in reader.history[source.channel]) == 200_000
-            assert np.median(delays) < 0.1
+            assert rounds >= 3
 
 
 def test_text_that_is_none_ends_the_connection_without_a_fault_of_ours(server: ServerProcess) -> None:
