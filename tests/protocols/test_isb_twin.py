@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocols import motion
@@ -259,6 +259,7 @@ def test_nobody_listens_before_it_has_started() -> None:
     assert device.receive(frames.get_data(1, period=0), 1000) == b""
 
 
+@settings(max_examples=settings.default.max_examples // 3)  # each lets five seconds of it be sent
 @given(st.lists(st.binary(max_size=60), max_size=10))
 def test_whatever_it_is_told_it_goes_on(chunks: list[bytes]) -> None:
     device = awake()

@@ -5,73 +5,72 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from pathlib import Path
 
-import httpx
 import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
+from protocols.isb.device import IsbDevice
+from recordings.container import Writer
+from recordings.packing import pack
 from tests.looker import looking, turns
 from tests.patience import PATIENCE_S, connecting
 from tests.process import ServerProcess
 
+STARTED = 1.76e9  # unix s
+
 
 @pytest.fixture
-def recorded(serve: Callable[..., ServerProcess]) -> tuple[ServerProcess, str, float]:
-    """A server, the id of a recording of some seconds, and when that began."""
-    server = serve("twin:isb")
-    with httpx.Client(base_url=server.url, timeout=60) as client:
-        client.post("/api/recordings/start", json={"devices": None, "title": "a turn"}).raise_for_status()
-        time.sleep(4)
-        client.post("/api/recordings/stop", json={}).raise_for_status()
-        deadline = time.monotonic() + PATIENCE_S
-        while not (found := client.get("/api/recordings").json()):
-            assert time.monotonic() < deadline
-            time.sleep(0.1)
-    return server, found[0]["id"], found[0]["started"]
+def recorded(tmp_path: Path) -> Iterator[ServerProcess]:
+    """A server whose library holds four seconds of a device that turns."""
+    (tmp_path / "recordings").mkdir()
+    writer, device = Writer(tmp_path / "recordings" / "turn.mcap", {"title": "a turn"}), IsbDevice(start_ns=0)
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921_600, "protocol": "isb"})
+    for step in range(1, 400):
+        if data := device.advance(step * 10_000_000):
+            writer.chunk("1", "rx", data, round(STARTED * 1e9) + step * 10_000_000)
+    writer.close()
+    pack(tmp_path / "recordings" / "turn.mcap")
+    with ServerProcess("twin:isb", data=tmp_path) as server:
+        yield server
 
 
-async def seen(socket: ClientConnection, seconds: float) -> list[list[float]]:
-    """The orientations that come meanwhile."""
+async def at_rest(socket: ClientConnection) -> list[list[float]]:
+    """The orientations that come, of which there is one at least, until for a second none does."""
     found: list[list[float]] = []
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(seconds):
-            while True:
-                found += turns(await socket.recv())
+    before = -1
+    while not found or len(found) > before:
+        before = len(found)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(1):
+                while True:
+                    found += turns(await socket.recv())
     return found
 
 
-def test_a_scene_follows_the_player(recorded: tuple[ServerProcess, str, float]) -> None:
-    server, recording, started = recorded
-    asyncio.run(play(server.url, recording, started))
+def test_a_scene_follows_the_player(recorded: ServerProcess) -> None:
+    asyncio.run(play(recorded.url))
 
 
-async def play(url: str, recording: str, started: float) -> None:
-    page = f"{url.replace('http', 'ws', 1)}/ws/scene/{recording}"
-    async with asyncio.timeout(120):
+async def play(url: str) -> None:
+    page = f"{url.replace('http', 'ws', 1)}/ws/scene/turn"
+    async with asyncio.timeout(3 * PATIENCE_S):  # which goes by when it does not stand while it is paused
         async with connecting(page) as player:
             address = json.loads(await player.recv())["address"]
 
-            async def at(t: float, rate: float) -> None:
-                await player.send(json.dumps({"t": t, "rate": rate}))
+            async def at(t: float) -> None:
+                await player.send(json.dumps({"t": t, "rate": 0.0}))
 
             async with looking(url, address.rstrip("/")) as viewer:
-                await at(started + 1.5, 0.0)
-                first: list[list[float]] = []
-                while not first:
-                    first = await seen(viewer, 1)
-                assert await seen(viewer, 1) == [], "paused it stands"
-                await at(1e11, 0.0)  # beyond its end: its last row
-                last: list[list[float]] = []
-                while not last:
-                    last = await seen(viewer, 1)
+                await at(STARTED + 1.5)
+                first = await at_rest(viewer)
+                await at(1e11)  # beyond its end: its last row
+                last = await at_rest(viewer)
                 assert last[-1] != first[-1]
-                await at(started + 1.5, 0.0)
-                back: list[list[float]] = []
-                while not back:
-                    back = await seen(viewer, 1)
+                await at(STARTED + 1.5)
+                back = await at_rest(viewer)
                 assert back[-1] == first[-1], "the same place is the same picture"
         with pytest.raises(InvalidStatus):
             async with looking(url, address.rstrip("/")):
