@@ -6,7 +6,6 @@ textbook in the form that each message has (angles in NED, quaternions from body
 
 from __future__ import annotations
 
-import json
 import math
 import socket
 import struct
@@ -163,6 +162,14 @@ SKY = """() => {
 }"""
 
 
+def eventually(page: Page, true: Callable[[], object]) -> None:
+    """Wait for what is asked of the page in several steps."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not true():
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(100)
+
+
 def test_satellites_are_those_that_were_sent(families: ServerProcess, open_page: OpenPage) -> None:
     page = open_page(families.url)
     looking_at(page, "1")
@@ -172,7 +179,7 @@ def test_satellites_are_those_that_were_sent(families: ServerProcess, open_page:
         sky = page.evaluate(SKY)
         return sorted(sky["sent"]) == sorted(sky["shown"])
 
-    assert any(agree() or page.wait_for_timeout(250) for _ in range(20)), json.dumps(page.evaluate(SKY))
+    eventually(page, agree)
     table = page.get_by_role("table", name="Satellites by constellation")
     assert table.get_by_role("rowheader").count() == len(page.evaluate(SKY)["shown"])
     assert "used" in table.inner_text()
@@ -236,14 +243,6 @@ COVERED = """canvas => { const {data} = canvas.getContext("2d").getImageData(0, 
     let n = 0, of = 0;  // of every seventh pixel
     for (let k = 0; k < data.length; k += 28, of++) n += data[k] > 150 && data[k + 1] < 60 && data[k + 2] > 150;
     return n / of; }"""
-
-
-def eventually(page: Page, true: Callable[[], object]) -> None:
-    """Wait for what is asked of the page in several steps."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < deadline
-        page.wait_for_timeout(100)
 
 
 def test_a_map_lies_under_the_track_where_a_tile_server_is_configured(

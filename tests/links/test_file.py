@@ -18,6 +18,7 @@ from recordings.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
 from server.links import open_link
 from server.links.file import FileLink
 from tests.links.bench import dies, fails, frame, gather, joined, left_behind, opened, settings
+from tests.patience import PATIENCE_S
 
 
 def run(coroutine: Any) -> Any:
@@ -191,10 +192,9 @@ def test_a_short_stretch_of_another_protocol_is_told(
     async def check() -> None:
         link = open_link(f"{path}?speed=2", settings())
         async with opened(link):
-            for _ in range(500):
-                if link.notices:
-                    break
-                await asyncio.sleep(0.01)
+            async with asyncio.timeout(PATIENCE_S):
+                while not link.notices:
+                    await asyncio.sleep(0.01)
             (notice,) = link.notices
             assert "mixed.bin holds messages of IDTP 2.1 too; it is read as Xsens MTi (Xbus)." in notice
         path.write_bytes(stream(5.0))
