@@ -2,6 +2,7 @@
 
 400, Field unit "Hz"          "400 Hz"          2, choices {2: "115 200 Bd"}    "115 200 Bd"
 0x12, named bits              "A, C"            [0.0, 0.0, 1.0], unit "m"       "0, 0, 1 m"
+                                                [52.0, 6.0, 30.0], unit "°,°,m" "52 °, 6 °, 30 m"
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ def words(field: Field, value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, list | tuple):
+        units = field.unit.split(",")
+        if len(units) == len(value) > 1:  # each has its own: "°,°,m"
+            return _short(", ".join(f"{_one(field, item)} {unit}" for item, unit in zip(value, units, strict=True)))
         text = ", ".join(_one(field, item) for item in value) if value else "none"
         return _short(f"{text} {field.unit}" if field.unit and value else text)
     text = _one(field, value)

@@ -74,17 +74,25 @@ def _in_words(row: Setting, values: Mapping[str, Any]) -> Iterator[SettingRow]:
             yield from _list(field, value)
             continue
         for path, one, inside in flat((field,), {field.name: value}):
-            yield SettingRow("" if alone else title_at(row.fields, path), words(one, inside))
+            yield SettingRow("" if alone else _titled(title_at(row.fields, path)), words(one, inside))
     known = {field.name for field in row.fields}
     yield from _as_they_stand({name: value for name, value in values.items() if name not in known})
 
 
+def _titled(title: str) -> str:
+    """A title; where the table gives none it is a name, of which short ones ("q0") are symbols."""
+    return spaced(title) if len(title) > 2 and (title[0].islower() or "_" in title) else title
+
+
 def _list(field: Field, entries: list[Any]) -> Iterator[SettingRow]:
-    title = field.title or field.name
+    title = field.title or spaced(field.name)
     if not entries:
         yield SettingRow(title, "none")
     for place, entry in enumerate(entries[:_LISTED]):
-        told = [f"{title_at(field.fields, path)} {words(one, value)}" for path, one, value in flat(field.fields, entry)]
+        told = [
+            f"{_titled(title_at(field.fields, path))} {words(one, value)}"
+            for path, one, value in flat(field.fields, entry)
+        ]
         yield SettingRow(f"{title} {place + 1}", entry_comment(field.fields, entry) or ", ".join(told))
     if len(entries) > _LISTED:
         yield SettingRow(title, f"and {len(entries) - _LISTED} more")

@@ -27,17 +27,24 @@ def snapshot(protocol: str, product: str, values: dict[str, Any], **more: Any) -
 def test_rates_flags_and_units_are_in_words() -> None:
     """They were wire values: "data identifier 16416, output frequency 400", "flags 16"."""
     place = {"latitude": 52.0, "longitude": 6.0, "altitude": 30.0}
+    sentences = {"string_types": 0, "frequency": 10}
     values = {"OutputConfiguration": {"outputs": OUTPUTS}, "LatLonAlt": place, "OptionFlags": {"flags": 16}}
+    values["StringOutputType"] = sentences
     found = told(snapshot("xbus", "MTi-630", values))
     assert found["OutputConfiguration"] == {"Acceleration": "400 Hz", "Quaternion": "100 Hz, NED"}
     assert [words[-2:] for words in found["LatLonAlt"].values()] == [" °", " °", " m"]
+    assert found["StringOutputType"] == {"String types": "none", "Frequency": "10 Hz"}
     assert found["OptionFlags"][""].replace(" ", "").isidentifier()  # its name
 
 
 def test_a_data_set_is_told_field_by_field_with_units_and_choices() -> None:
-    values = {"DID_FLASH_CONFIG": {"startupImuDtMs": 4, "later": 7}, "DID_BIT": {"command": 2}}
+    values = {
+        "DID_FLASH_CONFIG": {"startupImuDtMs": 4, "refLla": [52.0, 6.0, 30.0], "later": 7},
+        "DID_BIT": {"command": 2},
+    }
     found = told(snapshot("isb", "IMX-5", values))
     assert "4 ms" in found["DID_FLASH_CONFIG"].values()
+    assert "52.00000000 °, 6.00000000 °, 30.00000000 m" in found["DID_FLASH_CONFIG"].values()
     assert "7" in found["DID_FLASH_CONFIG"].values()  # a field that the table has not got
     assert list(found["DID_BIT"].values()) == ["FULL_STATIONARY"]
 
