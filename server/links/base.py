@@ -163,6 +163,13 @@ class Link(ABC):
             LinkError: the link is dead; everything that came before has been returned.
         """
 
+    def read_now(self) -> list[Chunk]:
+        """What has arrived by now, which `read` does not return then; may be nothing."""
+        return []
+
+    def expect(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do
+        """Something was sent, and an answer may come: it must not wait."""
+
     @abstractmethod
     async def write(self, data: bytes) -> None:
         """Send `data` whole.

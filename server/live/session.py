@@ -77,9 +77,7 @@ class Session:
         self._portrait = Portrait(hub, info, speech.title)
         self._set = self._portrait.set
         self._link = link
-        self._hub = hub
-        self._speech = speech
-        self._reading = reading
+        self._hub, self._speech, self._reading = hub, speech, reading
         self._greeted = False
         self._greeting: asyncio.Task[None] | None = None
         self._senders = Senders(hub, self._portrait, speech.title)
@@ -92,9 +90,8 @@ class Session:
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
         self._patience, self._deafness = Patience(), Deafness()
-        self._stalled = False
+        self._stalled = self._dirty = False
         self._looks = 0  # since bytes came last
-        self._dirty = False
         self._retry_s = FIRST_RETRY_S
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -240,6 +237,7 @@ class Session:
         """
         async with self._sending:
             began_ns = self._link.settings.now_ns()  # before: an answer must not seem older than its question
+            self._link.expect()
             await self._link.write(data)
             self._sent.tell(data, began_ns)
             self._chunk_listeners.tell(data, began_ns, "tx")
@@ -371,6 +369,8 @@ class Session:
 
     def _drain(self, *, final: bool = False) -> None:
         """Decode what has come. Called by the hub before each flush; a fault here is this device's alone."""
+        if self._opened_at is not None and (chunks := self._link.read_now()):
+            self._take(chunks)
         if not (self._dirty or final):
             return
         self._dirty = False
