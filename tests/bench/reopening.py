@@ -44,31 +44,42 @@ from tests.process import ServerProcess  # noqa: E402
 NAME = "hour"
 TICK = os.sysconf("SC_CLK_TCK")
 
-# Does something, and tells after how many ms a frame was painted in which `true` held; `marks`: when each of these did.
+# Does something, and tells after how many ms a frame was painted in which all marks held; and when each of them did.
+# A message that is posted in a frame comes when that has been painted. `hasPlot`: lines were drawn between the plots'
+# first samples and now, so that an empty plot is none.
 WATCH = """
 window.watch = (act, marks) => new Promise((done, failed) => {
-  const found = {}, names = Object.keys(marks), began = performance.now();
+  const found = {}, names = Object.keys(marks), began = performance.now(), channel = new MessageChannel();
   performance.clearResourceTimings();
+  channel.port1.onmessage = () => {
+    found.painted = performance.now() - began;
+    found.requests = performance.getEntriesByType("resource").map(
+      one => [one.name.replace(/^.*?\\/\\/[^/]+/, "").replace(/\\?.*/, ""),
+        one.startTime - began, one.responseStart - began, one.responseEnd - began].map(
+          x => typeof x === "number" ? Math.round(x) : x));
+    done(found);
+  };
   const look = () => {
     for (const name of names) if (!(name in found) && marks[name]()) found[name] = performance.now() - began;
     if (performance.now() - began > 60_000) return failed(new Error("never: " + names.filter(n => !(n in found))));
     if (names.some(name => !(name in found))) return requestAnimationFrame(look);
-    requestAnimationFrame(() => {
-      const channel = new MessageChannel();
-      channel.port1.onmessage = () => {
-        found.painted = performance.now() - began;
-        found.requests = performance.getEntriesByType("resource").map(
-          one => [one.name.replace(/^.*?\\/\\/[^/]+/, "").replace(/\\?.*/, ""),
-            one.startTime - began, one.responseStart - began, one.responseEnd - began].map(
-              x => typeof x === "number" ? Math.round(x) : x));
-        done(found);
-      };
-      channel.port2.postMessage(0);
-    });
+    channel.port2.postMessage(0);
   };
   act();
-  look();
+  requestAnimationFrame(look);
 });
+let lines = 0;
+const lineTo = CanvasRenderingContext2D.prototype.lineTo;
+CanvasRenderingContext2D.prototype.lineTo = function (x, y) {
+  lines += 1;
+  return lineTo.call(this, x, y);
+};
+window.hasSamples = () => {
+  const has = window.imuscopeReplay?.drawn.channels.value.some(({ring}) => ring.length > 20) === true;
+  if (!has) lines = 0;
+  return has;
+};
+window.hasPlot = () => window.hasSamples() && lines > 400;
 window.press = (selector, x = 0.5) => {
   const target = document.querySelector(selector), box = target.getBoundingClientRect();
   const [clientX, clientY] = [box.left + x * box.width, box.top + box.height / 2];
@@ -76,14 +87,10 @@ window.press = (selector, x = 0.5) => {
   try { target.dispatchEvent(new PointerEvent("pointerdown", at)); } catch { }
   target.dispatchEvent(new PointerEvent("pointerup", at));
 };
-window.hasPlot = () => {
-  const replay = window.imuscopeReplay;
-  return replay !== undefined && replay.drawn.channels.value.some(({ring}) => ring.length > 20);
-};
 """
 LINK = "document.querySelector('.recs tbody tr b a')"
 OPEN = f"""watch(() => {LINK}.click(), {{
-  page: () => window.imuscopeReplay !== undefined, plot: window.hasPlot}})"""
+  page: () => window.imuscopeReplay !== undefined, samples: window.hasSamples, plot: window.hasPlot}})"""
 POINT = f"""async () => {{
   {LINK}.dispatchEvent(new PointerEvent("pointerenter"));
   await new Promise(done => setTimeout(done, 150));
