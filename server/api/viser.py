@@ -23,7 +23,7 @@ from server.api.errors import ApiError, responses
 from server.api.page import HEADERS
 from server.serving import MOST_FROM_VIEWER
 from server.views.aside import PER_S
-from server.views.proxy import VIEWER_POLICY, ViewError, anything, fetch, relay, turn_away
+from server.views.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
 from server.views.replayed import Replayed
 from server.views.viser import Viser
 
@@ -96,7 +96,7 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
             speaks=lambda name: name.startswith("viser-v"),
             most_up=MOST_FROM_VIEWER,
             most_down=MOST_DOWN,
-            passes=anything if socket.state.role == "control" else only_looks,
+            passes=is_said if socket.state.role == "control" else only_looks,
         )
     finally:
         viser.left(key)
@@ -136,13 +136,22 @@ class _Said(msgspec.Struct):
     type: str
 
 
+def is_said(message: bytes | str) -> bool:
+    """Is this a message of viser's browser at all? On one that is none viser would end the connection."""
+    return _sort_of(message) != ""
+
+
 def only_looks(message: bytes | str) -> bool:
     """May who only looks send this to viser? Where they look from, which is their own; a scene's panel and its mesh are
     everybody's: to choose there needs control."""
+    return _sort_of(message) == "ViewerCameraMessage"
+
+
+def _sort_of(message: bytes | str) -> str:
     try:
-        return isinstance(message, bytes) and _SAID.decode(message).type == "ViewerCameraMessage"
-    except msgspec.MsgspecError:
-        return False
+        return _SAID.decode(message).type if isinstance(message, bytes) else ""
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        return ""
 
 
 _SAID = msgspec.msgpack.Decoder(_Said)

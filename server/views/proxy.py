@@ -28,7 +28,8 @@ from server.wire import Problem
 
 OPEN_S = 10.0
 STUCK_S = 20.0
-TRY_LATER, RESTARTING = 1013, 1012  # codes of a closed WebSocket (IANA registry)
+TRY_LATER, RESTARTING, FAILED = 1013, 1012, 1011  # codes of a closed WebSocket (IANA registry)
+GOING, LOST = 1001, 1006  # how a viewer that ends says so, and one that cannot say it any more
 
 # A viewer's page may do what its own code needs, but talk to nobody else than this server.
 VIEWER_POLICY = (
@@ -105,10 +106,6 @@ def _fetch(door: Door, path: str, most: int, gzip: bool) -> Page:
         connection.close()
 
 
-def anything(message: bytes | str) -> bool:
-    return True
-
-
 async def relay(
     browser: WebSocket,
     door: Door,
@@ -116,7 +113,7 @@ async def relay(
     speaks: Callable[[str], bool],
     most_up: int,
     most_down: int,
-    passes: Callable[[bytes | str], bool] = anything,
+    passes: Callable[[bytes | str], bool] = lambda message: True,
 ) -> None:
     """Accept a browser's WebSocket and be the pipe to a viewer's until either ends.
 
@@ -172,8 +169,10 @@ async def _pump(
         transport.abort()
     elif not up.cancelled() and isinstance(up.exception(), _TooLargeError):
         await _close(browser, 1009, "too large")
-    else:
+    elif viewer.close_code in (None, GOING, LOST):
         await _close(browser, RESTARTING, "the viewer has ended")
+    else:
+        await _close(browser, FAILED, "the viewer has ended this connection")
 
 
 async def _close(browser: WebSocket, code: int, reason: str) -> None:

@@ -149,5 +149,5 @@ def test_a_reader_that_is_wrong_is_caught(files_search: files.Search, monkeypatc
 
 def test_each_has_run_for_ten_minutes() -> None:
     runs = json.loads((Path(__file__).parent / "runs.json").read_text())
-    for name in ("http", "files"):
+    for name in ("http", "ws", "files"):
         assert max(run["minutes"] for run in runs if run["protocol"] == name) >= 10, name

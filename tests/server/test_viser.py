@@ -81,6 +81,22 @@ def test_a_foreign_page_and_a_foreign_name_are_refused(shown: httpx.Client, serv
     assert shown.get("/viser/", headers={"X-Forwarded-For": "1.2.3.4"}).status_code == 401
 
 
+def test_what_is_no_message_of_its_page_does_not_reach_it(server: ServerProcess) -> None:
+    """viser ended the connection on it, which was told as the end of viser."""
+
+    async def turns_after(*said: str | bytes) -> int:
+        async with asyncio.timeout(90), looking(server.url) as socket:
+            for one in said:
+                await socket.send(one)
+            while not turns(await socket.recv()):
+                pass
+            for _ in range(20):
+                await socket.recv()
+            return 20
+
+    assert asyncio.run(turns_after("7", b"\x07", b"\xa9\x1fR5", b"\xff" * 40)) == 20
+
+
 def test_a_message_that_is_too_large_ends_the_connection(server: ServerProcess) -> None:
     async def attempt() -> int | None:
         address = server.url.replace("http", "ws") + "/viser"
