@@ -84,4 +84,4 @@ def test_a_recording_that_is_not_there_has_no_scene(server: ServerProcess) -> No
 
     with pytest.raises(InvalidStatus) as refused:
         asyncio.run(attempt())
-    assert refused.value.response.status_code == 503
+    assert refused.value.response.status_code == 404
