@@ -30,7 +30,7 @@ from recordings.container import Direction, RecordingError, Writer
 
 log = logging.getLogger("imuscope.tape")
 
-GATHER_S = 0.008  # one write for what comes within; a killed process may lose 20 ms, 2 of them in its link
+GATHER_S = 0.008  # one write for what comes within; a killed process may lose 20 ms, 9 of them in its link
 SYNC_S = 1.0
 _BATCH = 4096  # chunks written at once, so that a part ends near its size
 
