@@ -29,7 +29,7 @@ from server.links.base import Chunk, Link, LinkError
 
 log = logging.getLogger(__name__)
 
-WAKE_NS = 9_000_000  # longer than the 8 ms between two flushes for a browser, so that these come first; recordings/tape.py
+WAKE_NS = 9_000_000  # longer than between two flushes for a browser, 8 ms, so that these come first
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # the same for so long after something was sent
 # A session reads all the time; should it be held up, the kernel's own buffer fills behind this much, as it would
 # behind any slow program, and memory stays bounded.
