@@ -103,11 +103,17 @@ def keep(path: Path, functions: Mapping[str, Any], *parts: Path) -> None:
 
 
 def load(path: Path) -> dict[str, Callable[..., Any]]:
-    """The functions of the file by their names; none where it does not fit or cannot be read."""
+    """The functions of the file by their names; none where it does not fit, or numba is not made as we know it."""
     found = _read(path)
     if found is None:
         return {}
-    rows, at, data = found
+    try:
+        return _functions(*found)
+    except (ImportError, AttributeError, LookupError, RuntimeError, TypeError):
+        return {}
+
+
+def _functions(rows: list[Any], at: int, data: bytes) -> dict[str, Callable[..., Any]]:
     engine, dynfunc = _engine(), _extension("numba._dynfunc")
     from llvmlite import binding as llvm
 

@@ -40,18 +40,23 @@ def ended(pid: int) -> bool:
         return True
 
 
-@linux
-def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
-    """It went on trying its port, and took the next run's terminal, which has the same name: no benchmark finished."""
-    with subprocess.Popen([sys.executable, "-c", STARTER], cwd=ROOT, stdout=subprocess.PIPE, text=True) as starter:
-        assert starter.stdout
-        child = int(starter.stdout.readline())
-        assert not ended(child)
-        starter.send_signal(signal.SIGKILL)
+def ends_with(starter: subprocess.Popen[str]) -> None:
+    """Kill what has started a server and printed its number: the server ends, too."""
+    assert starter.stdout
+    child = int(starter.stdout.readline())
+    assert not ended(child)
+    starter.send_signal(signal.SIGKILL)
     deadline = time.monotonic() + PATIENCE_S
     while not ended(child) and time.monotonic() < deadline:
         time.sleep(0.02)
     assert ended(child)
+
+
+@linux
+def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
+    """It went on trying its port, and took the next run's terminal, which has the same name: no benchmark finished."""
+    with subprocess.Popen([sys.executable, "-c", STARTER], cwd=ROOT, stdout=subprocess.PIPE, text=True) as starter:
+        ends_with(starter)
 
 
 @linux
@@ -103,14 +108,7 @@ def test_a_forked_server_ends_with_the_tests_that_were_killed(tmp_path: Path) ->
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", FORKING, str(tmp_path)]
     with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as starter:
-        assert starter.stdout
-        child = int(starter.stdout.readline())
-        assert not ended(child)
-        starter.send_signal(signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE_S
-    while not ended(child) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert ended(child)
+        ends_with(starter)
 
 
 @linux

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from server.codec import Samples
 
 MESSAGES_PER_S = 30.0
-DELAY_S = (
-    1 / MESSAGES_PER_S + 0.012
-)  # a message's rows are shown while the next one is on its way, which takes a little
+ON_ITS_WAY_S = 0.012
+DELAY_S = 1 / MESSAGES_PER_S + ON_ITS_WAY_S  # a message's rows are shown while the next one comes
 FAR_S = 1.0  # device time further than that from arrival is not when it was measured, as far as anybody can tell
 OVERDUE_S = 0.5  # what waits longer has a time that makes no sense here
 MOST_WAITING = 32  # messages, while nobody looks

@@ -81,6 +81,16 @@ def test_code_for_another_processor_or_version_is_not_run(kept: Path, monkeypatc
     assert machine_code.load(kept) == {}
 
 
+def test_another_numba_does_the_work_itself(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its modules in C are nowhere promised."""
+
+    def refuse(name: str) -> Any:
+        raise ImportError(f"numba has no {name}")
+
+    monkeypatch.setattr(machine_code, "_extension", refuse)
+    assert machine_code.load(kept) == {}
+
+
 def test_a_file_is_written_whole_or_not_at_all(kept: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
         machine_code.keep(tmp_path / "none" / "x.bin", {})
