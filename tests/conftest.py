@@ -178,7 +178,7 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
         # page can prevent.
         refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
-            complaints.append(f"console: {message.text}")
+            complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 
     def connected(socket: WebSocket) -> None:
         if urlsplit(socket.url).netloc != home:

@@ -42,6 +42,8 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
 }
 FOR_EVER = "public, max-age=31536000, immutable"
+# A browser asks for this name by itself where a document names no icon: a recording's JSON in a tab, a style sheet.
+SAME = {"favicon.ico": "icon.svg"}
 ENCODINGS = (("br", ".br"), ("gzip", ".gz"))
 TYPES = {
     ".js": "text/javascript",
@@ -128,7 +130,7 @@ async def page(request: Request, name: str) -> Response:
     """A file of the page; its own addresses (no dot in the last part, asked for as HTML) are all index.html."""
     files: Files = request.app.state.files
     is_view = "." not in name.rpartition("/")[2] and "text/html" in request.headers.get("accept", "")
-    found = serve(request, files, name) if name else None
+    found = serve(request, files, SAME.get(name, name)) if name else None
     if found is None and (not name or (is_view and not name.startswith("api/"))):
         found = serve(request, files, "index.html") or HTMLResponse(
             MISSING, 503, {**HEADERS, "cache-control": "no-store"}

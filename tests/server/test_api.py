@@ -255,6 +255,7 @@ def test_ports(client: Client) -> None:
 def test_the_page_and_its_headers(tmp_path: Path) -> None:
     (tmp_path / "assets").mkdir()
     (tmp_path / "index.html").write_text("<p>page</p>")
+    (tmp_path / "icon.svg").write_text("<svg/>")
     (tmp_path / "assets" / "a-123.js").write_text("1")
     (tmp_path / "assets" / "a-123.js.br").write_bytes(b"brotli")
     (tmp_path / "assets" / "a-123.js.gz").write_bytes(b"gzip")
@@ -277,6 +278,8 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
         assert client.get("/recordings", headers={"accept": "text/html"}).text == "<p>page</p>"
         assert client.head("/").status_code == 200
         assert_problem(client.get("/../config.py"), 404)
+        icon = client.get("/favicon.ico")  # what a browser asks for by itself
+        assert (icon.text, icon.headers["content-type"]) == ("<svg/>", "image/svg+xml")
         assert_problem(client.get("/assets"), 404)
 
 
