@@ -160,6 +160,9 @@ class Library:
         entry = self.get(recording)
         stat = entry.path.stat()
         body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summary(columns)}
+        for device in body["devices"]:
+            if device["name"] == entry.path.name:
+                device["name"] = ""  # it has none but its file's, which may change
         with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
             (self.folder / INDEX).mkdir(exist_ok=True)
             durable.write(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
@@ -224,7 +227,7 @@ class Library:
             told = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
             if (told["size"], told["modified_ns"]) != stamp:
                 return
-            entry.peek = _completed(entry.peek, told)
+            entry.peek = _completed(entry.peek, told, entry.path.name)
             entry.thumbnail, entry.losses = told["thumbnail"], told["losses"]
             entry.marker_texts = told["markers"]
             entry.indexed = True
@@ -441,13 +444,13 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
     return list(found.items())
 
 
-def _completed(known: Peek, told: dict[str, Any]) -> Peek:
+def _completed(known: Peek, told: dict[str, Any], file: str) -> Peek:
     """What the file says of itself, with what was found when it was opened."""
     return replace(
         known,
         started=told["started"] if told["started"] is not None else known.started,
         duration=told["duration"] if told["duration"] is not None else known.duration,
-        devices=[Device(**device) for device in told["devices"]] or known.devices,
+        devices=[Device(**{**one, "name": one["name"] or file}) for one in told["devices"]] or known.devices,
         damaged=told["damaged"] or known.damaged,
     )
 

@@ -6,6 +6,7 @@ little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken 
                            is dropped, and not in megabytes of kernel buffer, where it would only grow old
 TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart
 the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
+frames go out as they are  where they were made once for all browsers, and the socket takes them at once
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
+from websockets.protocol import State
 
 from server import ending
 from server.config import Config
@@ -50,7 +52,17 @@ class LiveProtocol(WebSocketsSansIOProtocol):
         super().handle_connect(event)
         scope = getattr(self, "scope", None)
         if scope is not None:  # the handshake was a WebSocket's
-            cast(dict[str, Any], scope["extensions"])["imuscope.transport"] = self.transport
+            extensions = cast(dict[str, Any], scope["extensions"])
+            extensions["imuscope.transport"] = self.transport
+            extensions["imuscope.send_now"] = self.send_now
+
+    def send_now(self, frame: bytes) -> bool:
+        """Send a whole frame of a server, ready made, if nothing waits before it; else do nothing and say False."""
+        transport = self.transport
+        if self.conn.state is not State.OPEN or transport.get_write_buffer_size() or transport.is_closing():
+            return False
+        transport.write(frame)
+        return True
 
     def handle_ping(self) -> None:
         """Answered at once, by the library, without anything that waits: so who sends a flood of them is cut off."""

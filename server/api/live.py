@@ -1,8 +1,9 @@
 """The WebSocket: what server/wire.py specifies, carried out for one browser.
 
 Two tasks per browser: one reads its requests, one takes from its outbox and sends. Sending waits for the socket, never
-for anything else, and nothing else waits for it. A socket that does not take a byte for `STUCK_S` is closed: progress
-is seen in the transport's buffer, so that a slow link that crawls is not taken for a dead one.
+for anything else, and nothing else waits for it; what a socket takes at once never comes here (server/live/outbox.py).
+A socket that does not take a byte for `STUCK_S` is closed: progress is seen in the transport's buffer, so that a slow
+link that crawls is not taken for a dead one.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ class Sender:
         self._socket = socket
         self._hub = hub
         self._wake = asyncio.Event()
-        self.outbox = Outbox(self._wake.set)
-        self._transport: asyncio.WriteTransport | None = socket.scope.get("extensions", {}).get("imuscope.transport")
+        extensions = socket.scope.get("extensions", {})
+        self.outbox = Outbox(self._wake.set, send_now=extensions.get("imuscope.send_now", lambda frame: False))
+        self._transport: asyncio.WriteTransport | None = extensions.get("imuscope.transport")
         self.peer = socket.client.host if socket.client is not None else ""
         self._waiting = 0
         self._stuck_since: float | None = None

@@ -115,12 +115,12 @@ class Catalogue:
 
     def rename(self, recording: str, name: str) -> Entry:
         """Give its file another name; what was decoded of it goes on to be found. Raises as Library.rename does."""
-        before = self._store(recording)
+        was, before = self.library.get(recording), self._store(recording)
         entry = self.library.rename(recording, name)
         after = self._store(entry.id)
-        if (
-            entry.peek.format == "mcap" and before is not None and after is not None
-        ):  # others tell things by their names
+        # What tells a device by its file's name is decoded anew.
+        is_same = entry.peek.format == "mcap" and all(one.name != was.path.name for one in was.peek.devices)
+        if is_same and before is not None and after is not None:
             with contextlib.suppress(OSError):
                 before.rename(after)
         return entry

@@ -12,6 +12,10 @@ Dropped samples are told exactly: the next frame of the channel that does go out
 before it (`dropped` in its header), and `dropped_of` keeps the sums for the health report. A packet is one bytes object
 for all browsers; only a frame whose count must be written is copied.
 
+Where nothing waits and the socket takes it at once, a packet goes out as it is offered, as a WebSocket frame that was
+made once for all browsers: waking a task per browser and flush, and what lies between it and the socket, would cost
+more than all else that a server with fifty browsers does.
+
 This file holds no task and no clock: server/api/live.py takes and sends.
 """
 
@@ -21,6 +25,9 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+
+from websockets.frames import Frame as SocketFrame
+from websockets.frames import Opcode
 
 from server.codec import with_dropped
 from server.live.ring import Ring
@@ -41,18 +48,25 @@ class Frame:
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Packet:
     """The frames of one flush, and the same bytes in one piece."""
 
     frames: tuple[Frame, ...]
     data: bytes
     at: float = 0.0  # unix s of the flush
+    _ready: bytes = b""
 
     @staticmethod
     def of(frames: Iterable[Frame], at: float = 0.0) -> Packet:
         kept = tuple(frames)
         return Packet(kept, b"".join([frame.data for frame in kept]), at)
+
+    def ready(self) -> bytes:
+        """The WebSocket frame (RFC 6455, 5.2) that carries it from a server, the same for every browser."""
+        if not self._ready:
+            self._ready = SocketFrame(Opcode.BINARY, self.data).serialize(mask=False)
+        return self._ready
 
 
 class History:
@@ -93,14 +107,21 @@ class Outbox:
     Args:
         on_ready: called when there is something to take where there was nothing.
         limit: bytes of live samples that may wait.
+        send_now: sends a whole WebSocket frame if its socket takes it at once, else says False and does nothing.
     Attributes:
         interval_s: there is no use in offering it samples sooner after the last ones than that.
     """
 
     interval_s = 0.0
 
-    def __init__(self, on_ready: Callable[[], None] = lambda: None, limit: int = LIVE_BYTES) -> None:
+    def __init__(
+        self,
+        on_ready: Callable[[], None] = lambda: None,
+        limit: int = LIVE_BYTES,
+        send_now: Callable[[bytes], bool] = lambda frame: False,
+    ) -> None:
         self._on_ready = on_ready
+        self._send_now = send_now
         self._limit = limit
         self._texts: deque[str] = deque()
         self.text_bytes = 0  # characters, of what waits
@@ -147,11 +168,19 @@ class Outbox:
                 return
             if len(frames) != len(packet.frames):
                 packet = Packet.of(frames, packet.at)
+        if not self._is_waiting and self._send_now(packet.ready()):
+            self.sent_bytes += len(packet.data)
+            return
         self._live.append(packet)
         self._live_bytes += len(packet.data)
         while self._live_bytes > self._limit:
             self._drop(self._live.popleft())
         self._on_ready()
+
+    @property
+    def _is_waiting(self) -> bool:
+        """Is there something that live samples may not overtake?"""
+        return bool(self._texts or self._latest or self._live or self._missing or self.sending_since is not None)
 
     def _drop(self, packet: Packet) -> None:
         self._live_bytes -= len(packet.data)

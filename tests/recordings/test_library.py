@@ -191,6 +191,18 @@ def test_an_opened_recording_shows_its_motion_and_losses(tmp_path: Path) -> None
     assert not library.get("a").indexed  # another file by now
 
 
+def test_a_device_that_has_but_its_files_name_goes_by_the_new_one(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(bytes.fromhex("FAFF3E00C3") * 100)
+    library = Library(tmp_path)
+    columns = store(tmp_path / "store", devices=1)
+    columns.manifest["devices"][0]["name"] = "a.bin"
+    library.learn("a", columns)
+    assert [device.name for device in library.get("a").peek.devices] == ["a.bin"]
+    entry = library.rename("a", "battery pulled")
+    assert entry.indexed
+    assert [device.name for device in entry.peek.devices] == ["battery pulled.bin"]
+
+
 def test_an_upload_appears_when_it_is_whole_and_is_a_recording(tmp_path: Path) -> None:
     library = Library(tmp_path / "library")
     content = recording(tmp_path / "x.mcap").read_bytes()

@@ -57,6 +57,76 @@ def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> 
             assert told[channel] == box.dropped_of.get(channel, 0)
 
 
+def payload(data: bytes) -> bytes:
+    """What a server's unfragmented binary frame carries (RFC 6455, 5.2)."""
+    head, length = data[0], data[1]
+    assert head == 0x82
+    at = {126: 4, 127: 10}.get(length, 2)
+    said = length if at == 2 else int.from_bytes(data[2:at], "big")
+    assert len(data) == at + said
+    return data[at:]
+
+
+@given(st.lists(st.sampled_from(["offer", "large", "say", "take", "open", "shut"]), max_size=80))
+def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps: list[str]) -> None:
+    """A socket that takes frames at once now and then: all arrives once, in the order it was offered."""
+    wire: list[str | bytes] = []
+    is_open = True
+
+    def send_now(data: bytes) -> bool:
+        if is_open:
+            wire.append(payload(data))
+        return is_open
+
+    box = Outbox(limit=20_000, send_now=send_now)
+    box.subscribe(None, NOTHING, "")
+    assert box.take_history(0.0) is None
+    assert box.take() == ""
+    total, said = 0, 0
+    for step in [*steps, *["take"] * len(steps)]:
+        if step in ("offer", "large"):
+            n = 3 if step == "offer" else 3000
+            box.offer(Packet.of([frame(1, total, n)]))
+            total += n
+        elif step == "say":
+            box.say(f"{total}")
+            said += 1
+        elif step == "take":
+            if (message := box.take()) is not None:
+                wire.append(message)
+        else:
+            is_open = step == "open"
+    at = dropped = 0
+    for message in wire:
+        if isinstance(message, str):
+            assert int(message) >= at, "text goes before the samples that come after it"
+            continue
+        for samples in decode_samples(message, {1: ["f8"]}):
+            assert samples.sequence == at + samples.dropped
+            at = samples.sequence + samples.n
+            dropped += samples.dropped
+    assert sum(isinstance(message, str) for message in wire) == said
+    assert dropped <= box.dropped
+    assert at == total or box.dropped > dropped
+
+
+def test_while_a_message_is_on_its_way_nothing_goes_at_once() -> None:
+    went: list[bytes] = []
+    box = Outbox(send_now=lambda data: went.append(data) is None)
+    box.subscribe(None, NOTHING, "")
+    assert box.take_history(0.0) is None
+    assert box.take() == ""
+    box.sending_since = 1.0
+    box.offer(Packet.of([frame(1, 0, 5)]))
+    assert not went
+    assert isinstance(box.take(), bytes)
+    box.sending_since = None
+    box.offer(Packet.of([frame(1, 5, 5)]))
+    assert len(went) == 1
+    assert box.idle
+    assert box.sent_bytes == len(payload(went[0]))
+
+
 def test_a_slow_browser_is_told_exactly_how_many() -> None:
     box = outbox(limit=3 * len(frame(1, 0, 10).data))
     for k in range(10):

@@ -92,7 +92,7 @@ export class Legend {
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
       const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base, reads)), decimals)}`;
       value.set(text);
-      if (narrow) makeRoom(row, Math.max(text.length, decimals + (isAngle(series) ? 5 : 3)));
+      if (narrow) makeRoom(row, Math.max(text.length, decimals + usualRoom(series)));
       button.classList.toggle("diff", from !== undefined);
     }
   }
@@ -105,9 +105,12 @@ function makeRoom(row: Row, characters: number): void {
   row.text.style.width = `${characters}ch`; // not at least so wide: a minus may come from a font that is wider by a hair
 }
 
-/** An angle may need "−179." before its decimals, most else that changes quickly no more than "−9.". */
-function isAngle({ channel, column }: Series): boolean {
-  return (channel.info.columns[column]?.unit || channel.info.unit) === "°";
+/** Characters that a value needs before its decimals: an angle "−179.", an acceleration "−19.", most else "−9.". */
+const ROOM: Readonly<Record<string, number>> = { "°": 5, "°/s": 5, "m/s²": 4, "µT": 4 };
+const LEAST_ROOM = 3;
+
+function usualRoom({ channel, column }: Series): number {
+  return ROOM[channel.info.columns[column]?.unit || channel.info.unit] ?? LEAST_ROOM;
 }
 
 /** b − a, the short way round for an angle. */

@@ -32,8 +32,13 @@ export function choose(part: Partial<Choice>): void {
   choice.value = { ...choice.peek(), ...part };
 }
 
+let asked = 0;
+
+/** An answer that was overtaken by that to a later question tells of what was. */
 async function load(): Promise<void> {
+  const mine = ++asked;
   const outcome = await server.list();
+  if (mine !== asked) return;
   if (outcome.ok) all.value = outcome.value;
   trouble.value = outcome.ok ? undefined : outcome.problem;
 }
