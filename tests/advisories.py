@@ -41,6 +41,11 @@ class Range:
     fixed: str = ""
     last_affected: str = ""
 
+    def __str__(self) -> str:
+        """Where it ends, which is what one wants to know who is in it."""
+        after = f"the one after {self.last_affected}" if self.last_affected else ""
+        return f"fixed in {self.fixed or after}" if self.fixed or after else "no fix is known"
+
     def holds(self, version: Version) -> bool:
         """Whether it is affected."""
         at, ecosystem = rank(version.ecosystem, version.version), version.ecosystem

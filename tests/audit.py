@@ -1,27 +1,28 @@
 """What do we build on, may we, and is something known against it? `python tests/audit.py`, a part of tests/check.py.
 
-    licences           of what is installed and linked (its own words), of what the page ships    fails: not permissive
-    vulnerabilities    of every version in uv.lock and web/package-lock.json: one question to OSV    fails: one is known
+    licences      of what is installed and linked (its own words), of what the page ships       fails: not permissive
+    known         of every version in uv.lock and web/package-lock.json: tests/advisories.json  fails: one touches it
+    looked at     whether the table knows the package at all                                    fails: it does not
+    since then    one question to OSV, which knows what the table is too old for                fails: one is known
 
-OSV (https://osv.dev) gathers what PyPA, GitHub and npm know. When it cannot be reached nothing is known, and that is
-what is said, loudly and last: NOT CHECKED. It is no failure then, because a build without a network is none, unless
-IMUSCOPE_AUDIT=required is set, as for a release.
+The table needs no network, so what it knows is always checked; it says itself how far it reaches. When OSV cannot be
+reached nothing newer is known, and that is what is said, loudly and last: NOT CHECKED. It is no failure then, because
+a build without a network is none, unless IMUSCOPE_AUDIT=required is set, as for a release.
 
+Where OSV is reached, `python tests/audit.py --gather` writes the table anew: after a new dependency, and now and then.
 What is known and does not touch us is listed in `ACCEPTED` with its reason.
 """
 
 from __future__ import annotations
 
+import datetime
 import functools
 import json
 import os
 import re
 import sys
 import tomllib
-import urllib.error
-import urllib.request
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
@@ -29,27 +30,16 @@ from typing import Any
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parent.parent
-OSV = "https://api.osv.dev"
-TIMEOUT_S = 8.0
-MOST_ANSWER = 16 << 20
+sys.path.insert(0, str(ROOT))
+
+from tests import advisories, osv  # noqa: E402  (the project's root must be on the path first)
+from tests.advisories import Table, Version  # noqa: E402
 
 PERMISSIVE = re.compile(r"\b(MIT|BSD|0BSD|Apache|ISC|PSF|Python Software Foundation|Zlib|CC0|Unlicense)\b", re.I)
 COPYLEFT = re.compile(r"\b(A|L)?GPL|General Public License", re.I)
 DATA_ONLY = {"certifi": "root certificates as a file, MPL-2.0, asked for by viser's requests; no code of it is changed"}
-ACCEPTED: dict[str, str] = {}  # id of a vulnerability → why it does not touch us
-
-
-@dataclass(frozen=True, order=True)
-class Version:
-    """Of a package, as a lock file has it."""
-
-    ecosystem: str  # "PyPI", "npm"
-    name: str
-    version: str
-
-
-class UnreachableError(Exception):
-    """The database did not answer: nothing is known."""
+ACCEPTED: dict[str, str] = {}  # id of a vulnerability, or another name of it → why it does not touch us
+GATHERED = "All that OSV knew on that day. An advisory without words is new: say in a line of ours what it is about."
 
 
 # ── licences ──
@@ -94,7 +84,7 @@ def unfree_shipped() -> list[str]:
     ]
 
 
-# ── vulnerabilities ──
+# ── what the lock files name ──
 
 
 @functools.cache
@@ -115,68 +105,93 @@ def _npm_name(path: str, row: Mapping[str, Any]) -> str:
     return str(row.get("name") or path.rpartition("node_modules/")[2])
 
 
-def known_against(versions: Sequence[Version], service: str = OSV) -> dict[Version, list[str]]:
-    """Ids of what is known against each, accepted ones left out.
+# ── what is known against it ──
+
+
+def tabled(versions: Sequence[Version], table: Table) -> list[str]:
+    """A line for each version that the table knows something against, or knows nothing of."""
+    lines = []
+    for version in versions:
+        name = f"{version.ecosystem} {version.name} {version.version}"
+        if not table.is_looked_at(version):
+            lines.append(f"NOT LOOKED AT  {name}: where OSV is reached, python tests/audit.py --gather")
+        for one, where in table.against(version):
+            if not one.names & ACCEPTED.keys():
+                lines.append(f"VULNERABLE  {name}: {' '.join([one.id, *one.aliases])} ({where}) {one.summary}".rstrip())
+    return lines
+
+
+def since_then(versions: Sequence[Version], table: Table, service: str) -> list[str]:
+    """A line for each that OSV knows beyond the table.
 
     Raises:
-        UnreachableError: nobody answered, or not in a way that is understood.
+        UnreachableError: it cannot be asked.
     """
-    queries = [{"package": {"name": one.name, "ecosystem": one.ecosystem}, "version": one.version} for one in versions]
-    answer = _asked(f"{service}/v1/querybatch", {"queries": queries})
-    rows = answer.get("results")
-    if not isinstance(rows, list) or len(rows) != len(versions):
-        raise UnreachableError("the answer is not one for each question")
-    found = {}
-    for version, row in zip(versions, rows, strict=True):
-        ids = [str(one["id"]) for one in (row or {}).get("vulns", []) if one["id"] not in ACCEPTED]
-        if ids:
-            found[version] = ids
-    return found
+    told = {version: {name for one, _ in table.against(version) for name in one.names} for version in versions}
+    accepted = table.names_of(ACCEPTED)
+    return [
+        f"VULNERABLE  {version.ecosystem} {version.name} {version.version}: {id} {osv.about(id, service)}"
+        for version, ids in osv.known_against(versions, service).items()
+        for id in ids
+        if id not in accepted | told[version]
+    ]
 
 
-def about(vulnerability: str, service: str = OSV) -> str:
-    """One line about it, as far as it is told."""
-    try:
-        told = _asked(f"{service}/v1/vulns/{vulnerability}")
-    except UnreachableError:
-        return ""
-    return str(told.get("summary") or told.get("details") or "").partition("\n")[0][:200]
-
-
-def _asked(address: str, question: Any = None) -> dict[str, Any]:
-    body = None if question is None else json.dumps(question).encode()
-    request = urllib.request.Request(address, body, {"content-type": "application/json"})
-    try:
-        with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
-            told = json.loads(answer.read(MOST_ANSWER))
-    except (OSError, ValueError) as error:
-        raise UnreachableError(str(getattr(error, "reason", "") or error)) from None
-    if not isinstance(told, dict):
-        raise UnreachableError("the answer is no object")
-    return told
-
-
-def audit(service: str, is_required: bool) -> int:
+def audit(service: str, is_required: bool, table: Table | None = None) -> int:
     """All of it, told line by line; the exit status."""
-    unfree = [*unfree_linked(), *unfree_shipped()]
-    for line in unfree:
-        print(f"NOT PERMISSIVE  {line}")
-    licences = f"{len(unfree)} licences not permissive" if unfree else "licences permissive"
+    table = table or advisories.read()
     versions = locked()
+    unfree = [f"NOT PERMISSIVE  {line}" for line in (*unfree_linked(), *unfree_shipped())]
+    known = tabled(versions, table)
+    print(*unfree, *known, sep="\n", end="\n" if unfree or known else "")
     try:
-        found = known_against(versions, service)
-    except UnreachableError as error:
-        print(f"\n!!  VULNERABILITIES WERE NOT CHECKED: {service} cannot be reached ({error}).")
-        print("!!  Nothing is known about the versions in the lock files. This is no all-clear.\n")
-        print(f"{licences}; vulnerabilities of {len(versions)} packages NOT CHECKED (no database reached)")
-        return 1 if unfree or is_required else 0
-    for version, ids in found.items():
-        for id in ids:
-            print(f"VULNERABLE  {version.ecosystem} {version.name} {version.version}: {id} {about(id, service)}")
-    known = f"{sum(map(len, found.values()))} KNOWN" if found else "none known"
-    print(f"{licences}; vulnerabilities of {len(versions)} packages: {known}")
-    return 1 if unfree or found else 0
+        newer = since_then(versions, table, service)
+        print(*newer, sep="\n", end="\n" if newer else "")
+        last = f"OSV: {len(newer)} more KNOWN" if newer else "OSV: none known"
+        status = 1 if unfree or known or newer else 0
+    except osv.UnreachableError as error:
+        print(f"\n!!  {service} cannot be reached ({error}).")
+        print(f"!!  Of what became known after {table.newest} nothing is known here. This is no all-clear.\n")
+        last = "OSV not reached, newer ones NOT CHECKED"
+        status = 1 if unfree or known or is_required else 0
+    print(f"{_licences(unfree)}; {_tabled(len(versions), known, table)}; {last}")
+    return status
+
+
+def _licences(unfree: Sequence[str]) -> str:
+    return f"{len(unfree)} licences not permissive" if unfree else "licences permissive"
+
+
+def _tabled(count: int, known: Sequence[str], table: Table) -> str:
+    those = f"{len(table.advisories)} advisories known {table.gathered}"
+    return (
+        f"{count} packages: {len(known)} KNOWN or not looked at, {those}"
+        if known
+        else f"{count} packages: none of {those} touches them"
+    )
+
+
+def gather(service: str, path: Path = advisories.TABLE) -> int:
+    """Write the table anew from OSV; what we said of an advisory stays."""
+    words = {name: one.summary for one in advisories.read(path).advisories if one.summary for name in one.names}
+    versions = locked()
+    looked_at = {
+        ecosystem: sorted({one.name for one in versions if one.ecosystem == ecosystem}) for ecosystem in ("PyPI", "npm")
+    }
+    try:
+        found = osv.gathered(looked_at, words, service)
+    except osv.UnreachableError as error:
+        print(f"the table stays as it is: {service} cannot be reached ({error})")
+        return 1
+    newest = max((one.date for one in found), default="")
+    today = datetime.date.today().isoformat()
+    advisories.write(Table(today, newest, GATHERED, tuple(found), looked_at), path)
+    print(f"{len(found)} advisories; without words: {' '.join(one.id for one in found if not one.summary) or 'none'}")
+    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(audit(os.environ.get("IMUSCOPE_OSV", OSV), os.environ.get("IMUSCOPE_AUDIT") == "required"))
+    address = os.environ.get("IMUSCOPE_OSV", osv.SERVICE)
+    if "--gather" in sys.argv[1:]:
+        sys.exit(gather(address))
+    sys.exit(audit(address, os.environ.get("IMUSCOPE_AUDIT") == "required"))
