@@ -298,8 +298,8 @@ def test_the_table_is_gathered_from_every_page(database: Database, tmp_path: Pat
     malware = record("MAL-1", "debug", "npm")
     malware["affected"][0]["versions"] = ["4.4.2", "4.4.x"]
     database.pages = {"pillow": [["GHSA-1"], ["GHSA-2"]], "debug": [["MAL-1"]], "numpy": [["GHSA-1"]]}
-    database.records = {"GHSA-1": pillow, "GHSA-2": record("GHSA-2", "pillow", "PyPI", withdrawn="2026-11-12")}
-    database.records["MAL-1"] = malware
+    withdrawn = record("GHSA-2", "pillow", "PyPI", {"type": "ECOSYSTEM", "events": events}, withdrawn="2026-11-12")
+    database.records = {"GHSA-1": pillow, "GHSA-2": withdrawn, "MAL-1": malware}
     path = tmp_path / "table.json"
     advisories.write(known(locked("pillow"), Range("0"), id="CVE-1"), path)
     assert audit.gather(address(database), path) == 0
