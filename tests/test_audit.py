@@ -222,12 +222,13 @@ def test_the_end_of_a_range_is_told(affected: Range, told: str) -> None:
     assert told in line
 
 
+@pytest.mark.parametrize("fixed", ["", "0.1"])  # in the second OSV alone says that it is not
 @pytest.mark.parametrize("accepted", ["GHSA-0000", "CVE-0000", "OSV-0000-1"])
 def test_what_is_accepted_is_by_all_its_names(
-    accepted: str, database: Database, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    accepted: str, fixed: str, database: Database, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     database.bad = "preact"
-    table = known(locked("preact"), Range("0"), aliases=("CVE-0000", "OSV-0000-1"))
+    table = known(locked("preact"), Range("0", fixed), aliases=("CVE-0000", "OSV-0000-1"))
     monkeypatch.setitem(audit.ACCEPTED, accepted, "numbers are not used by us at all")
     assert audit.audit(address(database), True, table) == 0
     assert len(capsys.readouterr().out.splitlines()) == 1
