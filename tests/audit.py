@@ -45,6 +45,7 @@ GATHERED = "All that OSV knew on that day. An advisory without words is new: say
 # ── licences ──
 
 
+@functools.cache
 def licence(name: str) -> tuple[str, list[str]]:
     """What an installed distribution says its licence is, and what it requires."""
     found = distribution(name)

@@ -222,7 +222,7 @@ def test_the_end_of_a_range_is_told(affected: Range, told: str) -> None:
     assert told in line
 
 
-@pytest.mark.parametrize("fixed", ["", "0.1"])  # in the second OSV alone says that it is not
+@pytest.mark.parametrize("fixed", ["", "0.1"])  # with the second OSV alone knows of it
 @pytest.mark.parametrize("accepted", ["GHSA-0000", "CVE-0000", "OSV-0000-1"])
 def test_what_is_accepted_is_by_all_its_names(
     accepted: str, fixed: str, database: Database, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
