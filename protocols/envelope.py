@@ -7,7 +7,8 @@ A frame cannot arrive before it was sent. With `w` the time its own bytes take o
     arrival = device + offset + drift × device + w + delay,      delay ≥ 0
 
 so the points (device, arrival − device − w) all lie on or above a straight line, and touch it whenever a frame met no
-delay. That line is what we look for: the lower envelope.
+delay. That line is what we look for: the lower envelope. (Where a frame came in pieces, the bytes that came first touch
+it, not the last ones, which waited in an adapter: pieces.py.)
 
     arrival − device − w
        │   ·    ·      · ·        ·          each · a frame: delayed by scheduling, a 16 ms USB burst, a busy network
@@ -120,11 +121,21 @@ class Mapping:
 
     # -- learning
 
-    def learn(self, x: Array, delay: Array, arrival: int, size: float = 0.0, *, judged: bool = True) -> None:
+    def learn(
+        self,
+        x: Array,
+        delay: Array,
+        arrival: int,
+        size: float = 0.0,
+        waited: Array | None = None,
+        *,
+        judged: bool = True,
+    ) -> None:
         """Take rows with their delays over the line as it is; move the line, then the plan.
 
         Args:
             size: bytes of a frame.
+            waited: how much longer the last bytes of the frames were on their way, ns; None: no longer.
             judged: its delays tell about the link; not those of a message that waits for others on the line.
         """
         settled = self.newest
@@ -135,7 +146,7 @@ class Mapping:
         if len(x) > 1:
             newest = max(newest, float(x.max()))
         if judged or first:
-            self._remember(x, delay, arrival, size)
+            self._remember(x, delay, arrival, size, waited)
         self.newest = max(settled, newest)
         self.oldest = min(self.oldest, float(x[0]))
         self.arrival = max(self.arrival, arrival)
@@ -150,13 +161,13 @@ class Mapping:
         if self.newest - self._judged >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
             self._judge()
 
-    def _remember(self, x: Array, delay: Array, arrival: int, size: float) -> None:
+    def _remember(self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None) -> None:
         """Keep delays. An older row (a GNSS solution, seconds late by its own time) says nothing about the link."""
         fresh = x >= self.newest
         if self.late.rows and not fresh.all():
-            x, delay = x[fresh], delay[fresh]
+            x, delay, waited = x[fresh], delay[fresh], None if waited is None else waited[fresh]
         if len(x):
-            self.late.add(x, delay, size, arrival)
+            self.late.add(x, delay, size, arrival, waited)
 
     def _keep(self, x: float, y: float) -> None:
         """One point of the envelope; at the end of a bucket the line is fitted anew."""

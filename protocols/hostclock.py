@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from protocols.envelope import Mapping
 from protocols.lateness import Lateness, Spread
+from protocols.pieces import Pieces
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -75,11 +76,19 @@ class _Rows:
 
     device: Array
     arrival: Array
+    offset: Array | None
     size: Array | int
     source: Array | int
 
     def __len__(self) -> int:
         return len(self.device)
+
+    def rows(self, which: slice) -> _Rows:
+        """Some of them."""
+        offset = None if self.offset is None else self.offset[which]
+        size = self.size if isinstance(self.size, int) else self.size[which]
+        source = self.source if isinstance(self.source, int) else self.source[which]
+        return _Rows(self.device[which], self.arrival[which], offset, size, source)
 
 
 class HostClock:
@@ -89,12 +98,16 @@ class HostClock:
         byte_time_ns: how long one byte takes on the wire (10 bits at 115200 Bd: 86 806 ns); 0 where it does not matter.
         holds_ns: for how long an adapter is known to keep bytes back; 0: not known, or there is none.
         unknown_ns: what nobody can know of the way here; part of ±.
+        pieces: of the stream that the offsets of the rows are of; kept up by who feeds it. None: not known.
     Attributes:
         restarts: how often the mapping was begun anew; the first time does not count.
         breaks: unix s at which mappings began that did so during the last `times` or `add`.
     """
 
-    def __init__(self, byte_time_ns: float = 0, *, holds_ns: float = 0, unknown_ns: float = 0) -> None:
+    def __init__(
+        self, byte_time_ns: float = 0, *, holds_ns: float = 0, unknown_ns: float = 0, pieces: Pieces | None = None
+    ) -> None:
+        self._pieces = pieces
         self.byte_time_ns = byte_time_ns
         self.restarts = -1
         self.breaks: list[float] = []
@@ -135,7 +148,7 @@ class HostClock:
             back |= self._goes_back(part)
         if len(parts) == 1:
             (part,) = parts
-            told = [self._take(_Rows(part.device, part.arrival, part.size, part.source), back=back)]
+            told = [self._take(_Rows(part.device, part.arrival, part.offset, part.size, part.source), back=back)]
         else:
             told = self._take_all(parts, back=back)
         if self._candidate_rows:
@@ -148,13 +161,15 @@ class HostClock:
     def _take_all(self, parts: Sequence[Part], *, back: bool) -> list[Floats]:
         """The rows of several messages, in the order of the stream."""
         counts = [len(part.device) for part in parts]
-        order = np.argsort(np.concatenate([part.offset for part in parts]), kind="stable")
+        offset = np.concatenate([part.offset for part in parts])
+        order = np.argsort(offset, kind="stable")
         size = np.repeat([part.size for part in parts], counts)
         source = np.repeat([part.source for part in parts], counts)
         device = np.concatenate([part.device for part in parts])
         arrival = np.concatenate([part.arrival for part in parts])
         host = np.empty(len(order))
-        host[order] = self._take(_Rows(device[order], arrival[order], size[order], source[order]), back=back)
+        rows = _Rows(device[order], arrival[order], offset[order], size[order], source[order])
+        host[order] = self._take(rows, back=back)
         ends = np.cumsum(counts).tolist()
         return [host[end - count : end] for end, count in zip(ends, counts, strict=True)]
 
@@ -179,19 +194,12 @@ class HostClock:
         """Learn, and map; a block at a time, by what is known then."""
         if len(rows) <= BLOCK:
             return self._block(rows, back=back)
-        out = []
-        for at in range(0, len(rows), BLOCK):
-            part = slice(at, at + BLOCK)
-            size = rows.size if isinstance(rows.size, int) else rows.size[part]
-            source = rows.source if isinstance(rows.source, int) else rows.source[part]
-            out.append(self._block(_Rows(rows.device[part], rows.arrival[part], size, source), back=back))
-        return np.concatenate(out)
+        starts = range(0, len(rows), BLOCK)
+        return np.concatenate([self._block(rows.rows(slice(at, at + BLOCK)), back=back) for at in starts])
 
     def _block(self, rows: _Rows, *, back: bool) -> Floats:
-        device, arrival = rows.device, rows.arrival
-        sent = arrival
-        if self.byte_time_ns:
-            sent = arrival - np.asarray(rows.size * self.byte_time_ns).astype(np.int64)
+        device = rows.device
+        sent, waited = self._sent(rows)
         now = self._now
         if now is None:
             now = self._now = self._mapping(int(device[-1]), int(sent[-1]))
@@ -202,26 +210,36 @@ class HostClock:
         delay -= now.slope * x
         delay -= now.intercept
         if back or float(delay.min()) < -now.step_ns:
-            return self._row_by_row(rows, sent)
+            return self._row_by_row(rows, sent, waited)
         if self._candidate_rows:
             self._forget()
-        self._learn(now, x, delay, rows)
+        self._learn(now, x, delay, waited, rows)
         if self._before is not None and now.newest > LATE_NS:
             self._before = None
         return self.host(device)
 
-    def _learn(self, now: Mapping, x: Array, delay: Array, rows: _Rows) -> None:
+    def _sent(self, rows: _Rows) -> tuple[Array, Array]:
+        """When the frames began on the line at the latest, unix ns; how much longer their last bytes waited, ns."""
+        if not self.byte_time_ns:
+            return rows.arrival, np.zeros(len(rows))
+        last = rows.arrival - np.asarray(rows.size * self.byte_time_ns).astype(np.int64)
+        if self._pieces is None or rows.offset is None:
+            return last, np.zeros(len(rows))
+        sent = self._pieces.sent(rows.offset, rows.size, last, self.byte_time_ns)
+        return sent, (last - sent).astype(np.float64)
+
+    def _learn(self, now: Mapping, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
         """All rows are of this mapping; the delays of the main message tell about the link."""
         arrival = int(rows.arrival[-1])
         if isinstance(rows.source, int):
             size = float(rows.size) if isinstance(rows.size, int) else float(rows.size[-1])
-            now.learn(x, delay, arrival, size, judged=rows.source == self._main)
+            now.learn(x, delay, arrival, size, waited, judged=rows.source == self._main)
             return
         now.learn(x, delay, arrival, judged=False)
         mine = np.flatnonzero(rows.source == self._main)
         if len(mine):
             size = float(rows.size if isinstance(rows.size, int) else rows.size[mine[0]])
-            now.late.add(x[mine], delay[mine], size, arrival)
+            now.late.add(x[mine], delay[mine], size, arrival, waited[mine])
 
     def _goes_back(self, part: Part) -> bool:
         """Does a message go back against its own last time?"""
@@ -249,7 +267,7 @@ class HostClock:
 
     # -- steps
 
-    def _row_by_row(self, rows: _Rows, sent: Array) -> Floats:
+    def _row_by_row(self, rows: _Rows, sent: Array, waited: Array) -> Floats:
         """The careful way, for rows of which some do not fit the mapping."""
         self._careful = True
         n = len(rows)
@@ -267,7 +285,8 @@ class HostClock:
                 of = self._suspect(d, s, a)
             else:
                 self._forget()
-                now.learn(np.array([x]), np.array([delay]), a, size, judged=source == self._main)
+                wait = waited[row : row + 1]
+                now.learn(np.array([x]), np.array([delay]), a, size, wait, judged=source == self._main)
                 self._running[source] = d
                 of = now
             out[row] = of.host(np.array([d]))[0]

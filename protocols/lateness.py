@@ -83,13 +83,18 @@ class Lateness:
         self.stalls: deque[tuple[int, float]] = deque(maxlen=STALLS)
         self._holds_ns = holds_ns
         self._byte_ns = byte_ns
-        self._delays = np.zeros(KEPT)
+        self._delays = np.zeros(KEPT)  # of the last bytes of frames
+        self._least = np.zeros(KEPT)  # of the bytes that came soonest: the same where frames came whole
         self._x = np.full(KEPT, -np.inf)
         self._size = 0.0
         self._late, self._late_since = 0.0, 0  # how late the first frame of what may be a stall was, and when it came
 
-    def add(self, x: Array, delay: Array, size: float, arrival: int) -> None:
-        """Keep rows that came together: x in ns, their delays, bytes of a frame, unix ns at which the last came."""
+    def add(self, x: Array, delay: Array, size: float, arrival: int, waited: Array | None = None) -> None:
+        """Keep rows that came together: x in ns, their delays, bytes of a frame, unix ns at which the last came, how
+        much longer the last bytes of frames had waited than those that came before them."""
+        least = delay
+        if waited is not None:
+            delay = delay + waited
         if self._late or delay[0] > STALL_NS:
             self._catches_up(float(delay[0]), float(delay[-1]), arrival)
         start = self.rows % KEPT
@@ -98,10 +103,12 @@ class Lateness:
         self._size = size
         if start + count <= KEPT:
             self._delays[start : start + count] = delay
+            self._least[start : start + count] = least
             self._x[start : start + count] = x
         else:
             rows = np.arange(start, start + count) % KEPT
             self._delays[rows] = delay
+            self._least[rows] = least
             self._x[rows] = x
 
     def _catches_up(self, first: float, last: float, arrival: int) -> None:
@@ -118,14 +125,19 @@ class Lateness:
         """Delays of the last seconds before `newest`, ascending; those of out-of-date rows left out."""
         return np.sort(self._delays[self._x >= newest - RECENT_NS])
 
+    def soonest(self, newest: float) -> NDArray[np.float64]:
+        """The same of the bytes of each frame that came soonest."""
+        return np.sort(self._least[self._x >= newest - RECENT_NS])
+
     def spread(self, newest: float) -> Spread:
         """Judge the last seconds before `newest`."""
         delays = self.recent(newest)
         count = len(delays)
         if count < 2:
             return Spread(hidden=self._holds_ns)  # nothing is known yet
-        low = max(float(delays[0]), 0.0)
-        gap = float(np.diff(delays[: count * 5 // 8 + 2]).max())
+        soonest = self.soonest(newest)
+        low = max(float(soonest[0]), 0.0)
+        gap = float(np.diff(soonest[: count * 5 // 8 + 2]).max())
         if count < FEWEST:
             return Spread(low, 0.0, gap, max(gap, self._holds_ns))
         bursts = _bursts(delays)

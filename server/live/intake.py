@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.hostclock import HostClock, Part
+from protocols.pieces import Pieces
 from protocols.sentences import Sentences
 from server.links.base import Link
 from server.links.timing import byte_time_ns, holds_ns, port_of
@@ -140,6 +141,7 @@ class Intake:
         figures, channels, incidents, raws: of the device; they go on over reconnections.
         identify: called when an answer told who the device is, or its frames how they are protected.
         line, about: what is known of its link and of its protocol.
+        pieces: of the stream, kept up by who reads it.
         counts_rejects: it answers for what was refused on the link; nobody knows who sent that.
     """
 
@@ -153,6 +155,7 @@ class Intake:
         raws: Raws,
         identify: Callable[[Identity], None] = lambda identity: None,
         line: Line = Line(),
+        pieces: Pieces | None = None,
         about: About = About(),
         counts_rejects: bool = True,
     ) -> None:
@@ -168,7 +171,7 @@ class Intake:
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last frame that was good
         unknown_ns = NETWORK_NS if line.kind in NETWORKS else 0
-        self.clock = HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns)
+        self.clock = HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
         self._resets: deque[float] = deque(maxlen=RESETS)  # unix s
         self._breaks: list[float] = []  # where the clock's mapping began anew, unix s, as far as not told yet
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s

@@ -18,6 +18,7 @@ from dataclasses import replace
 
 from protocols.events import Decoder, Event, Reject, Text
 from protocols.framing import Ints
+from protocols.pieces import Pieces
 from server import wire
 from server.links.base import Chunk
 from server.live.channels import Channels
@@ -222,6 +223,7 @@ class Reader:
         self._fed = False
         self._tail = bytearray()
         self._end = 0
+        self._pieces = Pieces()
         for sender in senders.all:
             sender.intake = None  # a fresh connection has fresh clocks
         self._own = self._intake(senders.own)
@@ -250,6 +252,7 @@ class Reader:
         self._fed = True
         self._tail += chunk.data
         self._end += len(chunk.data)
+        self._pieces.add(self._end, chunk.arrival_ns)
         if len(self._tail) > 2 * TAIL_BYTES:
             del self._tail[:-TAIL_BYTES]
 
@@ -258,6 +261,7 @@ class Reader:
         self._decoder.feed_many(data, ends, arrival_ns)
         self._fed = True
         self._tail += data
+        self._pieces.add_many(ends + self._end, arrival_ns)
         self._end += len(data)
         del self._tail[:-TAIL_BYTES]
 
@@ -272,8 +276,11 @@ class Reader:
             return
         self._fed = False
         events = self._decoder.drain(stalled=stalled)
-        if not events:
-            return
+        if events:
+            self._take(events)
+        self._pieces.forget(self._end - self._decoder.buffered)
+
+    def _take(self, events: Sequence[Event]) -> None:
         own = self._senders.own
         if all(_sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
             self._own.take(events)
@@ -324,6 +331,7 @@ class Reader:
             raws=sender.raws,
             identify=sender.portrait.identified,
             line=self._line,
+            pieces=self._pieces,
             about=self._about,
             counts_rejects=sender is self._senders.own,
         )

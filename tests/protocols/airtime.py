@@ -17,12 +17,13 @@ packet of 64; the latency timer starts anew with each packet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from protocols.hostclock import HostClock, Part
+from protocols.pieces import Pieces
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -80,16 +81,27 @@ class Way:
 
 @dataclass(frozen=True)
 class Stream:
-    """Frames in the order of the stream; `true` in ns after the epoch of the test, `arrival` in unix ns."""
+    """Frames in the order of the stream; `true` in ns after the epoch of the test, `arrival` in unix ns.
+
+    `ends`, `came`: where what the host read at once ended in the stream, and when it did, unix ns.
+    """
 
     true: Floats
     device: Times
     arrival: Times
     size: Times
     byte_ns: float
+    ends: Times
+    came: Times
 
     def __len__(self) -> int:
         return len(self.true)
+
+    def pieces(self) -> Pieces:
+        """What a session would know of them."""
+        pieces = Pieces()
+        pieces.add_many(self.ends, self.came)
+        return pieces
 
 
 def stream(device: Device, way: Way, seconds: float, seed: int = 0) -> Stream:
@@ -106,11 +118,15 @@ def stream(device: Device, way: Way, seconds: float, seed: int = 0) -> Stream:
     stamps = (stamp // device.tick_ns * device.tick_ns).astype(np.int64)
     ready = np.maximum.accumulate(truth + random.exponential(device.jitter_us * US, len(truth)))
     end = _on_the_line(ready, sizes * way.byte_ns)
-    arrival = _through_the_adapter(end, sizes, way, random.uniform(0, way.timer_ms)) if way.timer_ms else end
-    arrival = _to_the_host(arrival, way, random)
+    places = np.cumsum(sizes)
+    packets, ends = end, places
+    if way.timer_ms:
+        packets, ends = _through_the_adapter(end, sizes, way, random.uniform(0, way.timer_ms))
+    came = (EPOCH_NS + _to_the_host(packets, way, random)).astype(np.int64)
+    arrivals = came[np.searchsorted(ends, places)]
     kept = random.random(len(truth)) >= way.loss
-    arrivals = (EPOCH_NS + arrival).astype(np.int64)
-    return Stream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns)
+    ends = np.interp(ends, np.append(0, places), np.append(0, np.cumsum(sizes * kept))).round().astype(np.int64)
+    return Stream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns, ends, came)
 
 
 def _on_the_line(ready: Floats, takes: Floats) -> Floats:
@@ -119,13 +135,13 @@ def _on_the_line(ready: Floats, takes: Floats) -> Floats:
     return np.asarray(np.maximum.accumulate(ready - before) + before + takes)
 
 
-def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) -> Floats:
-    """When the packet leaves that holds the last byte of each frame."""
+def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) -> tuple[Floats, Times]:
+    """When each packet leaves, and how many bytes of the stream have left with it."""
     timer, byte = way.timer_ms * MS * (1 + way.timer_ppm * 1e-6), way.byte_ns
-    out = np.empty(len(end))
+    packets, ends = [], []
     last = phase_ms * MS - timer  # when the timer was started
-    held, waiting = 0, 0  # bytes in the adapter; the first frame whose end is among them
-    for row, (finish, count) in enumerate(zip(end.tolist(), size.tolist(), strict=True)):
+    held, gone = 0, 0  # bytes in the adapter; those that have left it
+    for finish, count in zip(end.tolist(), size.tolist(), strict=True):
         begin, left = finish - count * byte, count
         while True:
             if held == 0:
@@ -142,32 +158,33 @@ def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) ->
                     break
                 packet_end = expires
             begin, left = begin + taken * byte, left - taken
-            out[waiting:row] = packet_end
-            waiting, held, last = row, 0, packet_end
+            gone += held + taken
+            packets.append(packet_end)
+            ends.append(gone)
+            held, last = 0, packet_end
             if left == 0:
-                out[row] = packet_end
-                waiting = row + 1
                 break
-    out[waiting:] = last + timer
-    return out
+    if held:
+        packets.append(last + timer)
+        ends.append(gone + held)
+    return np.array(packets), np.array(ends, np.int64)
 
 
-def _to_the_host(arrival: Floats, way: Way, random: np.random.Generator) -> Floats:
+def _to_the_host(packets: Floats, way: Way, random: np.random.Generator) -> Floats:
     """When the reading thread has them."""
-    packets, which = np.unique(arrival, return_inverse=True)
     packets = packets + random.exponential(way.wake_us * US, len(packets))
     if way.network_ms:
         packets += 0.3 * MS + random.exponential(way.network_ms * MS, len(packets))
     packets = np.maximum.accumulate(packets)
     for begin, over in way.stalls:
         packets = np.where((packets >= begin * S) & (packets < over * S), over * S, packets)
-    return np.asarray(np.maximum.accumulate(packets[which]))
+    return np.asarray(np.maximum.accumulate(packets))
 
 
 def stepped(given: Stream, at_s: float, by_s: float) -> Stream:
     """The device's clock moves by so much at that time."""
     device = given.device + np.where(given.true >= at_s * S, round(by_s * S), 0)
-    return Stream(given.true, device, given.arrival, given.size, given.byte_ns)
+    return replace(given, device=device)
 
 
 def reset(given: Stream, at_s: float, away_s: float = 0.4) -> Stream:
@@ -177,7 +194,10 @@ def reset(given: Stream, at_s: float, away_s: float = 0.4) -> Stream:
     device = given.device[kept]
     if after.any():
         device = device - np.where(after, device[after.argmax()] - 100_000, 0)
-    return Stream(given.true[kept], device, given.arrival[kept], given.size[kept], given.byte_ns)
+    places = np.append(0, np.cumsum(given.size))
+    ends = np.interp(given.ends, places, np.append(0, np.cumsum(given.size * kept))).round().astype(np.int64)
+    arrival, size = given.arrival[kept], given.size[kept]
+    return Stream(given.true[kept], device, arrival, size, given.byte_ns, ends, given.came)
 
 
 # -- what a clock makes of it ------------------------------------------------------------------------------------------
@@ -195,10 +215,10 @@ class Mapped:
 
 def mapped(given: Stream, clock: HostClock | None = None, *, drain_ms: float = 8) -> Mapped:
     """Feed a clock as a session does: every some milliseconds, what has arrived of each message."""
-    clock = clock or HostClock(given.byte_ns)
+    clock = clock or HostClock(given.byte_ns, pieces=given.pieces())
     ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1
     host, bound, restarts = np.empty(len(given)), np.empty(len(given)), np.empty(len(given), np.int64)
-    offset = np.cumsum(given.size)
+    offset = np.cumsum(given.size) - given.size
     for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(given)], strict=True):
         parts, rows = [], []
         for size in np.unique(given.size[first:last]).tolist():
