@@ -95,6 +95,7 @@ def end(data: Path) -> float:
             with Client(base_url=server.url, timeout=PATIENCE_S) as http, busy(server, http):
                 begun = children(server.process.pid)
                 assert len(begun) >= 2, "a scene and an export are processes of their own"
+                until(lambda: line.size > 100_000, "the line was busy, too")
                 started = time.monotonic()
                 server.process.send_signal(signal.SIGTERM)
                 status = server.process.wait(PATIENCE_S)
@@ -108,7 +109,7 @@ def end(data: Path) -> float:
         list(found.blocks())
         assert found.whole, "it was closed"
     assert sent.startswith(received(made))
-    assert len(received(made)) > 50_000
+    assert len(received(made)) > 50_000, f"of {len(sent)} bytes that were sent"
     tenancy = Tenancy(data)
     tenancy.begin()
     left_behind(folder)
