@@ -18,6 +18,7 @@ from playwright.sync_api import Page
 from tests.browser.test_page import TARGETS, serious
 from tests.browser.test_pictures import picture
 from tests.chromium import until
+from tests.faults.test_kill import until as held_until
 from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 
@@ -139,9 +140,9 @@ def test_a_rate_that_nobody_keeps_goes_back_also_when_the_browser_is_gone(serve:
     picture(page, "trial-1440")
     assert asked(server, "control")["trial"]["state"] == "asking"
     page.context.close()
+    held_until(lambda: asked(server, "control")["trial"]["state"] == "reverted", "the old settings are back")
     other = open_page(server.url)
-    gone_back = "window.imuscope?.store.control.value.get('1')?.trial?.state === 'reverted'"
-    until(other, gone_back)
+    until(other, "window.imuscope?.store.control.value.get('1')?.trial?.state === 'reverted'")
     until(other, "window.imuscope.store.devices.value[0].baud === 115200")
     until(other, "document.querySelector('.deck')?.innerText.includes('old settings')")
 

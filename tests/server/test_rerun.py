@@ -9,6 +9,7 @@ import json
 import re
 import socket
 import subprocess
+import time
 import warnings
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -283,6 +284,16 @@ def test_an_address_that_is_none_of_a_viewer_is_refused_before_anything_starts()
     assert "rerun_connect" in said.stderr
 
 
+def listens(port: int) -> None:
+    """Wait until somebody does: who takes what a viewer gets ends at once when there is none."""
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            return
+        assert time.monotonic() < deadline, "the viewer elsewhere does not listen"
+        time.sleep(0.05)
+
+
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     """Rerun's own program in the viewer's place; what reached it is saved and read."""
     from server.views.rerun_files import program
@@ -298,6 +309,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     try:
         address = f"rerun+http://127.0.0.1:{port}/proxy"
         with ServerProcess("twin:xbus", data=tmp_path / "data", arguments=("--rerun-connect", address)):
+            listens(port)
             taker = subprocess.Popen(
                 [program(), "--save", str(out), address],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
