@@ -18,9 +18,9 @@ An adapter that hands over when 62 bytes have gathered, or when its timer T runs
 So all true delays lie between 0 and `hold`. If those seen reach from the line up to R, the line itself is at most
 hold − R too high, and no more can be said: a stream locked to the timer, each frame late by the same 8 ms, looks like
 one that is never late. (A stream whose frames are cut by full packets is known better: pieces.py. Of each frame both
-delays are kept, of its last bytes and of those that came soonest.) Where T is not known but bursts are seen it is taken for the 16 ms with which adapters are
-delivered. Without an adapter, what may be hidden is judged from the delays themselves: as much as the greatest hole
-among the smaller ones, as in a poll grid that beats with the stream.
+delays are kept, of its last bytes and of those that came soonest.) Where T is not known but bursts are seen it is taken
+for the 16 ms with which adapters are delivered. Without an adapter, what may be hidden is judged from the delays
+themselves: as much as the greatest hole among the smaller ones, as in a poll grid that beats with the stream.
 
 Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2 and 3.3.
 """
