@@ -21,8 +21,6 @@ NO_HINT: dict[str, str] = {}
 BY_HTTP = {"not-allowed", "no-view"}
 """Kinds that are put into an error by what was called, not by who calls (api/errors.py, views/proxy.py)."""
 
-ALL = everything()
-
 
 def shown(said: Said) -> str:
     return f"{said.where} {said.sort} [{said.kind}] {said.message!r} → {said.hint!r}"
@@ -34,15 +32,15 @@ def listed(wrong: list[Said]) -> str:
 
 def test_the_list_is_all_of_them() -> None:
     """A walk that finds little checks little."""
-    assert len(ALL) > 250
+    assert len(everything()) > 250
     for sort in ("ApiError", "LinkError", "RecordingError", "ConfigError", "RefusedError", "JobError", "ViewError"):
-        assert any(said.sort == sort for said in ALL), sort
+        assert any(said.sort == sort for said in everything()), sort
 
 
 def test_each_is_a_sentence() -> None:
     wrong = [
         said
-        for said in ALL
+        for said in everything()
         if not re.match(r"--|[A-Z0-9{“`]|[a-z_]+[ _.{:]", said.message)
         or not said.message.endswith((".", "?", "}"))
         or len(re.sub(r"\{\w*\}", "x" * FILLED, said.message)) > MOST
@@ -51,14 +49,16 @@ def test_each_is_a_sentence() -> None:
 
 
 def test_none_speaks_python() -> None:
-    wrong = [said for said in ALL if JARGON.search(re.sub(r"\{\w*\}", "", f"{said.message} {said.hint or ''}"))]
+    wrong = [
+        said for said in everything() if JARGON.search(re.sub(r"\{\w*\}", "", f"{said.message} {said.hint or ''}"))
+    ]
     assert not wrong, listed(wrong)
 
 
 def test_each_says_what_to_do() -> None:
     wrong = [
         said
-        for said in ALL
+        for said in everything()
         if said.hinted and said.hint == "" and not any(said.message.startswith(words) for words in NO_HINT)
     ]
     assert not wrong, listed(wrong)
@@ -67,7 +67,7 @@ def test_each_says_what_to_do() -> None:
 def test_hints_are_sentences() -> None:
     wrong = [
         said
-        for said in ALL
+        for said in everything()
         if said.hint
         and (not said.hint.endswith((".", "?", "}", "…")) or len(re.sub(r"\{\w*\}", "x" * FILLED, said.hint)) > MOST)
     ]
@@ -75,7 +75,7 @@ def test_hints_are_sentences() -> None:
 
 
 def test_kinds_are_words_for_programs() -> None:
-    wrong = [said for said in ALL if said.kind and not all(KIND.match(kind) for kind in said.kind.split("/"))]
+    wrong = [said for said in everything() if said.kind and not all(KIND.match(kind) for kind in said.kind.split("/"))]
     assert not wrong, listed(wrong)
 
 
@@ -92,7 +92,7 @@ def test_one_kind_is_one_meaning() -> None:
 
 def test_one_meaning_is_one_kind() -> None:
     by_message: dict[str, set[str]] = {}
-    for said in ALL:
+    for said in everything():
         if said.kind and re.sub(r"\{\w*\}\W*", "", said.message):
             by_message.setdefault(said.message, set()).add(said.kind)
     assert not {message: found for message, found in by_message.items() if len(found) > 1}
