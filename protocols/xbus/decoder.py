@@ -13,6 +13,8 @@ says so), and a message without it has no device time. UtcTime counts only while
 
 SampleTimeFine wraps at 2^32 or after a day (864 000 000 ticks), which the product decides: the rule is taken from the
 product code when it passes by, else found from the data. A GNSS solution carries an older time than its neighbours.
+Without a fix the clocks of GNSS messages are arbitrary: these have no device time then, nor have satellites before the
+first solution has told whether there is a fix.
 
 ## Loss
 
@@ -41,8 +43,13 @@ from protocols.xbus.frames import (
     COARSE,
     COUNTER,
     FINE,
+    FIX,
+    FIX_NOT_SAID,
+    GNSS,
     GOOD,
     MTDATA2,
+    NO_FIX,
+    NO_GNSS,
     PACKET_COUNTER,
     SAMPLE_TIME_FINE,
     UTC_AT,
@@ -98,7 +105,8 @@ class DataLayout:
         self._mark = int.from_bytes(payload[:size], "big") & self._mask
         last = {(identifier, length): at for identifier, at, length in found}
         self.counter_at, self.fine_at = last.get((PACKET_COUNTER, 2), 0), last.get((SAMPLE_TIME_FINE, 4), 0)
-        self.usual = bool(self.counter_at and self.fine_at and not self.bad)
+        kinds = {identifier >> 8 for identifier, _, _ in found}
+        self.usual = bool(self.counter_at and self.fine_at and not self.bad and not kinds & {0x70, 0x88})
 
     def fits(self, payload: bytes) -> bool:
         """Is this a payload of this layout? It has the right length already."""
@@ -127,6 +135,7 @@ class XbusDecoder(StreamDecoder[Stream]):
         self._fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self._coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
         self._clock = 0  # the best clock shown so far
+        self._fix = FIX_NOT_SAID  # by the last GNSS solution
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""
@@ -260,6 +269,7 @@ class XbusDecoder(StreamDecoder[Stream]):
         fine = walked[FINE]
         utc = _utc_ns(cut.data, walked[UTC_AT])
         has = np.where(fine >= 0, _FINE, np.where(walked[COARSE] >= 0, _COARSE, np.where(utc >= 0, _UTC, 0)))
+        has[~self._is_true(walked[GNSS])] = 0
         used = np.maximum.accumulate(np.maximum(has, self._clock))
         before = np.concatenate(([self._clock], used[:-1]))
         for i in np.flatnonzero((used > before) & (before > 0)).tolist():
@@ -275,6 +285,14 @@ class XbusDecoder(StreamDecoder[Stream]):
                 times[which] = self._unwrap(unwrap, tick, raw[which], offsets[which], arrivals[which], events)
             replies = []
         return times, timed
+
+    def _is_true(self, gnss: Ints) -> Flags:
+        """Whose clocks are those of the sample: not of a GNSS message without a fix."""
+        said = (gnss == NO_FIX) | (gnss == FIX)
+        last = np.maximum.accumulate(np.where(said, np.arange(len(gnss)), -1))
+        known = np.where(last >= 0, gnss[last], self._fix)
+        self._fix = int(known[-1])
+        return np.asarray((gnss == NO_GNSS) | (known == FIX))
 
     @staticmethod
     def _unwrap(unwrap: Unwrap, tick_ns: int, raw: Ints, offsets: Ints, arrivals: Ints, events: list[Event]) -> Ints:

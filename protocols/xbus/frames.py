@@ -111,8 +111,11 @@ def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int,
     return n, at, failed, framed
 
 
-GROUP, GOOD, COUNTER, FINE, COARSE, UTC_AT = range(6)
-WALKED = 6
+GROUP, GOOD, COUNTER, FINE, COARSE, UTC_AT, GNSS = range(7)
+WALKED = 7
+NO_GNSS, NO_FIX, FIX, FIX_NOT_SAID = range(4)  # GNSS: of a message with nothing but GNSS items, its receiver's fix
+GNSS_PVT, PVT_SIZE, FIX_TYPE_AT, FIX_2D = 0x7010, 94, 20, 2
+_SPOTS = 6
 
 
 @compiled(FLAG, BYTES, INT, INT, INT)
@@ -141,12 +144,14 @@ def follow_items(data: Bytes, start: int, stop: int, spots: Ints) -> tuple[int, 
     """The items of one payload, `data[start:stop]`.
 
     Args:
-        spots: (4,), written: where, from `start`, the values of PacketCounter, SampleTimeFine, SampleTimeCoarse and
-            UtcTime are; 0 where there is none. Of repeated ones the last counts.
+        spots: (6,), written: where, from `start`, the values of PacketCounter, SampleTimeFine, SampleTimeCoarse,
+            UtcTime and a GNSS solution's type of fix are; 0 where there is none. Of repeated ones the last counts. Then
+            1 where the message has GNSS items and, counters, clocks and status aside, no other.
     Returns:
         Where the items end that fit, and a number that is the same for equal sequences of (identifier, size).
     """
     spots[:] = 0
+    gnss = samples = False
     mark = 0
     at = start
     while at + 3 <= stop:
@@ -164,7 +169,15 @@ def follow_items(data: Bytes, start: int, stop: int, spots: Ints) -> tuple[int, 
             spots[2] = spot
         elif ident == UTC_TIME and size == 12:
             spots[3] = spot
+        elif ident == GNSS_PVT and size == PVT_SIZE:
+            spots[4] = spot + FIX_TYPE_AT
+        kind = ident >> 8
+        if kind in (0x70, 0x88):
+            gnss = True
+        elif kind not in (0x10, 0xE0):
+            samples = True
         at += 3 + size
+    spots[5] = 1 if gnss and not samples else 0
     return at, mark
 
 
@@ -176,6 +189,12 @@ def _pick_up(data: Bytes, frame: int, start: int, spots: Ints, out: Ints) -> Non
     out[FINE, frame] = _u4(data, start + fine) if fine else -1
     out[COARSE, frame] = _u4(data, start + coarse) if coarse else -1
     out[UTC_AT, frame] = start + utc if utc else -1
+    fix = NO_GNSS
+    if spots[5]:
+        fix = FIX_NOT_SAID
+        if spots[4]:
+            fix = FIX if int(data[start + spots[4]]) >= FIX_2D else NO_FIX
+    out[GNSS, frame] = fix
 
 
 @compiled(NOTHING, INTS, INT, INTS, INTS)
@@ -202,11 +221,12 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
         body, length: (n,) where each payload begins in `data`, and its length.
         out: (WALKED, n), written. GROUP: number of the layout, by first appearance. GOOD: bytes up to the first bad
             item. COUNTER, FINE, COARSE: PacketCounter, SampleTimeFine, SampleTimeCoarse, -1 where absent. UTC_AT: where
-            the value of UtcTime is in `data`, or -1.
+            the value of UtcTime is in `data`, or -1. GNSS: whether a message of GNSS items has a fix.
         order: (n,), written: the frames sorted by group, in stream order within each.
         bounds: (n + 1,), written: group g is `order[bounds[g] : bounds[g + 1]]`.
     Returns:
-        How many groups there are, and how many frames have a bad tail, no SampleTimeFine, no PacketCounter.
+        How many groups there are, and how many frames have a bad tail, no SampleTimeFine that is sure to be the
+        sample's (none, or that of a GNSS message), no PacketCounter.
     """
     n = len(body)
     slots = 4
@@ -216,7 +236,7 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
     groups = bad = without_fine = without_counter = 0
     # Most frames have the layout of the one before, or of the one before that: these two are compared with first.
     recent = np.full(2, -1, np.int64)
-    spots = np.zeros((2, 4), np.int64)
+    spots = np.zeros((2, _SPOTS), np.int64)
     for f in range(n):
         start, size = int(body[f]), int(length[f])
         same = -1
@@ -249,7 +269,7 @@ def walk(data: Bytes, body: Ints, length: Ints, out: Ints, order: Ints, bounds: 
             bad += good < size
         recent[same] = f
         without_counter += spots[same, 0] == 0
-        without_fine += spots[same, 1] == 0
+        without_fine += spots[same, 1] == 0 or spots[same, 5] != 0
         _pick_up(data, f, start, spots[same], out)
     _sort_by_group(out[GROUP], groups, order, bounds)
     return groups, bad, without_fine, without_counter

@@ -268,11 +268,20 @@ class Values:
 
     @_item("SampleTimeFine")
     def sample_time_fine(self) -> Array:
-        return self.run.ticks(self.times).astype(">u4")
+        return np.where(self.is_timed, self.run.ticks(self.times), self._arbitrary).astype(">u4")
 
     @_item("SampleTimeCoarse")
     def sample_time_coarse(self) -> Array:
-        return (self.times // 10**9).astype(">u4")
+        return np.where(self.is_timed, self.times // 10**9, self._arbitrary // TICKS_S).astype(">u4")
+
+    @property
+    def is_timed(self) -> Array:
+        """Whether the clocks say when: those of a receiver without a fix do not (MT0101P 5.3.6)."""
+        return self.run.has_fix(self.times) | (not self.cadence.delayed)
+
+    @property
+    def _arbitrary(self) -> Array:
+        return (np.arange(len(self.times)) + self.counter) * 2_654_435_761 % self.run.wrap
 
     @_item("Quaternion")
     def quaternion(self, local: str) -> Floats:

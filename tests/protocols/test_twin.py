@@ -179,8 +179,10 @@ def test_satellites_come_late_with_an_older_time() -> None:
     assert (pvt["fixtype"][-8:] == 3).all()
     assert pvt["year"][-1] == 2026
     ticks = column(events, "SampleTimeFine").astype(np.int64)
-    assert set(np.diff(ticks).tolist()) == {100, -800, 0, 900}  # back by 80 ms, satellites as well, and on
-    assert (np.diff(ticks) == -800).sum() == len(pvt)
+    fixed = np.diff(ticks)[500:]
+    assert set(fixed.tolist()) == {100, -800, 0, 900}  # back by 80 ms, satellites as well, and on
+    assert (fixed == -800).sum() == pytest.approx(4 * 15, abs=4)
+    assert not set(np.diff(ticks)[:300].tolist()) <= {100, -800, 0, 900}  # without a fix their clock is arbitrary
     rtk = column(events, "StatusWord").astype(np.int64) >> 27 & 3
     assert sorted(set(rtk.tolist())) == [0, 1, 2]
     place = column(events, "LatLon")

@@ -240,3 +240,48 @@ def test_guess() -> None:
 def test_warm() -> None:
     assert set(warm()) == set(PROTOCOLS)
     assert all(warm().values())
+
+
+# -- GNSS messages without a fix ---------------------------------------------------------------------------------------
+
+
+def solution(counter: int, fine: int, fix: int) -> bytes:
+    """A GNSS solution with a counter and a clock, in a message of its own."""
+    pvt = bytearray(94)
+    pvt[20] = fix
+    payload = struct.pack(">HBHHBI", 0x1020, 2, counter & 0xFFFF, 0x1060, 4, fine)
+    return build(0x36, payload + struct.pack(">HB", 0x7010, 94) + bytes(pvt))
+
+
+def satellites(counter: int, fine: int) -> bytes:
+    payload = struct.pack(">HBHHBI", 0x1020, 2, counter & 0xFFFF, 0x1060, 4, fine)
+    return build(0x36, payload + struct.pack(">HB", 0x7020, 8) + bytes(8))
+
+
+@pytest.mark.parametrize("cut", ["whole", "frame by frame"])
+@pytest.mark.parametrize("arbitrary", [0, 0xFFFFFFFF, 123_456_789])
+def test_the_clock_of_a_gnss_message_without_a_fix_is_nobodys(arbitrary: int, cut: str) -> None:
+    """It is arbitrary (MT0101P 5.3.6): no step, no time, and the clock of the samples goes on."""
+    frames = []
+    for i in range(100):
+        frames.append(sample(2 * i, fine=50_000 + 100 * i))
+        frames.append((solution if i % 2 else satellites)(2 * i + 1, arbitrary, *([0] if i % 2 else [])))
+    events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
+    assert not of(events, Step)
+    assert not of(events, Gap)
+    timed = [batch for batch in of(events, Batch) if batch.time_ns is not None]  # type: ignore[attr-defined]
+    times = [int(time) for batch in timed for time in batch.time_ns]  # type: ignore[attr-defined]
+    assert times == [100_000 * (50_000 + 100 * i) for i in range(100)]
+
+
+@pytest.mark.parametrize("cut", ["whole", "frame by frame"])
+def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
+    frames = [sample(0, fine=1000), solution(1, 7, 0), solution(2, 200, 3), satellites(3, 200), sample(4, fine=1010)]
+    events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
+    assert not of(events, Step)
+    found = {
+        int(offset): None if batch.time_ns is None else int(batch.time_ns[row])  # type: ignore[attr-defined]
+        for batch in of(events, Batch)
+        for row, offset in enumerate(batch.offset)  # type: ignore[attr-defined]
+    }
+    assert [found[offset] for offset in sorted(found)] == [100_000_000, None, 20_000_000, 20_000_000, 101_000_000]
