@@ -25,7 +25,7 @@ import json
 import os
 import shutil
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -380,6 +380,11 @@ class Columns:
         """One clock of the rows lo ≤ row < hi; `key` is the one in which they are searched, non-decreasing."""
         parts = [self._column(channel, block, name)[a:b] for block, a, b in self._within(channel, lo, hi)]
         return np.concatenate(parts) if parts else np.empty(0)
+
+    def values(self, channel: int, column: int, lo: int, hi: int) -> Iterator[Array]:
+        """One own column of the rows lo ≤ row < hi, block after block."""
+        for block, a, b in self._within(channel, lo, hi):
+            yield self._column(channel, block, column)[a:b]
 
     # -- finding rows --------------------------------------------------------------------------------------------------
 

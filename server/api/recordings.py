@@ -24,7 +24,7 @@ from server.library.details import as_json, channels_of, detail
 from server.library.recorded import OpeningState, RecordedSettings, RecordingDetail
 from server.library.settings import settings_of
 from server.library.shelf import Opening, Shelf
-from server.library.windows import Answer, arrow_of, frame_of, json_of, live, recorded
+from server.library.windows import Answer, ColumnStatistics, arrow_of, frame_of, json_of, live, recorded, statistics_in
 from server.live.hub import Hub
 
 router = APIRouter(tags=["recordings"])
@@ -132,6 +132,21 @@ def get_window(  # a thread of its own: what is not in memory is read from the d
     exact = "1" if all(_is_whole(answer) for answer in answers) else "0"
     body = b"".join(frame_of(answer) for answer in answers)
     return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
+
+
+@router.get("/api/recordings/{recording}/statistics", responses=responses(404, 422))
+def get_statistics(  # in a thread, as the window is
+    store: SoFar,
+    t0: float,
+    t1: float,
+    base: Base = "device",
+    channels: Annotated[str, Query(description="ids, separated by commas; empty for all")] = "",
+) -> dict[int, list[ColumnStatistics]]:
+    """Number, mean, σ and extremes of every column of channels over a stretch, however long: channel → its columns."""
+    t0, t1 = _span(t0, t1)
+    infos = channels_of(store)
+    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
+    return {number: statistics_in(store, infos[number], t0, t1, base=base) for number in wanted}
 
 
 @router.get("/api/recordings/{recording}/fared", responses=responses(404, 422))

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.columns import Base, Buckets, Columns, Exact, summarised
+from recordings.statistics import norm_statistics, statistics
 from server import codec, wire
 from server.live.hub import Channel
 
@@ -106,6 +107,33 @@ def _newest(store: Columns, channel: int, t1: float, base: Base) -> Exact:
     clock = near.arrival if base == "arrival" else np.where(np.isnan(near.time), near.arrival, near.time)
     same = np.flatnonzero(clock == clock[-1]) if len(near) else np.empty(0, np.int64)
     return Exact(near.arrival[same], near.time[same], [column[same] for column in near.columns])
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnStatistics:
+    """What a stretch of one column amounts to; null where there is no number, and a mean of an axis that spins."""
+
+    n: int
+    mean: float | None
+    sigma: float | None
+    min: float | None
+    max: float | None
+
+
+def statistics_in(
+    store: Columns, info: wire.ChannelInfo, t0: float, t1: float, *, base: Base = "device"
+) -> list[ColumnStatistics]:
+    """Of every column of a recorded channel, in order, around the circle where it wraps; then of a vector's length."""
+    lo, hi = store.between(info.id, t0, t1, base)
+    found = [statistics(store, info.id, at, lo, hi, column.period) for at, column in enumerate(info.columns)]
+    if info.kind == "vector" and len(info.columns) == 3:
+        found.append(norm_statistics(store, info.id, range(3), lo, hi))
+    return [
+        ColumnStatistics(
+            one.n, *(value if math.isfinite(value) else None for value in (one.mean, one.sigma, one.min, one.max))
+        )
+        for one in found
+    ]
 
 
 # -- for the page ------------------------------------------------------------------------------------------------------

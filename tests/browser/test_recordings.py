@@ -169,6 +169,32 @@ def test_what_is_read_is_a_sample_at_every_zoom(recorded: ServerProcess, open_pa
             page.keyboard.press("+")
 
 
+def test_differences_and_statistics_of_a_whole_recording(
+    recorded: ServerProcess, open_page: Callable[..., Page]
+) -> None:
+    """Δ was "—" beyond a second from the cursor, mean and σ wherever the window was summarised."""
+    page = opened(recorded, open_page)
+    first, last = page.evaluate("[window.imuscopeReplay.bounds.first, window.imuscopeReplay.bounds.last]")
+    a, b = first + 0.2 * (last - first), first + 0.8 * (last - first)
+    box = page.locator(".plot canvas").first.bounding_box()
+    assert box is not None
+    place = "([t]) => { const {end, span} = window.imuscope.view.value; return (t - end + span) / span; }"
+    for t, modifier in ((a, []), (b, ["Shift"])):
+        x = 164 + page.evaluate(place, [t]) * (box["width"] - 204)
+        page.locator(".plot canvas").first.click(position={"x": x, "y": 40}, modifiers=modifier)
+    until(page, "document.querySelector('.plot .leg .v').textContent.match(/^Δ [−0-9.]+$/) !== null")
+    mean = "[...document.querySelectorAll('.vals td.num')].slice(0, 12).map(cell => cell.textContent)"
+    until(page, f"{mean}.every(text => /[0-9]/.test(text))")
+    [info, *_] = ask(recorded, "GET", "/api/recordings")
+    detail = ask(recorded, "GET", f"/api/recordings/{info['id']}")
+    channel = next(one for one in detail["channels"] if one["device"] == "1" and one["name"] == "Acceleration")
+    columns = ask(recorded, "GET", f"/api/recordings/{info['id']}/query?channel={channel['id']}&format=json")["columns"]
+    x, z = (sum(columns[axis]) / len(columns[axis]) for axis in "xz")
+    shown = [float(text.replace("−", "-")) for text in page.evaluate(mean)]
+    assert shown[1] == pytest.approx(x, abs=0.01)
+    assert shown[7] == pytest.approx(z, abs=0.01)
+
+
 def test_a_lost_sample_is_seen_at_every_zoom(recorded: ServerProcess, open_page: Callable[..., Page]) -> None:
     page = opened(recorded, open_page)
     losses = page.evaluate("window.imuscopeReplay.drawn.losses('1')")

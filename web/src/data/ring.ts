@@ -20,6 +20,7 @@ import type { Column, SampleFrame } from "../wire/codec";
 import { DTYPE_SIZE, type Dtype } from "../wire/types";
 import { MinMax, OrAnd, type Extent, type Values } from "./buckets";
 import { Gaps } from "./gaps";
+import { NO_STATS, type Stats, statsOf } from "./statistics";
 import type { TimeBase } from "./view";
 
 /** How far back, in rows, a late sample is moved. 4096 rows are 2 s at 2 kHz: ten times the age of a GNSS fix. */
@@ -46,14 +47,6 @@ export interface RingColumn {
   readonly period: number;
   /** A word of flags: kept with OR and AND instead of minimum and maximum. */
   readonly status: boolean;
-}
-
-export interface Stats {
-  readonly n: number;
-  readonly mean: number;
-  readonly sigma: number;
-  readonly min: number;
-  readonly max: number;
 }
 
 function slots(dtype: Dtype, n: number): Values {
@@ -168,28 +161,11 @@ export class Ring {
     return a;
   }
 
-  /** Rows with t0 ≤ time < t1: number, mean, standard deviation (n − 1) and extremes of a column; NaN values are left out. */
+  /** Rows with t0 ≤ time < t1: number, mean, standard deviation (n − 1) and extremes of a column, around the circle where it wraps. */
   stats(column: number, t0: number, t1: number, base: TimeBase): Stats {
     const values = this.columns[column];
-    const to = this.row(t1, base);
-    let n = 0;
-    let mean = 0;
-    let m2 = 0;
-    let min = Infinity;
-    let max = -Infinity;
-    for (let row = this.row(t0, base); values !== undefined && row < to; row++) {
-      const v = values[row & this.mask]!;
-      if (v !== v) continue;
-      // Welford's recurrence: no cancellation for a pressure of 101 325 Pa that varies by 3.
-      n += 1;
-      const d = v - mean;
-      mean += d / n;
-      m2 += d * (v - mean);
-      if (v < min) min = v;
-      if (v > max) max = v;
-    }
-    if (n === 0) return { n, mean: NaN, sigma: NaN, min: NaN, max: NaN };
-    return { n, mean, sigma: n > 1 ? Math.sqrt(m2 / (n - 1)) : 0, min, max };
+    if (values === undefined) return NO_STATS;
+    return statsOf(values, this.mask, this.row(t0, base), this.row(t1, base), this.#kinds[column]!.period);
   }
 
   /** Extremes of `n` equal spans of `dt` seconds from `t0`: for sparklines; NaN where there is no sample. */

@@ -1,6 +1,6 @@
 /** What a panel is given when it is mounted. */
 import { cursor, view } from "../data/view";
-import type { Ring } from "../data/ring";
+import type { Stats } from "../data/statistics";
 import type { Channel, Store } from "../data/store";
 import type { DeviceInfo } from "../wire/types";
 import { type Recent, recentOf } from "./figures";
@@ -10,8 +10,8 @@ import { type Reading, readingAt } from "./reading";
 export interface Deps {
   readonly store: Store;
   readonly minute: Minute;
-  /** Where every sample of the window is, when the store holds only some; undefined where nowhere. */
-  readonly everySample?: (channel: Channel, from: number, to: number) => Ring | undefined;
+  /** What a column's window amounts to, when the store holds only some of its samples; undefined while that is not known. */
+  readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
 }
 
 /** The moment that panels read now. */

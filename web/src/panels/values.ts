@@ -156,12 +156,11 @@ function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps:
   return turn;
 }
 
-function writeStats(line: Line, at: Reading, { everySample }: Deps): void {
+function writeStats(line: Line, at: Reading, { statistics }: Deps): void {
   const { row, channel, mean, sd } = line;
   if (!mean || !sd || !row.info) return;
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
-  const ring = everySample ? everySample(channel, at.from, at.to) : channel.ring;
-  const stats = ring?.stats(row.column, at.from, at.to, view.value.timeBase);
+  const stats = statistics ? statistics(channel, row.column, at) : channel.ring.stats(row.column, at.from, at.to, view.value.timeBase);
   mean.set(stats && stats.n > 0 ? number(stats.mean, decimals) : NONE);
   sd.set(stats && stats.n > 1 ? number(stats.sigma, decimals) : NONE);
 }

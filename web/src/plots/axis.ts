@@ -57,7 +57,7 @@ export function axisWords(w: TimeWindow, base: View["timeBase"]): string {
   return away ? `UTC ${day(w.t1)}, ${words}` : `UTC, ${words}`;
 }
 
-/** A chip on the axis: the cursor's time, or the difference to the measuring cursor. */
+/** A chip on the axis: the cursor's time, or how much later the second, measuring cursor stands. */
 interface Chip {
   readonly text: string;
   readonly from: number;
@@ -74,7 +74,7 @@ function chips(x: CanvasRenderingContext2D, w: TimeWindow, least: number, cursor
   const centre = Math.min(Math.max(xOf(w, cursorAt), least + half), right - half);
   const cursor = { text: time, from: centre - half, to: centre + half, yours: false };
   if (measureAt === undefined) return [cursor];
-  const text = `Δ ${duration(cursorAt - measureAt)}`;
+  const text = `Δ ${duration(measureAt - cursorAt)}`;
   const width = wide(text) + 4;
   // On the side of the other cursor, if there is room.
   const after = cursor.from - width < least || (measureAt > cursorAt && cursor.to + width < right);

@@ -98,7 +98,7 @@ export class LaneNames {
     if (this.#spoken === undefined) return ["", ""];
     const lane = this.lanes[this.#spoken - 1];
     if (lane !== undefined) {
-      const state = stateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel) }, t, base));
+      const state = stateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel, t) }, t, base));
       return [`${lane.name}${state === "" ? "" : `: ${state}`}`, lane.bits.doc];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);

@@ -4,6 +4,7 @@
  */
 import { toggleKey } from "../data/actions";
 import { lowerBound } from "../data/gaps";
+import { wrapped } from "../data/statistics";
 import type { Channel } from "../data/store";
 import type { TimeBase } from "../data/view";
 import { number } from "../ui/format";
@@ -26,13 +27,13 @@ export function rowAt({ channel: { ring } }: Pick<Series, "channel">, t: number,
   return age > fresh && ring.breaks[lowerBound(ring.breaks, next)] === next ? -1 : next - 1;
 }
 
-/** Where the samples of a channel are as they came, when what is drawn of it is summarised. */
-export type Reads = (channel: Channel) => Channel;
+/** Where the samples of a channel are as they came around a time, when what is drawn of it is summarised. */
+export type Reads = (channel: Channel, t: number) => Channel;
 const asDrawn: Reads = (channel) => channel;
 
 /** The value there; NaN when there is none. */
 export function valueAt(series: Series, t: number, base: TimeBase, reads: Reads = asDrawn): number {
-  const channel = reads(series.channel);
+  const channel = reads(series.channel, t);
   const row = rowAt({ channel }, t, base);
   const { ring } = channel;
   return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
@@ -84,16 +85,16 @@ export class Legend {
     for (const { series, button } of this.#rows) button.setAttribute("aria-pressed", String(!hidden.has(series.key)));
   }
 
-  /** Values at `t` (Infinity: the newest); with `from` the differences since then. */
-  read(t: number, base: TimeBase, from: number | undefined, narrow: boolean, reads: Reads = asDrawn): void {
+  /** Values at `t` (Infinity: the newest); with `to`, the second cursor, how much they change from here to there. */
+  read(t: number, base: TimeBase, to: number | undefined, narrow: boolean, reads: Reads = asDrawn): void {
     for (const row of this.#rows) {
       const { series, button, value } = row;
       const now = valueAt(series, t, base, reads);
       const decimals = narrow ? Math.min(2, series.decimals) : series.decimals;
-      const text = from === undefined ? number(now, decimals) : `Δ ${number(difference(series, now, valueAt(series, from, base, reads)), decimals)}`;
+      const text = to === undefined ? number(now, decimals) : `Δ ${number(changeOf(series, t, to, base, reads), decimals)}`;
       value.set(text);
       if (narrow) makeRoom(row, Math.max(text.length, decimals + usualRoom(series)));
-      button.classList.toggle("diff", from !== undefined);
+      button.classList.toggle("diff", to !== undefined);
     }
   }
 }
@@ -113,9 +114,9 @@ function usualRoom({ channel, column }: Series): number {
   return ROOM[channel.info.columns[column]?.unit || channel.info.unit] ?? LEAST_ROOM;
 }
 
-/** b − a, the short way round for an angle. */
-function difference(series: Series, b: number, a: number): number {
+/** How much a series changes from `t` to `to`: the second less the first, of an angle the short way round. */
+export function changeOf(series: Series, t: number, to: number, base: TimeBase, reads: Reads = asDrawn): number {
+  const d = valueAt(series, to, base, reads) - valueAt(series, t, base, reads);
   const period = series.channel.info.columns[series.column]?.period ?? 0;
-  const d = b - a;
-  return period > 0 ? d - period * Math.round(d / period) : d;
+  return period > 0 ? wrapped(d, period) : d;
 }

@@ -228,7 +228,7 @@ class Stack {
     const device = view.peek().device ?? "";
     const losses = this.#store.losses(device);
     const frame = `${w.g1} ${w.dt} ${w.base} ${this.#theme} ${losses.length} ${losses.at(-1)?.t1}`;
-    const still = this.#stillDue(now) ? this.#channels.reduce((sum, channel) => sum + channel.ring.revision + this.#reads(channel).ring.revision, 0) : this.#still;
+    const still = this.#stillDue(now) ? this.#channels.reduce((sum, channel) => sum + this.#revisionOf(channel), 0) : this.#still;
     if (this.#changed("lanes", `${frame} ${still} ${this.#names.lanes.length}`) && this.#lanesSheet.height > 0) {
       this.#lanes.draw(this.#lanesSheet, this.#names.lanes, losses, w, this.#look);
     }
@@ -243,6 +243,12 @@ class Stack {
     if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${shown.size} ${reading === undefined ? "" : still}`)) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
     }
+  }
+
+  /** Goes up with every change of what is drawn of a channel, or read at a cursor. */
+  #revisionOf(channel: Channel): number {
+    const at = [cursorTime(), measure.peek()].filter((t) => t !== undefined);
+    return at.reduce((sum, t) => sum + this.#reads(channel, t).ring.revision, channel.ring.revision);
   }
 
   #changed(part: string, stamp: string): boolean {
@@ -313,7 +319,7 @@ class Stack {
   /** The sample `steps` on from t, of the channel that stands first. */
   #step(t: number, steps: number): number | undefined {
     const channel = this.#plots[0]?.spec.series[0]?.channel;
-    const ring = channel && this.#reads(channel).ring;
+    const ring = channel && this.#reads(channel, t).ring;
     const base = view.peek().timeBase;
     if (ring === undefined || ring.length === 0) return undefined;
     // Half a microsecond: a cursor pinned to a sample must find that sample again.

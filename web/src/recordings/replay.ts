@@ -4,55 +4,42 @@
  *     head, speed, loop ──▶ view, cursor (the same signals as on Live) ──▶ plots, panels
  *                             │
  *                             ├─ the window, as finely as the screen ──▶ Screen ──▶ store `drawn`   what plots draw
- *                             └─ samples around the cursor, as they came ──▶ Feeds ──▶ store `near`     what is read
+ *                             ├─ samples around the cursor, as they came ──▶ Vicinity ──▶ store `near`   what is read
+ *                             └─ samples around the measuring cursor ──▶ Vicinity ──▶ store `far`        what it is measured against
  *
  * `near` tells of the devices as they were at the head: its clock is the head, its events are those that had happened by then.
  */
 import { computed, type Signal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring";
+import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
 import { Minute } from "../panels/minute";
-import { readingAt } from "../panels/reading";
+import { type Reading, readingAt } from "../panels/reading";
 import { asked } from "../plots/stack";
 import type { App } from "../pages/app";
 import type { Problem } from "../ui/api";
 import type { PageState } from "../ui/state";
 import type { Place } from "./address";
 import { FaredFeed, minuteAt } from "./fared";
-import { Feed } from "./feed";
 import { healthAt, until } from "./figures";
 import { advance, begin, followed, type Playing } from "./player";
 import { ReplayStore } from "./replay-store";
 import { Screen, type Shown } from "./screen";
-import { type Bounds, type Near, nearOf } from "./stretch";
+import { StatisticsFeed } from "./statistics-feed";
+import type { Bounds } from "./stretch";
 import type { Marker, RecordingDetail } from "./types";
+import { Vicinity } from "./vicinity";
 
-/** Shortest reach of samples around the cursor, s. */
-const LEAST_REACH_S = 0.02;
-/** The server gives rows as they are when there are at most twice as many. */
-const NEAR_WIDTH = 8000;
-
-/** A value that is no longer that of the moment is shown at most this long, ms. */
-const PATIENCE_MS = 400;
-/** Played quickly, samples are asked for at most this far ahead, in seconds of a person's time. */
-const LONGEST_LEAD_S = 0.5;
-
+/** What a mean and a spread are told of (panels/layout.ts). */
+const COUNTED: ReadonlySet<string> = new Set(["vector", "euler", "quaternion", "matrix"]);
 /** How often figures are told, as live. */
 const TOLD_PER_S = 2;
-
-interface Around {
-  readonly near: Near;
-  readonly feed: Feed;
-  /** Share of the reach that is asked for: less where samples come too densely. */
-  share: number;
-  /** Since when what is read has not been among what is held, ms; NaN while it is. */
-  missing: number;
-}
 
 export class Replay {
   readonly drawn: ReplayStore;
   readonly near: ReplayStore;
+  readonly far: ReplayStore;
   readonly app: App;
   readonly bounds: Bounds;
   readonly markers = signal<readonly Marker[]>([]);
@@ -69,8 +56,9 @@ export class Replay {
   readonly #screen: Screen;
   readonly #fared: FaredFeed;
   readonly #minute = new Minute();
-  #around: readonly Around[] = [];
-  #aroundOf: string | undefined;
+  readonly #statistics: StatisticsFeed;
+  readonly #read: Vicinity;
+  readonly #measured: Vicinity;
   #frame = NaN;
   #told = "";
   readonly #before = { view: view.peek(), cursor: cursor.peek(), measure: measure.peek(), hidden: hidden.peek(), asked: asked.peek() };
@@ -87,10 +75,15 @@ export class Replay {
     this.drawn = screen.store;
     this.problem = screen.problem;
     this.near = new ReplayStore(detail, () => this.head);
+    this.far = new ReplayStore(detail, () => this.head);
     this.#fared = new FaredFeed(detail.info.id, this.bounds);
+    this.#statistics = new StatisticsFeed(detail.info.id);
+    const told = (problem: Problem): void => void (this.problem.value = problem);
+    this.#read = new Vicinity(detail, this.near, this.bounds, told);
+    this.#measured = new Vicinity(detail, this.far, this.bounds, told);
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
-    this.app = appOf(this.near, this.#minute, (channel, from, to) => this.#every(channel, from, to));
+    this.app = appOf(this.near, this.#minute, (channel, column, at) => this.#statisticsOf(channel, column, at));
     this.go(place);
     this.#screen.want(this.#shown); // at once: before anything is drawn
   }
@@ -130,8 +123,7 @@ export class Replay {
     if (progress === 1 || devices.length !== now.devices.length || channels.length !== now.channels.length || t0 !== now.t0 || t1 !== now.t1) return false;
     this.progress.value = progress;
     this.#screen.refresh();
-    for (const { feed } of this.#around) feed.held = undefined;
-    this.#fared.refresh();
+    for (const one of [this.#read, this.#measured, this.#fared, this.#statistics]) one.refresh();
     return true;
   }
 
@@ -202,7 +194,7 @@ export class Replay {
     if (this.playing.peek()) this.#advance(seconds);
     this.#screen.want(this.#shown);
     // What is drawn comes first; what is read of it a moment later.
-    if (this.#screen.held || this.problem.peek()) this.#read(now);
+    if (this.#screen.held || this.problem.peek()) this.#around(now);
     this.#tell();
   }
 
@@ -213,8 +205,7 @@ export class Replay {
 
   dispose(): void {
     this.#screen.dispose();
-    this.#fared.dispose();
-    for (const { feed } of this.#around) feed.dispose();
+    for (const one of [this.#read, this.#measured, this.#fared, this.#statistics]) one.dispose();
     view.value = this.#before.view;
     cursor.value = this.#before.cursor?.kind === "pinned" ? this.#before.cursor : undefined;
     measure.value = this.#before.measure;
@@ -241,61 +232,39 @@ export class Replay {
     if (this.follow.peek() && !whole) view.value = { ...view.peek(), end: followed(end, span, was, next.head) };
   }
 
+  /** The store that holds a channel's samples as they came at `t`: around the cursor, or around the measuring one. */
+  reads(channel: Channel, t: number): Channel {
+    const store = t === measure.peek() ? this.far : this.near;
+    return store.channel(channel.info.device, channel.info.name) ?? channel;
+  }
+
+  /** Of the window: from its samples where they are all here, else as the server counted them. */
+  #statisticsOf(channel: Channel, column: number, { from, to }: Reading): Stats | undefined {
+    const base = view.peek().timeBase;
+    const ring = this.#every(channel, from, to);
+    if (ring) return ring.stats(column, from, to, base);
+    const { device } = channel.info;
+    const told = this.detail.channels.filter((info) => info.device === device && COUNTED.has(info.kind)).map(({ id }) => id);
+    this.#statistics.want({ channels: told, from: Math.max(from, this.bounds.first), to: Math.min(to, this.bounds.last), base });
+    return this.#statistics.of(channel.info.id, column);
+  }
+
   /** Where a channel's samples of the window are all there: what is drawn, when that is not summarised, or what is read. */
   #every({ info, ring }: Channel, from: number, to: number): Ring | undefined {
     const { held } = this.#screen;
     const whole = held?.exact && held.stretch.t0 <= Math.max(from, this.bounds.first) && held.stretch.t1 >= Math.min(to, this.bounds.last);
     const drawn = whole ? this.drawn.channel(info.device, info.name)?.ring : undefined;
     if (drawn && drawn.length > 0) return drawn;
-    const around = this.#around.find(({ near }) => near.channels.includes(info.id))?.feed.held;
-    return around?.exact && around.stretch.t0 <= Math.max(from, this.bounds.first) && around.stretch.t1 >= Math.min(to, this.bounds.last) ? ring : undefined;
+    return this.#read.isWhole(info.id, from, to) ? ring : undefined;
   }
 
-  /** Have the samples around what is read. */
-  #read(now: number): void {
+  /** Have the samples around what is read, and around what it is measured against. */
+  #around(now: number): void {
     const { device, timeBase: base } = view.peek();
-    if (device !== this.#aroundOf) this.#choose(device);
     const { time } = readingAt(view.peek(), cursor.peek(), this.head);
-    const ahead = this.playing.peek() ? 0.3 * this.speed.peek() : 0;
-    for (const around of this.#around) {
-      const { near, feed } = around;
-      const { held } = feed;
-      if (held && !held.exact && around.share * near.before > LEAST_REACH_S) {
-        around.share /= 2;
-        feed.held = undefined;
-      }
-      const reach = around.share * near.before;
-      this.#forgetOld(around, time, now);
-      const here = held && feed.holds(near.channels, base) && held.stretch.t0 <= Math.max(time - 0.3 * reach, this.bounds.first - 1);
-      if (here && feed.held && held.stretch.t1 >= Math.min(time + Math.min(ahead, 0.3 * reach), this.bounds.last)) continue;
-      // Where it will be read when the answer is here.
-      const lead = this.playing.peek() ? this.speed.peek() * Math.min(LONGEST_LEAD_S, (feed.took || 0) / 1000) : 0;
-      const middle = Math.min(time + lead, this.bounds.last);
-      feed.ask({ stretch: { t0: middle - reach, t1: middle + reach, width: NEAR_WIDTH }, channels: near.channels, base });
-    }
-  }
-
-  /** A value from elsewhere in the recording is not shown for longer than an answer may take. */
-  #forgetOld(around: Around, time: number, now: number): void {
-    const stretch = around.feed.held?.stretch;
-    if (stretch === undefined || (time >= stretch.t0 && time <= stretch.t1)) {
-      around.missing = NaN;
-    } else if (!(now - around.missing < PATIENCE_MS)) {
-      if (around.missing === around.missing) {
-        this.near.forget(around.near.channels);
-        around.feed.held = undefined;
-      } else around.missing = now;
-    }
-  }
-
-  #choose(device: string | undefined): void {
-    this.#aroundOf = device;
-    for (const { feed } of this.#around) feed.dispose();
-    const own = this.detail.channels.filter((info) => info.device === device);
-    const told = (problem: Problem | undefined): void => {
-      if (problem) this.problem.value = problem;
-    };
-    this.#around = nearOf(own, this.detail.longest_s).map((near) => ({ near, feed: new Feed(this.detail.info.id, this.near, told), share: 1, missing: NaN }));
+    const other = measure.peek();
+    this.#read.around({ device, time, base, speed: this.playing.peek() ? this.speed.peek() : 0 }, now);
+    if (other !== undefined) this.#measured.around({ device, time: other, base, speed: 0 }, now);
   }
 
   /** Events and figures as they stood at the head. */
@@ -314,8 +283,8 @@ export class Replay {
 }
 
 /** The recording as the panels know the page: always with something on screen, and never old. */
-function appOf(store: ReplayStore, minute: Minute, everySample: NonNullable<App["everySample"]>): App {
+function appOf(store: ReplayStore, minute: Minute, statistics: NonNullable<App["statistics"]>): App {
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
   const state = signal<PageState>("live");
-  return { store, minute, device, state, held: () => false, everySample };
+  return { store, minute, device, state, held: () => false, statistics };
 }

@@ -2,6 +2,7 @@
 import { type Outcome, type Problem, request } from "../ui/api";
 import type { ExportJob, RecorderState } from "../wire/types";
 import type { Fared } from "./fared";
+import type { Asked, ColumnStatistics } from "./statistics-feed";
 import type { Edit, Export, Mark, Marker, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "./types";
 
 const ROOT = "/api/recordings";
@@ -64,6 +65,17 @@ export async function fetchWindow(id: string, query: WindowQuery, signal: AbortS
   if (answer.ok) return { buffer: await answer.arrayBuffer(), exact: answer.headers.get("x-exact") !== "0" };
   const told = (await answer.json().catch(() => ({}))) as Partial<Problem>;
   return { kind: told.kind ?? "http", message: told.message ?? `The server answered ${answer.status}.`, hint: told.hint ?? "", status: answer.status };
+}
+
+/** What a window amounts to, channel by channel; undefined where that cannot be had. */
+export async function fetchStatistics(id: string, { channels, from, to, base }: Asked, signal: AbortSignal): Promise<Readonly<Record<string, readonly ColumnStatistics[]>> | undefined> {
+  const given = new URLSearchParams({ t0: String(from), t1: String(to), base, channels: channels.join(","), partial: "1" });
+  try {
+    const answer = await fetch(of(id, `/statistics?${given}`), { credentials: "same-origin", signal });
+    return answer.ok ? ((await answer.json()) as Readonly<Record<string, readonly ColumnStatistics[]>>) : undefined;
+  } catch {
+    return undefined;
+  }
 }
 
 /** How a device fared, second by second; undefined where that cannot be had. */

@@ -86,7 +86,7 @@ function Panels({ replay }: { readonly replay: Replay }) {
 function mountPlots(host: HTMLElement, replay: Replay): Panel {
   const stack = mountStack(host, {
     store: replay.drawn,
-    reads: (channel) => replay.near.channel(channel.info.device, channel.info.name) ?? channel,
+    reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
   });
   const resized = new ResizeObserver(() => {

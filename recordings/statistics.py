@@ -1,0 +1,125 @@
+"""Mean, standard deviation and extremes of any stretch of a column, along a line or around a circle.
+
+Of a recording a page holds what a screen shows: of an hour at 1 kHz the extremes of a few thousand stretches, from
+which no mean follows. So the store is asked, block after block: memory is that of one block, and an hour takes
+milliseconds for each column.
+
+A wrapping angle has no mean along the line. Around the circle the mean is the angle from which the deviations, each
+taken the short way round, add up to zero; σ is the standard deviation (n − 1) of those. The page does the same with
+what it holds (web/src/data/statistics.ts, which says more).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.columns import Columns
+
+Floats = NDArray[np.float64]
+
+LEAST_RESULTANT = 0.05  # shorter, of samples of length 1, it has no direction worth telling: the mean is NaN
+PASSES = 3
+SETTLED = 1e-6  # of the period: an anchor that moves by less is the mean
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """Of the values that are numbers; NaN where there are none."""
+
+    n: int
+    mean: float
+    sigma: float
+    min: float
+    max: float
+
+
+@dataclass(slots=True)
+class _Moments:
+    """Number, mean and sum of squared deviations; what is added is combined without cancellation (Chan et al.)."""
+
+    n: int = 0
+    mean: float = 0.0
+    m2: float = 0.0
+
+    def add(self, values: Floats) -> None:
+        n = len(values)
+        if n == 0:
+            return
+        mean = float(values.mean())
+        m2 = float(np.square(values - mean).sum())
+        off, total = mean - self.mean, self.n + n
+        self.m2 += m2 + off * off * self.n * n / total
+        self.mean += off * n / total
+        self.n = total
+
+    @property
+    def sigma(self) -> float:
+        return float(np.sqrt(self.m2 / (self.n - 1))) if self.n > 1 else 0.0
+
+
+def wrapped(angle: Any, period: float) -> Any:
+    """`angle` in [−period/2, period/2]."""
+    return angle - period * np.round(angle / period)
+
+
+def statistics(store: Columns, channel: int, column: int, lo: int, hi: int, period: float = 0.0) -> Statistics:
+    """Statistics of the rows lo ≤ row < hi of a channel's own column, by position; 0 for one that never wraps."""
+
+    def parts() -> Iterator[Floats]:
+        for values in store.values(channel, column, lo, hi):
+            numbers = values.astype(np.float64)
+            yield numbers[np.isfinite(numbers)]
+
+    return statistics_of(parts, period)
+
+
+def norm_statistics(store: Columns, channel: int, columns: Sequence[int], lo: int, hi: int) -> Statistics:
+    """Statistics of the length of the vectors that these columns are."""
+
+    def parts() -> Iterator[Floats]:
+        for axes in zip(*(store.values(channel, column, lo, hi) for column in columns), strict=True):
+            with np.errstate(over="ignore"):
+                norms = np.sqrt(np.sum([np.square(axis.astype(np.float64)) for axis in axes], axis=0))
+            yield norms[np.isfinite(norms)]
+
+    return statistics_of(parts)
+
+
+def statistics_of(parts: Callable[[], Iterator[Floats]], period: float = 0.0) -> Statistics:
+    """Statistics of finite values that come in parts; `parts` is called once for every pass over them."""
+    line, least, most = _Moments(), float("inf"), float("-inf")
+    for values in parts():
+        line.add(values)
+        if len(values):
+            least, most = min(least, float(values.min())), max(most, float(values.max()))
+    if line.n == 0:
+        return Statistics(0, float("nan"), float("nan"), float("nan"), float("nan"))
+    if period <= 0 or most - least <= period / 2:
+        return Statistics(line.n, line.mean, line.sigma, least, most)
+    mean, sigma = _around(parts, period, line.mean)
+    if least >= 0 and mean < 0:  # a heading that is counted from 0 to 360
+        mean += period
+    return Statistics(line.n, mean, sigma, least, most)
+
+
+def _around(parts: Callable[[], Iterator[Floats]], period: float, other: float) -> tuple[float, float]:
+    total, n = 0j, 0
+    for values in parts():
+        total += complex(np.exp(2j * np.pi / period * values).sum())
+        n += len(values)
+    is_told = abs(total) / n >= LEAST_RESULTANT
+    anchor = float(np.angle(total)) * period / (2 * np.pi) if is_told else other
+    moments = _Moments()
+    for _ in range(PASSES):
+        moments = _Moments()
+        for values in parts():
+            moments.add(wrapped(values - anchor, period))
+        if not is_told or abs(moments.mean) < SETTLED * period:
+            break
+        anchor += moments.mean
+    return (float(wrapped(anchor, period)) if is_told else float("nan")), moments.sigma

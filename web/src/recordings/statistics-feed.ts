@@ -1,0 +1,98 @@
+/**
+ * What do the samples of a window amount to, when the page holds a summary of them? The server counts them all (recordings/statistics.py);
+ * one answer is held, for all channels of the device that is looked at, and is good for windows that hardly differ from its own.
+ */
+import type { Stats } from "../data/statistics";
+import type { TimeBase } from "../data/view";
+import { fetchStatistics } from "./server";
+
+/** Of one column; null where there is no number. */
+export interface ColumnStatistics {
+  readonly n: number;
+  readonly mean: number | null;
+  readonly sigma: number | null;
+  readonly min: number | null;
+  readonly max: number | null;
+}
+
+/** Of which channels, over which stretch. */
+export interface Asked {
+  readonly channels: readonly number[];
+  readonly from: number;
+  readonly to: number;
+  readonly base: TimeBase;
+}
+
+/** A window that moved or grew by no more than these parts of its length: is not asked about again; has the same statistics, to a reader. */
+const UNMOVED = 0.002;
+const ALIKE = 0.05;
+/** A window is asked about when it has stood still for so long, ms; one that moves on and on, so often. */
+const REST_MS = 120;
+const MOVING_MS = 500;
+/** Counting hours takes the server a moment: it is asked again after so many times what the last answer took. */
+const PAUSES = 3;
+const PATIENCE_MS = 3000;
+
+function same(a: Asked, b: Asked, part: number): boolean {
+  const slack = part * (b.to - b.from);
+  const channels = a.channels.length === b.channels.length && a.channels.every((id, k) => id === b.channels[k]);
+  return channels && a.base === b.base && Math.abs(a.from - b.from) <= slack && Math.abs(a.to - b.to) <= slack;
+}
+
+const finite = (value: number | null): number => value ?? NaN;
+
+export class StatisticsFeed {
+  readonly #stop = new AbortController();
+  #held: { readonly of: Asked; readonly columns: Readonly<Record<string, readonly ColumnStatistics[]>> } | undefined;
+  #wish: Asked | undefined;
+  #since = 0;
+  #began = -Infinity;
+  #busy = false;
+  #notBefore = -Infinity;
+
+  /** @param fetch asks the server; another one in tests */
+  constructor(
+    readonly recording: string,
+    readonly fetch: typeof fetchStatistics = fetchStatistics,
+    readonly clock: () => number = () => performance.now(),
+  ) {}
+
+  /** Want the statistics of a window; to be called again and again. */
+  want(wish: Asked): void {
+    const now = this.clock();
+    if (this.#wish === undefined || !same(this.#wish, wish, UNMOVED)) this.#since = now;
+    this.#wish = wish;
+    if (wish.channels.length === 0 || (this.#held !== undefined && same(this.#held.of, wish, UNMOVED))) return;
+    const isDue = now - this.#since >= REST_MS || now - this.#began >= MOVING_MS;
+    if (!this.#busy && now >= this.#notBefore && isDue) void this.#ask(wish);
+  }
+
+  /** Those of a column, as far as they are here for the window that is wanted. */
+  of(channel: number, column: number): Stats | undefined {
+    if (this.#held === undefined || this.#wish === undefined || !same(this.#held.of, this.#wish, ALIKE)) return undefined;
+    const found = this.#held.columns[String(channel)]?.[column];
+    return found && { n: found.n, mean: finite(found.mean), sigma: finite(found.sigma), min: finite(found.min), max: finite(found.max) };
+  }
+
+  /** There is more of the recording by now. */
+  refresh(): void {
+    this.#held = undefined;
+  }
+
+  dispose(): void {
+    this.#stop.abort();
+  }
+
+  async #ask(wish: Asked): Promise<void> {
+    const began = (this.#began = this.clock());
+    this.#busy = true;
+    try {
+      const columns = await this.fetch(this.recording, wish, this.#stop.signal);
+      if (columns !== undefined) this.#held = { of: wish, columns };
+      const now = this.clock();
+      this.#notBefore = columns === undefined ? now + PATIENCE_MS : now + PAUSES * (now - began);
+    } finally {
+      this.#busy = false;
+    }
+  }
+}
