@@ -10,8 +10,8 @@ often when whoever looks needs less (`Outbox.interval_s`), and sessions decode r
 fast device is decoded in stretches and not sample by sample.
 
 Memory is bounded: a ring keeps at most `history_s`, all rings together at most `budget` bytes; when that is exceeded
-the oldest block of all goes first, so that every channel reaches about equally far back. The event log is bounded by
-number; a browser that is connected gets every event whatever the log's size.
+the oldest block of all goes first, so that every channel reaches about equally far back. Events that are drawn over
+samples are kept as long as these (server/live/event_log.py); a browser that is connected gets every event.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from __future__ import annotations
 import asyncio
 import platform
 import uuid
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,6 +26,7 @@ from typing import Any
 from server import codec, wire
 from server.listeners import Listeners
 from server.live.channels import Piece
+from server.live.event_log import EventLog
 from server.live.outbox import Frame, History, Outbox, Packet
 from server.live.ring import Ring
 from server.version import VERSION
@@ -38,8 +38,6 @@ FLUSH_NOBODY_S = 0.05  # with nobody watching, decoding in longer stretches save
 TRIM_S = 1.0
 HISTORY_S = 600.0
 BUDGET = 256 * 1024 * 1024
-EVENTS_KEPT = 5000
-EVENTS_TO_LATE = 1000  # of the log, what a browser that connects is told
 
 
 @dataclass(slots=True)
@@ -69,7 +67,7 @@ class Hub:
         self.devices: dict[str, wire.DeviceInfo] = {}
         self.health: dict[str, wire.DeviceHealth] = {}
         self.raws: list[wire.RawPayload] = []
-        self.log: deque[wire.EventInfo] = deque(maxlen=EVENTS_KEPT)
+        self.log = EventLog(history_s)
         self.outboxes: set[Outbox] = set()
         self.connected = 0  # browsers, ever
         self.gone_dropped = self.gone_bytes = 0  # of those that have gone
@@ -181,6 +179,7 @@ class Hub:
         """Forget a device with its channels and figures."""
         self.devices.pop(device, None)
         self.health.pop(device, None)
+        self.log.forget(device)
         if self.controls.pop(device, None) is not None:
             self._controls_changed = True
         for channel in [number for number, one in self.channels.items() if one.info.device == device]:
@@ -293,6 +292,7 @@ class Hub:
         rings = [channel.ring for channel in self.channels.values()]
         for ring in rings:
             ring.drop_before(now - self.history_s)
+        self.log.trim(now)
         excess = sum(ring.nbytes for ring in rings) - self.budget
         while excess > 0:
             droppable = [ring for ring in rings if ring.blocks > 1]
@@ -315,7 +315,8 @@ class Hub:
         outbox.say(codec.encode_text(hello))
         outbox.say(codec.encode_text(wire.Devices(list(self.devices.values()))))
         outbox.say(codec.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
-        outbox.say(codec.encode_text(wire.Events(list(self.log)[-EVENTS_TO_LATE:])))
+        for events in self.log.for_late():
+            outbox.say(codec.encode_text(wire.Events(events)))
         outbox.say(codec.encode_text(wire.HealthReport(list(self.health.values()))))
         if self.controls:
             outbox.say(codec.encode_text(wire.Control(list(self.controls.values()))))

@@ -19,8 +19,8 @@ const STRETCH = 256;
 
 /** One lost sample leaves twice the usual spacing, which could be jitter: only where one is known to be missing this is a gap. */
 const MISSING_FACTOR = 1.5;
-/** Losses remembered; the oldest go first. */
-const LOSSES_KEPT = 1000;
+/** Losses remembered, as many as the server keeps of a device; the oldest go first. */
+const LOSSES_KEPT = 8000;
 /** Steps of a clock remembered; the oldest go first. */
 const CUTS_KEPT = 1000;
 
@@ -55,8 +55,9 @@ export class Gaps {
   longest = NaN;
   readonly #periods: readonly number[];
   readonly #cuts: number[] = [];
-  /** Spans in which samples are missing, by when they were told. Facts of time: they stay when rows go. */
-  readonly #losses: (readonly [number, number])[] = [];
+  /** Spans in which samples are missing: where each begins, ascending, and how far it and those before it reach. Facts of time: they stay when rows go. */
+  readonly #lostFrom: number[] = [];
+  readonly #lostTo: number[] = [];
   #stepAt = 0;
 
   /** @param periods where each column wraps; 0: never */
@@ -89,8 +90,7 @@ export class Gaps {
   /** Samples are missing between t0 and t1. Rows from ≤ row < to may lie around the hole; whether some do. */
   lose(t0: number, t1: number, from: number, to: number, rows: Rows): boolean {
     const before = this.breaks.length;
-    this.#losses.push([t0, t1]);
-    if (this.#losses.length > LOSSES_KEPT) this.#losses.shift();
+    this.#keepLoss(t0, t1);
     for (let row = Math.max(from, rows.first + 1); row < Math.min(to, rows.end); row++) {
       if (this.#isLost(rows.times[(row - 1) & rows.mask]!, rows.times[row & rows.mask]!, this.step, rows)) this.insert(row);
     }
@@ -137,7 +137,18 @@ export class Gaps {
   /** Is the spacing between these that of a sample that is known to be missing? Of rows that bound stretches nobody can tell. */
   #isLost(before: number, time: number, step: number, { clocked }: Rows): boolean {
     if (!clocked || this.longest === this.longest || !(time - before > MISSING_FACTOR * step)) return false;
-    return this.#losses.some(([t0, t1]) => t0 < time && t1 > before);
+    const at = lowerBound(this.#lostFrom, time) - 1;
+    return at >= 0 && this.#lostTo[at]! > before;
+  }
+
+  #keepLoss(t0: number, t1: number): void {
+    const at = lowerBound(this.#lostFrom, t0);
+    this.#lostFrom.splice(at, 0, t0);
+    this.#lostTo.splice(at, 0, Math.max(t1, this.#lostTo[at - 1] ?? -Infinity));
+    for (let k = at + 1; k < this.#lostTo.length && this.#lostTo[k]! < t1; k++) this.#lostTo[k] = t1;
+    if (this.#lostFrom.length <= LOSSES_KEPT) return;
+    this.#lostFrom.shift();
+    this.#lostTo.shift();
   }
 
   /** Usual spacing of the rows before `to`. */

@@ -15,7 +15,7 @@ export interface Loss {
 }
 
 /** Losses kept of one device; the oldest go first. */
-const KEPT = 5000;
+const KEPT = 8000;
 
 export class LossBook {
   readonly #of = new Map<string, Loss[]>();

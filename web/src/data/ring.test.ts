@@ -266,3 +266,13 @@ it("keeps 64-bit integers as numbers", () => {
   ring.take({ ...frame(steady(0, 1, () => 0), 0), columns: [BigUint64Array.of(2n ** 53n)] });
   expect(ring.value(0, 0)).toBe(2 ** 53);
 });
+
+it("breaks lines over thousands of lost samples, also when they are told before their samples come", () => {
+  const ring = new Ring([{ dtype: "f8", period: 0, status: false }]);
+  const kept = Array.from({ length: 30_000 }, (_, i) => i).filter((i) => i % 10 !== 5); // every tenth is lost
+  for (let i = 29_995; i > 0; i -= 10) ring.lose((i - 1) * 0.01 + 1000, (i + 1) * 0.01 + 1000);
+  ring.lose(1010, 1010.5); // one that lies over others
+  const times = Float64Array.from(kept, (i) => 1000 + i * 0.01);
+  ring.take({ channel: 1, n: kept.length, dropped: 0, sequence: 0, history: false, now: 0, arrival: times, time: times, columns: [times] });
+  expect(ring.breaks.length).toBe(3000);
+});

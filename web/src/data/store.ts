@@ -273,7 +273,7 @@ export class Store {
     const status = info.kind === "status";
     const ring = new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
     for (const { device, time } of this.events.peek().filter(isStep)) if (device === info.device) ring.cut(time);
-    for (const { device, t0, t1 } of this.events.peek().filter(isLoss)) if (device === info.device) ring.lose(t0!, t1!);
+    for (const { t0, t1, by } of this.#losses.of(info.device)) if (by === "device") ring.lose(t0, t1);
     return ring;
   }
 

@@ -1,0 +1,58 @@
+"""What a browser is told that connects late: all that is drawn over the samples it is given."""
+
+from __future__ import annotations
+
+from server.live.event_log import AT_ONCE, MARKS_KEPT, NEWS_TO_LATE, EventLog
+from server.wire import EventInfo, EventKind
+
+
+def event(seq: int, kind: EventKind, *, device: str = "1", time: float | None = None) -> EventInfo:
+    when = float(seq) if time is None else time
+    span = (when - 0.1, when) if kind == "gap" else (None, None)
+    return EventInfo(seq, when, device, kind, "fault", "", *span, 1, {})
+
+
+def told(log: EventLog) -> list[EventInfo]:
+    return [one for piece in log.for_late() for one in piece]
+
+
+def test_an_outage_is_told_however_much_happened_since() -> None:
+    """Holes of minutes ago had no hatch after a page load: a thousand answers had been heard since."""
+    log = EventLog(history_s=600.0)
+    log.append(event(0, "gap"))
+    log.append(event(1, "clock"))
+    for seq in range(2, 9000):
+        log.append(event(seq, "reply", time=2.0))
+    found = told(log)
+    assert [one.seq for one in found[:2]] == [0, 1]
+    assert len(found) == 2 + NEWS_TO_LATE
+
+
+def test_a_bad_line_does_not_push_out_the_losses_of_another_device() -> None:
+    log = EventLog(history_s=600.0)
+    log.append(event(0, "gap", device="2"))
+    for seq in range(1, MARKS_KEPT + 500):
+        log.append(event(seq, "gap", time=1.0))
+    found = told(log)
+    assert found[0].device == "2"
+    assert sum(one.device == "1" for one in found) == MARKS_KEPT
+
+
+def test_marks_go_with_their_samples_and_their_device() -> None:
+    log = EventLog(history_s=600.0)
+    for seq, device in enumerate("1122"):
+        log.append(event(seq, "gap", device=device, time=1000.0 * (seq % 2)))
+    log.trim(700.0)
+    assert [one.seq for one in told(log)] == [1, 3]
+    log.forget("2")
+    assert [one.seq for one in log] == [1]
+
+
+def test_it_is_told_in_its_order_in_pieces() -> None:
+    log = EventLog(history_s=600.0)
+    for seq in range(2000):
+        log.append(event(seq, "gap" if seq % 2 else "reply", device=str(seq % 3)))
+    pieces = list(log.for_late())
+    assert max(len(piece) for piece in pieces) == AT_ONCE
+    numbers = [one.seq for one in told(log)]
+    assert numbers == sorted(numbers)
