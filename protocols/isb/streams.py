@@ -1,7 +1,7 @@
 """What can an Inertial Sense device stream, how fast, and which bit of DID_RMC stands for it?
 
     GET_DATA period n   ──>  one packet every n × the source's own period
-    DID_RMC bit         ──>  the same at n = 1
+    DID_RMC bit         ──>  the same at n = 1; a GPX has DID_GPX_RMC, with bits of its own
     the sources         NAV    INS, PIMU           DID_FLASH_CONFIG.startupNavDtMs, DID_SYS_PARAMS.navOutputPeriodMs now
                         IMU    DID_IMU             DID_FLASH_CONFIG.startupImuDtMs, DID_SYS_PARAMS.imuSamplePeriodMs now
                         SLOW   barometer, magnetometer   about 20 ms
@@ -15,7 +15,8 @@ table's are what is assumed before it has told.
 Rules for editing: what can be streamed follows from datasets.txt; a data set whose pace is none of FAST's is named in
 `PACES`. Presets are the vendor's RMC_PRESET words.
 
-Source: ISB document, "Data Source Update Rates"; inertial-sense-sdk 2.7.1, data_sets.h (RMC_BITS, RMC_PRESET).
+Source: ISB document, "Data Source Update Rates"; inertial-sense-sdk 2.7.1, data_sets.h (RMC_BITS, RMC_PRESET,
+GRMC_BITS, GRMC_PRESET).
 """
 
 from __future__ import annotations
@@ -54,6 +55,26 @@ PRESETS: Mapping[str, int] = {
     "IMX_PPD_RTK_DBG": 0xC81060907135FCE2,
     "GPX_PPD": 0x8808601001313C00,
     "ALLAN_VARIANCE": 0x8000000000000010,
+}
+
+
+GPX_PRESETS: Mapping[str, int] = {
+    "GPX_BASE": 0x8000000000000004,
+    "GPX_GPS1": 0x7E0,
+    "GPX_GPS2": 0x1F800,
+    "GPX_IMX": 0x800000000031FFE4,
+    "GPX_IMX_RTK_DBG": 0x800000000071FFE4,
+}
+
+_GPX_NAMES: Mapping[str, str] = {  # bits of DID_GPX_RMC → data sets that they do not name
+    "DEV_INFO": "DID_GPX_DEV_INFO",
+    "FLASH_CFG": "DID_GPX_FLASH_CFG",
+    "STATUS": "DID_GPX_STATUS",
+    "RTOS_INFO": "DID_GPX_RTOS_INFO",
+    "DEBUG_ARRAY": "DID_GPX_DEBUG_ARRAY",
+    "DID_RTK_DEBUG": "DID_RTK_DEBUG",
+    "PORT_MON": "DID_PORT_MONITOR",
+    "GPX_PORT_MON": "DID_GPX_PORT_MONITOR",
 }
 
 

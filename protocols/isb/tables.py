@@ -30,6 +30,9 @@ CONVERSIONS = {
     ("rad/s/°C", "°/s/°C"): 180 / math.pi,
     ("s", "µs"): 1e6,
     ("0.1dBHz", "dBHz"): 0.1,
+    ("0.25dBHz", "dBHz"): 0.25,
+    ("0.004cycles", "cycles"): 0.004,
+    ("0.01m", "m"): 0.01,
 }
 MARKS = {"!": "caution", "!!": "fault"}
 NUMBERS = {"u1": "u1", "i1": "i1", "char": "ascii", "bytes": "bytes"}
@@ -85,6 +88,7 @@ class Tables:
     def __init__(self, text: str) -> None:
         self.words: dict[str, tuple[Bits, ...]] = {}
         self.choices: dict[str, dict[int, str]] = {}
+        self.prefixes: dict[str, str] = {}  # of the vendor's constants, by word and enumeration
         self.titles: dict[str, str] = {}
         self.structs: dict[str, Struct] = {}
         self.sets: dict[int, DataSet] = {}
@@ -104,9 +108,11 @@ class Tables:
 
     def _read_words(self, head: list[str], lines: list[str]) -> None:
         name, prefix = head
+        self.prefixes[name] = prefix
         self.words[name] = tuple(_bits(line.split(), prefix) for line in lines)
 
     def _read_choices(self, head: list[str], lines: list[str]) -> None:
+        self.prefixes[head[0]] = head[1].strip("-")
         rows = (line.split() for line in lines)
         self.choices[head[0]] = {int(value): name for value, name in rows}
 
@@ -188,13 +194,14 @@ def _found(rest: list[str]) -> list[tuple[str, str, str]]:
 
 
 def _bits(words: list[str], prefix: str) -> Bits:
-    """LOW[:WIDTH] NAME [MARK] [VALUE=MEANING …]"""
+    """LOW[:WIDTH] NAME [@CONSTANT] [MARK] [VALUE=MEANING …]"""
     low, _, width = words[0].partition(":")
-    mark = words[2] if len(words) > 2 and "=" not in words[2] else ""
-    meanings = (word.split("=", 1) for word in words[2:] if "=" in word)
-    choices = {int(value): meaning for value, meaning in meanings}
+    name, rest = words[1], words[2:]
+    constant = next((word[1:] for word in rest if word.startswith("@")), prefix + name)
+    mark = next((word for word in rest if word in MARKS or word == "+"), "")
+    choices = {int(value): meaning for value, _, meaning in (word.partition("=") for word in rest if "=" in word)}
     severity = MARKS.get(mark, "")
-    return Bits(words[1], int(low), int(width or 1), choices, severity, normal_set=mark == "+", doc=prefix + words[1])  # type: ignore[arg-type]
+    return Bits(name, int(low), int(width or 1), choices, severity, normal_set=mark == "+", doc=constant)  # type: ignore[arg-type]
 
 
 def element_size(row: Field) -> int:

@@ -5,6 +5,7 @@
     imuscope inspect FILE --format jsonl | imuscope compose --jsonl -        the frames again, one hex line each
 
 FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names of flags (DisableAutoStore|EnableAhs)
+               a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
                a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named
 
@@ -16,13 +17,13 @@ Lines of JSON are read one at a time and their frames written at once, so that t
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from protocols.dialogues import Driver, Known
+from protocols.flag_words import nearest, word_of
 from protocols.idtp import messages as idtp_messages
 from protocols.idtp import plain as idtp_plain
 from protocols.idtp.commands import DATA, HEADER, readings
@@ -124,7 +125,7 @@ def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "") 
         return among[0]
     names = {name: None for tongue in among for name in tongue.names()}
     where = f" of {PROTOCOLS[protocol].title}" if protocol else ""
-    raise ComposeError(f"no message{where} is called {message!r}; {_nearest(message, list(names))}")
+    raise ComposeError(f"no message{where} is called {message!r}; {nearest(message, list(names))}")
 
 
 def frame_of(
@@ -175,7 +176,7 @@ def _found(path: str, fields: Sequence[Field]) -> tuple[Field, list[str]]:
     names = [field.name for field in fields]
     if not fields:
         raise ComposeError(f"there is no field {path!r}; this message has none")
-    raise ComposeError(f"there is no field {path.split('.')[0]!r}; {_nearest(path, names)}")
+    raise ComposeError(f"there is no field {path.split('.')[0]!r}; {nearest(path, names)}")
 
 
 def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: str, text: str) -> None:
@@ -240,6 +241,8 @@ def value_of(text: str, field: Field, path: str) -> Any:
 
 def _named(value: Any, field: Field, path: str) -> Any:
     """A value of JSON with the names of choices in it made numbers."""
+    if isinstance(value, list) and field.bits and not field.shape and all(isinstance(one, str) for one in value):
+        return _number("|".join(value), field, path) if value else 0
     if isinstance(value, list):
         return [_named(one, field, path) for one in value]
     if isinstance(value, Mapping) and field.fields:
@@ -265,33 +268,13 @@ def _number(text: str, field: Field, path: str) -> int | float:
     if text.casefold() in ("true", "false") and not words:
         return int(text.casefold() == "true")
     if field.bits:
-        return _flags(text, field, path)
+        try:
+            return word_of(text, field, path)
+        except EncodeError as error:
+            raise ComposeError(str(error)) from None
     if words:
-        raise ComposeError(f"{path} is none of its choices, given {text!r}; {_nearest(text, field.choices.values())}")
+        raise ComposeError(f"{path} is none of its choices, given {text!r}; {nearest(text, field.choices.values())}")
     raise ComposeError(f"{path} is a number, given {text!r}")
-
-
-def _flags(text: str, field: Field, path: str) -> int:
-    """Names of flags, joined by |."""
-    word = 0
-    for name in (part.strip() for part in text.split("|")):
-        known = {bits.name.casefold(): bits for bits in field.bits} | {b.doc.casefold(): b for b in field.bits if b.doc}
-        bits = known.get(name.casefold())
-        if bits is None:
-            raise ComposeError(f"{path} has no flag {name!r}; {_nearest(name, [b.name for b in field.bits])}")
-        word |= 1 << bits.low
-    return word
-
-
-def _nearest(name: str, names: Iterable[str]) -> str:
-    """ "nearest are: …"; all, where they are few."""
-    names = list(names)
-    if len(names) <= 6:
-        return f"there are: {', '.join(names)}"
-    folded = {one.casefold(): one for one in names}
-    close = difflib.get_close_matches(name.casefold(), folded, 5, 0.4)
-    found = [folded[one] for one in close] or names[:5]
-    return f"nearest are: {', '.join(found)}"
 
 
 # -- what inspect printed ----------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from protocols.dialogues import Known
 from protocols.limits import bounds, is_whole
 from protocols.registry import PROTOCOLS
-from protocols.schema import Command, Field, Setting
+from protocols.schema import Bits, Command, Field, Setting
 from server.commands.compose import ComposeError
 from server.control.forms import Forms
 from server.control.forms_of import forms_of
@@ -87,9 +87,17 @@ def _fields(fields: Iterable[Field], margin: str) -> Iterator[str]:
         yield f"{margin}{field.name}  " + ", ".join(part for part in parts if part)
         yield from _wrapped(field.doc, margin + "    ")
         meanings = [f"{number} {meaning}" for number, meaning in field.choices.items()]
-        meanings += [f"{1 << bits.low:#x} {bits.name}" for bits in field.bits]
+        meanings += [_bits(bits) for bits in field.bits]
         yield from _wrapped("; ".join(meanings), margin + "    ")
         yield from _fields(field.fields, margin + "    ")
+
+
+def _bits(bits: Bits) -> str:
+    """A flag by its mask and name; a group with its values, each as it stands in the word."""
+    if bits.width == 1:
+        return f"{1 << bits.low:#x} {bits.name}"
+    values = ", ".join(f"{value << bits.low:#x} {meaning}" for value, meaning in bits.choices.items())
+    return f"{((1 << bits.width) - 1) << bits.low:#x} {bits.name}=" + (values or f"0 to {(1 << bits.width) - 1}")
 
 
 def _type(field: Field) -> str:

@@ -164,6 +164,52 @@ def test_names_stand_for_numbers() -> None:
     assert bytes.fromhex(composed("ASCE", *pairs)) == b"$ASCE,0,2,1,5,10,7,1*39\r\n"  # the document's example
 
 
+@pytest.mark.parametrize(
+    ("message", "field", "words", "value"),
+    [
+        ("SET_DID_FLASH_CONFIG", "gnssSatSigConst", "GPS|GAL", 0x0033),  # was 0x0011: the lowest bit of each group
+        ("SET_DID_FLASH_CONFIG", "gnssSatSigConst", "GPS|SBS|GLO=OFF", 0x1003),
+        ("SET_DID_GPX_FLASH_CFG", "gnssSatSigConst", "GPS=L1|GAL_E5|BDS", 0x00E1),
+        (
+            "SET_DID_FLASH_CONFIG",
+            "ioConfig",
+            "GPS1_SOURCE=SER1|GPS2_TYPE=GPX|G15_STROBE_INPUT",
+            4 << 16 | 3 << 25 | 1 << 11,
+        ),
+        ("SET_DID_FLASH_CONFIG", "ioConfig", "G6G7_COM1, IO_CONFIG_G1G2_CAN_BUS", 0x44),
+        ("SET_DID_FLASH_CONFIG", "ioConfig", '["IO_CONFIG_GPS1_SOURCE: SER1", "IO_CONFIG_GPS1_NO_INIT"]', 0x41000),
+        ("SET_DID_FLASH_CONFIG", "sensorConfig", "SENSOR_ROTATION=180_0_0", 8 << 16),  # was 0x8, a gyro range
+        ("SET_DID_FLASH_CONFIG", "sysCfgBits", "SYS_CFG_BITS_BOR_THRESHOLD=LEVEL_2|DISABLE_LEDS", 2 << 22 | 16),
+        ("SET_DID_FLASH_CONFIG", "platformConfig", "TYPE=RUG3_G2|PRESET=RUG3_7_S1_RS232_S2_GPS1_S0_GPS2", 0x70A),
+        ("SET_DID_GPX_FLASH_CFG", "sysCfgBits", "BOR_THRESHOLD=LEVEL_1", 1 << 22),
+        ("SET_DID_RMC", "options", "PORT_SER0|PORT_SER1|PERSISTENT", 0x203),  # bits 0 and 1 were a speed filter
+        ("SET_DID_RMC", "options", "NMEA_SPEED_FILTER=DISABLE", 0x800),
+        ("SET_DID_GPX_RMC", "bits", "GPS1_POS", 0x20),  # was bit 10 of an IMX, which is GPS1_VERSION here
+        ("SET_DID_GPX_RMC", "bits", "GRMC_BITS_GPS1_POS|GRMC_BITS_GPS2_RTK_CMP_REL", 0x200020),
+        ("SET_DID_RMC", "bits", "GPS1_POS", 0x400),
+    ],
+)
+def test_names_of_groups_stand_for_their_bits(message: str, field: str, words: str, value: int) -> None:
+    assert composed(message, f"{field}={words}") == composed(message, f"{field}={value}")
+
+
+@pytest.mark.parametrize(
+    ("field", "words", "said"),
+    [
+        ("ioConfig", "GPS1_SOURCE", "GPS1_SOURCE needs a value, as in GPS1_SOURCE=…: DISABLE, SER0, SER1, SER2"),
+        ("ioConfig", "GPS1_SOURCE=SER7", "GPS1_SOURCE is one of DISABLE, SER0, SER1, SER2, given 'SER7'"),
+        ("ioConfig", "GPS1_SOURCE=1", "GPS1_SOURCE is one of DISABLE, SER0, SER1, SER2, given '1'"),
+        ("ioConfig", "GPS1_SOURCE=SER0|GPS1_SOURCE=SER1", "ioConfig has GPS1_SOURCE twice: give it one value"),
+        ("sensorConfig", "SENSOR_ROTATION_1_2_3", "sensorConfig has no flag 'SENSOR_ROTATION_1_2_3'; nearest are:"),
+        ("sysCfgBits", "MAG_RECAL_MODE=9", "MAG_RECAL_MODE is one of DO_NOTHING, MULTI_AXIS, SINGLE_AXIS, given '9'"),
+    ],
+)
+def test_names_that_no_group_has_are_refused_with_those_it_has(field: str, words: str, said: str) -> None:
+    with pytest.raises(ComposeError) as refused:
+        composed("SET_DID_FLASH_CONFIG", f"{field}={words}")
+    assert said in str(refused.value)
+
+
 def test_paths_lead_into_lists() -> None:
     pairs = ("outputs.0.data_identifier=0x1020", "outputs.0.output_frequency=65535")
     whole = composed("SetOutputConfiguration", 'outputs=[{"data_identifier": 4128, "output_frequency": 65535}]')

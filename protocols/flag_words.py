@@ -1,0 +1,114 @@
+"""A flag word from the names of its flags and groups.
+
+    A|B                        the flags A and B
+    GPS1_SOURCE=SER1|G15       the group GPS1_SOURCE at its value SER1, and the flag G15
+    GPS|GAL                    groups that are on or off: all of their bits
+    ["IO_CONFIG_G9_MASK …"]    as `imuscope inspect` lists them: the vendor's constants, "GROUP: VALUE"
+
+A value of a group is written after = or :, or joined to the name of its group by _ (G6G7_COM1), or as a number. Names
+are compared without regard to case; of the vendor's constant its end is enough. A flag that is not named is 0, and so
+is a group. What the table does not define is refused with what it does: a wrong bit is another port, or another pin.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+from protocols.layouts import EncodeError
+from protocols.schema import Bits, Field
+
+ALL = ("ON", "ALL")
+FEW = 6
+
+
+def word_of(text: str, field: Field, path: str = "") -> int:
+    """The word that names stand for.
+
+    Raises:
+        EncodeError: a name that the field's table does not have, a group without a value, a group twice.
+    """
+    path = path or field.name
+    word = given = 0
+    for term in text.replace(",", "|").split("|"):
+        if not term.strip():
+            continue
+        bits, value = _term(term.strip(), field.bits, path)
+        mask = ((1 << bits.width) - 1) << bits.low
+        if given & mask and word & mask != value << bits.low:
+            raise EncodeError(f"{path} has {bits.name} twice: give it one value", path)
+        given |= mask
+        word |= value << bits.low
+    return word
+
+
+def _term(term: str, rows: Sequence[Bits], path: str) -> tuple[Bits, int]:
+    """A flag, or a group and its value."""
+    name, sign, meaning = (part.strip() for part in term.replace(":", "=", 1).partition("="))
+    found = _named(name, rows)
+    if found and sign:
+        return found, _value(found, meaning, path)
+    if found and found.width == 1:
+        return found, 1
+    if found:
+        return found, _whole(found, path)
+    for row in rows if not sign else ():
+        for value, one in row.choices.items():
+            if _is(name, f"{row.name}_{one}", f"{row.doc}_{one}"):
+                return row, value
+    raise EncodeError(f"{path} has no flag {name!r}; {nearest(name, [_shown(row) for row in rows])}", path)
+
+
+def _named(name: str, rows: Sequence[Bits]) -> Bits | None:
+    """The row of a name: its own, or the vendor's constant, or an end of that which holds its own."""
+    return next((row for row in rows if _is(name, row.name, row.doc)), None)
+
+
+def _is(name: str, own: str, constant: str) -> bool:
+    name, own, constant = name.casefold(), own.casefold(), constant.casefold()
+    return name in (own, constant) or (len(name) > len(own) and name.endswith(own) and constant.endswith(f"_{name}"))
+
+
+def _value(row: Bits, meaning: str, path: str) -> int:
+    """A value of a group (or 0 and 1 of a flag) by name or number."""
+    most = (1 << row.width) - 1
+    for value, one in row.choices.items():
+        if meaning.casefold() == one.casefold():
+            return value
+    try:
+        number = int(meaning, 0)
+    except ValueError:
+        number = -1
+    if 0 <= number <= most and (not row.choices or number in row.choices):
+        return number
+    allowed = f"one of {_values(row)}" if row.choices else f"a number from 0 to {most}"
+    raise EncodeError(f"{path}: {row.name} is {allowed}, given {meaning!r}", path)
+
+
+def _whole(row: Bits, path: str) -> int:
+    """The value of a group that is named without one: all of it, where it has such a value."""
+    others = [value for value, one in row.choices.items() if one in ALL]
+    others = others or [value for value in row.choices if value] * (len(row.choices) == 2)
+    if not others:
+        allowed = _values(row) or f"a number from 0 to {(1 << row.width) - 1}"
+        raise EncodeError(f"{path}: {row.name} needs a value, as in {row.name}=…: {allowed}", path)
+    return others[0]
+
+
+def _values(row: Bits) -> str:
+    return ", ".join(row.choices.values())
+
+
+def _shown(row: Bits) -> str:
+    return row.name if row.width == 1 else f"{row.name}=…"
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """ "nearest are: …"; all, where they are few."""
+    names = list(names)
+    if len(names) <= FEW:
+        return f"there are: {', '.join(names)}"
+    folded = {one.casefold(): one for one in names}
+    close = difflib.get_close_matches(name.casefold(), folded, 5, 0.4)
+    found = [folded[one] for one in close] or names[:5]
+    return f"nearest are: {', '.join(found)}"

@@ -1,0 +1,1 @@
+"""Comparison of the tables with the vendors' own headers."""
