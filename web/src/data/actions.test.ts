@@ -110,6 +110,25 @@ describe("the cursor", () => {
     expect([cursor.value, measure.value]).toEqual([undefined, undefined]);
   });
 
+  it("is dropped when it has left a live window, and told when it is beside one that stands still", () => {
+    actions.pin(995);
+    actions.pinMeasure(990);
+    now = 1012;
+    actions.dropPassed();
+    expect([actions.cursorTime(), measure.value]).toEqual([995, undefined]);
+    now = 1016;
+    actions.dropPassed();
+    expect(cursor.value).toBeUndefined();
+    actions.pause();
+    actions.pin(500);
+    actions.dropPassed();
+    expect([actions.cursorTime(), actions.cursorBeside()]).toEqual([500, "before"]);
+    actions.centreAt(400);
+    expect(actions.cursorBeside()).toBe("after");
+    actions.centreAt(500);
+    expect(actions.cursorBeside()).toBeUndefined();
+  });
+
   it("steps from sample to sample, pauses, and takes the view along", () => {
     actions.stepSample(-1);
     expect(view.value.live).toBe(false);

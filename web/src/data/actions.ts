@@ -164,6 +164,25 @@ export function pinMeasure(time: number): void {
   measure.value = time;
 }
 
+/** Live, a pin moves left with the data; one that has left the window is taken away: nothing reads what is not to be seen. */
+export function dropPassed(): void {
+  const now = view.peek();
+  if (!now.live) return;
+  const first = rightEdge(now) - now.span;
+  const at = cursor.peek();
+  if (at?.kind === "pinned" && at.time < first) cursor.value = undefined;
+  if ((measure.peek() ?? Infinity) < first) measure.value = undefined;
+}
+
+/** On which side of the window the cursor is that reads; undefined when it is in it, or there is none. */
+export function cursorBeside(): "before" | "after" | undefined {
+  const at = cursor.peek();
+  if (at?.kind !== "pinned") return undefined;
+  const now = view.peek();
+  const end = rightEdge(now);
+  return at.time > end ? "after" : at.time < end - now.span ? "before" : undefined;
+}
+
 /** Take both pins away. */
 export function unpin(): void {
   cursor.value = undefined;

@@ -81,6 +81,8 @@ export class Store {
   readonly library: Signal<number> = signal(0);
   readonly exports: Signal<readonly ExportJob[]> = signal([]);
   readonly connection: Signal<"connecting" | "open" | "closed"> = signal("connecting");
+  /** Since when nothing comes over an open connection, unix s by the server's clock; undefined while it is heard. */
+  readonly silentSince: Signal<number | undefined> = signal(undefined);
   /** When the connection is tried again, unix s by the server's clock; undefined while open. */
   readonly nextTry: Signal<number | undefined> = signal(undefined);
   /** What could not be read, or was refused, last. */
@@ -116,6 +118,23 @@ export class Store {
   /** Try the connection again now. */
   retry(): void {
     this.#post({ kind: "retry" });
+  }
+
+  /** Nothing comes from the server: there is no connection, or a dead one. What is on screen is old. */
+  get isCut(): boolean {
+    return this.connection.value !== "open" || this.silentSince.value !== undefined;
+  }
+
+  /**
+   * Right edge of what is live of a device, unix s: now, and of a file that has ended its last sample. There it stays, however long ago
+   * that was.
+   */
+  edgeOf(device: string | undefined): number {
+    const now = this.serverNow();
+    if (this.devices.peek().find(({ id }) => id === device)?.status !== "ended") return now;
+    let last = -Infinity;
+    for (const { info, ring } of this.channels.peek()) if (info.device === device && ring.length > 0) last = Math.max(last, ring.time(ring.length - 1));
+    return last === -Infinity ? now : Math.min(now, last);
   }
 
   /** The server's clock, unix s. */
@@ -161,7 +180,11 @@ export class Store {
         return this.#onText(message.text);
       case "connection":
         this.connection.value = message.state;
+        this.silentSince.value = undefined;
         this.nextTry.value = message.nextTry === undefined ? undefined : message.nextTry + this.#offset;
+        return;
+      case "silence":
+        this.silentSince.value = message.since === undefined ? undefined : message.since + this.#offset;
         return;
       case "subscribed":
         return this.#onSubscribed(message.fresh);

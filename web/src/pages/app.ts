@@ -74,7 +74,7 @@ export function startApp(deps: Deps): App {
   setInterval(() => {
     tick.value += 1;
   }, 500);
-  const held = (): boolean => isHeld(state.value) || store.connection.value !== "open";
+  const held = (): boolean => isHeld(state.value) || store.isCut;
   return { ...deps, device, state, held };
 }
 

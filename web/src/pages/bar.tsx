@@ -38,7 +38,7 @@ export function Bar({ app }: { readonly app: App }) {
       </nav>
       <Toggle name="rail" label={PANELS[page].rail} icon="list" />
       <span class="grow" />
-      {isLive && showsPlots(app.state.value) && <TimeControls />}
+      {isLive && showsPlots(app.state.value) && <TimeControls app={app} />}
       {page === "configure" && <StateTags app={app} />}
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton />}
@@ -80,12 +80,14 @@ function StateTags({ app }: { readonly app: App }) {
 }
 
 /** The controls of time; there are none while there is no time to move in. */
-function TimeControls() {
+function TimeControls({ app }: { readonly app: App }) {
+  // Lit is what is live: not a page that nothing comes to, nor a device that is gone.
+  const lit = view.value.live && !app.store.isCut && app.device.value?.status === "live";
   return (
     <>
       <div class="seg desk" role="group" aria-label="Play state">
         <button type="button" aria-pressed={view.value.live} title="Follow the newest sample (Space, End)" onClick={() => actions.live()}>
-          <span class={view.value.live ? "dot live" : "dot off"} />
+          <span class={lit ? "dot live" : "dot off"} />
           Live
         </button>
         <button type="button" aria-pressed={!view.value.live} title="Freeze the view; nothing else stops (Space)" onClick={() => actions.pause()}>

@@ -25,7 +25,7 @@ import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, 
 
 export function LivePage({ app }: { readonly app: App }) {
   const state = app.state.value;
-  const offline = app.store.connection.value !== "open" && state !== "starting";
+  const offline = app.store.isCut && state !== "starting";
   const classes = ["app", folded.value ? "folded" : "", showsPlots(state) ? "" : "plain", offline ? "offline" : "", app.held() ? "held" : ""].filter(Boolean).join(" ");
   return (
     <div class={classes} data-state={state}>

@@ -78,7 +78,7 @@ function Device({ app, device, shared }: DeviceProps) {
   const health = app.store.health.value.get(device.id);
   const { gaps } = recently(app, device.id);
   const { dot, word } = markOf(device.status, gaps);
-  const streams = device.status === "live";
+  const streams = device.status === "live" && !app.store.isCut;
   return (
     <li class={device.parent ? "dev sibling" : "dev"} {...(current ? { "aria-current": "true" as const } : {})}>
       <button type="button" class="pick" aria-pressed={current} onClick={() => select(device.id)}>

@@ -193,15 +193,20 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
 
 /** The band of a page that has lost its server: what is on screen stays, and says that it is old. */
 export function OfflineBand({ app }: { readonly app: App }) {
+  void tick.value;
   const refused = refusal.value;
+  const since = app.store.silentSince.value;
+  const silent = age(since === undefined ? undefined : app.store.serverNow() - since);
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b>{refused ? "The server refuses this page" : "No connection to imuscope"}</b>
+      <b>{refused ? "The server refuses this page" : since === undefined ? "No connection to imuscope" : "Nothing comes from imuscope"}</b>
       <span class="mid">
         {refused
           ? `${refused.message} ${refused.hint}`
-          : "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."}
+          : since === undefined
+            ? "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."
+            : `For ${silent.value} ${silent.unit}: the network is down or the server hangs. What you see is what came before.`}
       </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => app.store.retry()}>

@@ -12,11 +12,13 @@ export interface Deps {
   readonly minute: Minute;
   /** What a column's window amounts to, when the store holds only some of its samples; undefined while that is not known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
+  /** Samples of a recording that are missing after where it is read. */
+  readonly lostLater?: (device: string) => number;
 }
 
 /** The moment that panels read now. */
 export function reading(deps: Deps): Reading {
-  return readingAt(view.value, cursor.value, deps.store.serverNow());
+  return readingAt(view.value, cursor.value, deps.store.edgeOf(view.value.device));
 }
 
 /** Channels of the selected device. */

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
-import { figuresOf, recentOf, timeWords, verdict } from "./figures";
+import { figuresOf, type Recent, recentOf, timeWords, totals, verdict } from "./figures";
 
 const health: DeviceHealth = {
   device: "1",
@@ -23,7 +23,7 @@ const health: DeviceHealth = {
   dropped: 0,
   time_cause: null,
 };
-const quiet = { gaps: 0, lost: 0, rejects: 0 };
+const quiet = { gaps: 0, lost: 0, blind: 0, rejects: 0 };
 const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;
 
 describe("figuresOf", () => {
@@ -31,16 +31,25 @@ describe("figuresOf", () => {
     const figures = figuresOf(health, quiet, 0.004, 0);
     expect(Object.values(figures).map((figure) => (typeof figure === "object" ? figure.tone : "")).join("")).toBe("");
     expect(figures.shareText.value).toBe("33.9");
-    expect(figures.gaps).toEqual({ value: "90", unit: "smp", tone: "" });
+    // "Last minute" says what was in it; what the session lost is told beside.
+    expect(figures.gaps).toEqual({ value: "0", unit: "smp", tone: "" });
+    expect(figures.rejects).toEqual({ value: "0", unit: "frames", tone: "" });
+    expect(totals(health)).toBe("Since the session began: 3 gaps, 90 samples lost, 2 frames rejected.");
     expect(figures.drift.value).toBe("+12.4");
     expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
   });
   it("warns of what was lost within the minute, of a late sample, of a full link", () => {
-    const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, rejects: 1 }, 2.5, 10);
+    const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 2.5, 10);
     expect(figures.gaps).toEqual({ value: "1 · 72 smp", unit: "", tone: "warn" });
+    expect(figures.rejects).toEqual({ value: "1", unit: "frame", tone: "warn" });
     expect(figures.age.tone).toBe("bad");
     expect(figures.shareText.tone).toBe("warn");
     expect(figures.dropped.tone).toBe("warn");
+  });
+  it("tells how long a link was down, where nobody counted samples", () => {
+    const gaps = (recent: Partial<Recent>): string => figuresOf(health, { ...quiet, ...recent }, 0, 0).gaps.value;
+    expect(gaps({ gaps: 1, blind: 15.3 })).toBe("1 · 15 s");
+    expect(gaps({ gaps: 3, lost: 72, blind: 15.3 })).toBe("3 · 72 smp + 15 s");
   });
   it("says how far off device times may be, rounded up, and marks it while that could be mended", () => {
     const bound = (ms: number | null) => figuresOf({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
@@ -67,8 +76,8 @@ describe("recentOf", () => {
     ({ seq: 0, time, device: "1", kind, level: "fault", text: "", t0: null, t1: null, samples, data }) as EventInfo;
   it("counts the last minute of one device, sums included", () => {
     const events = [event(10, "gap", 5), event(50, "gap", 7), event(60, "gap", 90, { gaps: 12 }), event(70, "reject", 3), event(75, "reply", 0)];
-    expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, rejects: 3 });
-    expect(recentOf(events, "2", 80)).toEqual({ gaps: 0, lost: 0, rejects: 0 });
+    expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, blind: 0, rejects: 3 });
+    expect(recentOf(events, "2", 80)).toEqual(quiet);
   });
 });
 
@@ -80,6 +89,9 @@ describe("verdict", () => {
     expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
     expect(verdict(device, [], health, 7)).toMatch(/this browser/);
     expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/Nothing was lost/);
+  });
+  it("does not say of a recording that nothing was lost where it is only further on", () => {
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe("Nothing was lost up to here; 165 samples are missing further on.");
   });
   it("tells the cause of a lost device before anything else", () => {
     const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;

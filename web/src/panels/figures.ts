@@ -34,6 +34,8 @@ const FULL = 0.9;
 export interface Recent {
   readonly gaps: number;
   readonly lost: number;
+  /** Length of the gaps of which nobody can say how many samples are missing, s. */
+  readonly blind: number;
   readonly rejects: number;
 }
 
@@ -41,22 +43,36 @@ const MINUTE_S = 60;
 
 /** Counted from the events, which a page that has just been opened has as well; one event may sum up many gaps. */
 export function recentOf(events: readonly EventInfo[], device: string, now: number): Recent {
-  let [gaps, lost, rejects] = [0, 0, 0];
+  let [gaps, lost, blind, rejects] = [0, 0, 0, 0];
   for (const event of events) {
     if (event.device !== device || event.time < now - MINUTE_S) continue;
     if (event.kind === "gap") {
       const summed = event.data["gaps"];
       gaps += typeof summed === "number" ? summed : 1;
       lost += event.samples;
+      if (event.samples === 0 && event.t0 !== null && event.t1 !== null) blind += event.t1 - event.t0;
     } else if (event.kind === "reject") rejects += event.samples;
   }
-  return { gaps, lost, rejects };
+  return { gaps, lost, blind, rejects };
+}
+
+/** "2 · 72 smp", "1 · 15 s" where a link was down and nothing counted, "3 · 72 smp + 15 s". */
+function gapWords({ gaps, lost, blind }: Recent): string {
+  const down = age(blind);
+  const parts = [lost > 0 || blind === 0 ? `${number(lost, 0)} smp` : "", blind > 0 ? `${down.value} ${down.unit}` : ""];
+  return `${number(gaps, 0)} · ${parts.filter(Boolean).join(" + ")}`;
+}
+
+/** What the counters stand at, beside the figures of the last minute. */
+export function totals(health: DeviceHealth | undefined): string {
+  if (!health) return "";
+  return `Since the session began: ${count(health.gaps, "gap")}, ${count(health.lost, "sample")} lost, ${count(health.rejects, "frame")} rejected.`;
 }
 
 /**
  * The figures of one device.
  *
- * @param recent gaps of the last minute: only they are coloured; older ones are history.
+ * @param recent what went wrong in the last minute: that is what is told of gaps and rejects; older ones are history (`totals`).
  * @param old seconds since the last sample arrived.
  * @param expected samples should be coming: false for a file that has ended, whose age is no fault.
  */
@@ -68,14 +84,11 @@ export function figuresOf(
   expected = true,
 ): Figures {
   const share = health?.capacity ? health.bytes_per_s / health.capacity : undefined;
-  const gaps = recent.gaps > 0;
   const jitter = health?.jitter_ms ?? undefined;
   return {
     samples: plain({ value: number(health?.rate, 1), unit: "/s" }),
-    gaps: gaps
-      ? { value: `${number(recent.gaps, 0)} · ${number(recent.lost, 0)} smp`, unit: "", tone: "warn" }
-      : plain({ value: number(health?.lost, 0), unit: "smp" }),
-    rejects: { value: number(health?.rejects, 0), unit: "frames", tone: recent.rejects > 0 ? "warn" : "" },
+    gaps: recent.gaps > 0 ? { value: gapWords(recent), unit: "", tone: "warn" } : plain({ value: number(health && 0, 0), unit: "smp" }),
+    rejects: { value: number(health && recent.rejects, 0), unit: recent.rejects === 1 ? "frame" : "frames", tone: recent.rejects > 0 ? "warn" : "" },
     bytes: plain(byteRate(health?.bytes_per_s)),
     share,
     shareText: { value: number(share === undefined ? undefined : share * 100, 1), unit: "%", tone: (share ?? 0) > FULL ? "warn" : "" },
@@ -106,12 +119,13 @@ function agoOf(old: number | undefined): Quantity {
   return { value, unit: unit ? `${unit} ago` : "" };
 }
 
-/** One sentence: who lost it last, or that nothing was lost. */
+/** One sentence: who lost it last, or that nothing was lost. `later`: samples of a recording that are missing after where it is read. */
 export function verdict(
   device: DeviceInfo | undefined,
   events: readonly EventInfo[],
   health: DeviceHealth | undefined,
   dropped: number,
+  later = 0,
 ): string {
   if (!device) return "";
   if (device.status === "lost" || device.status === "denied") return [device.message, device.hint].filter(Boolean).join(" ");
@@ -120,7 +134,8 @@ export function verdict(
   }
   const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
   if (gap) return `Gap ${clock(gap.t0 ?? gap.time)}: ${sentence(gap.text)}`;
-  if (health && health.rejects > 0) return `${count(health.rejects, "frame")} failed the check and left out; no counter says that samples are missing.`;
+  if (health && health.rejects > 0) return `${count(health.rejects, "frame")} failed the check and ${health.rejects === 1 ? "was" : "were"} left out; no counter says that samples are missing.`;
+  if (later > 0) return `Nothing was lost up to here; ${count(later, "sample is", "samples are")} missing further on.`;
   return health ? "Nothing was lost since this session began." : "";
 }
 

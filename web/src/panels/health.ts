@@ -8,7 +8,7 @@ import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
-import { type Figure, type Figures, figuresOf, timeWords, verdict } from "./figures";
+import { type Figure, type Figures, figuresOf, timeWords, totals, verdict } from "./figures";
 import { drawBars, drawLevel, drawTicks } from "./sparkline";
 import { rateBars } from "./minute";
 import { rejections, trustOf } from "./trust";
@@ -20,8 +20,8 @@ type Key = Exclude<keyof Figures, "share">;
 
 const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
   { key: "samples", name: "Samples", help: "Of the fastest message, over the last second", spark: true },
-  { key: "gaps", name: "Gaps", help: "Samples that the device's own counter says are missing", spark: true },
-  { key: "rejects", name: "Rejects", help: "Frames that failed their check; never shown as data", spark: true },
+  { key: "gaps", name: "Gaps", help: "Samples of the last minute that the device's own counter says are missing, and how long its link was down", spark: true },
+  { key: "rejects", name: "Rejects", help: "Frames of the last minute that failed their check; never shown as data", spark: true },
   { key: "bytes", name: "Bytes", help: "All bytes that arrived, over the last second", spark: false },
   { key: "shareText", name: "Share of link", help: "Bytes a second against what the link can carry", spark: false },
   { key: "jitter", name: "Arrival jitter", help: "99th percentile of late arrival against the device's clock", spark: true },
@@ -93,7 +93,8 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
       messages.update(health);
       reasons.update(health, device);
-      words.set(verdict(device, deps.store.events.value, health, dropped));
+      words.set(verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
+      list.title = totals(health);
       note.hidden = words.node.data === "";
       uneven.update(health);
       drawSparks(deps, id, sparks, device?.status === "lost");
@@ -155,9 +156,9 @@ function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefi
     update(health, device) {
       const wanted = new Map<string, Figure>();
       const passed = device && trustOf(device, health)?.mark === "○" ? "header checked" : "verified";
-      for (const { words, count } of rejections(health)) wanted.set(words, { value: number(count, 0), unit: count === 1 ? "frame" : "frames", tone: "" });
-      if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
-      if (typeof health?.verified === "number") wanted.set(passed, { value: number(health.verified, 0), unit: "smp", tone: "" });
+      for (const { words, count } of rejections(health)) wanted.set(`${words}, in all`, { value: number(count, 0), unit: count === 1 ? "frame" : "frames", tone: "" });
+      if (health?.unverified) wanted.set("unverified, in all", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
+      if (typeof health?.verified === "number") wanted.set(`${passed}, in all`, { value: number(health.verified, 0), unit: "smp", tone: "" });
       for (const [name, line] of lines) {
         if (wanted.has(name)) continue;
         line.row.remove();

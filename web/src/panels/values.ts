@@ -4,6 +4,7 @@
  * because a long window of a fast device is millions of samples. Nothing moves when digits do.
  */
 import type { Channel } from "../data/store";
+import { cursorBeside } from "../data/actions";
 import { view } from "../data/view";
 import { every, el, Live, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
@@ -74,7 +75,7 @@ function headline(deps: ValuesDeps, at: Reading): string {
     const old = age(ageOf(deps, view.value.device ?? ""));
     return `held, ${old.value} ${old.unit} old`;
   }
-  if (at.word !== "now") return `at ${clock(at.time, 3)}`;
+  if (at.word !== "now") return `at ${clock(at.time, 3)}${cursorBeside() === undefined ? "" : ", off screen"}`;
   const window = span(view.value.span);
   return `${window.value} ${window.unit} window`;
 }

@@ -66,19 +66,20 @@ interface Chip {
 }
 
 function chips(x: CanvasRenderingContext2D, w: TimeWindow, least: number, cursorAt: number | undefined, measureAt: number | undefined): Chip[] {
-  if (cursorAt === undefined || cursorAt < w.t0 || cursorAt > w.t1) return [];
+  if (cursorAt === undefined) return [];
   const right = w.left + w.width;
   const wide = (text: string): number => x.measureText(text).width + 14;
-  const time = clock(cursorAt, 3);
+  // What is read beside the window is told at its edge: values of a moment that is not to be seen would be taken for those on screen.
+  const time = cursorAt < w.t0 ? `◂ ${clock(cursorAt, 3)}` : cursorAt > w.t1 ? `${clock(cursorAt, 3)} ▸` : clock(cursorAt, 3);
   const half = wide(time) / 2;
   const centre = Math.min(Math.max(xOf(w, cursorAt), least + half), right - half);
   const cursor = { text: time, from: centre - half, to: centre + half, yours: false };
   if (measureAt === undefined) return [cursor];
   const text = `Δ ${duration(measureAt - cursorAt)}`;
   const width = wide(text) + 4;
-  // On the side of the other cursor, if there is room.
+  // On the side of the other cursor, if there is room; never off the axis.
   const after = cursor.from - width < least || (measureAt > cursorAt && cursor.to + width < right);
-  const from = after ? cursor.to + 4 : cursor.from - width;
+  const from = after && cursor.to + width <= right + 4 ? cursor.to + 4 : Math.max(least, cursor.from - width);
   return [cursor, { text, from, to: from + width - 4, yours: true }];
 }
 

@@ -5,10 +5,11 @@
  *     click, tap      pins the cursor there               shift + drag   selects a range
  *     shift + click   pins the measuring cursor           double click   fits
  *     wheel           zooms about the pointer             two fingers    zoom and pan
+ *     click on the time of a cursor beside the window     goes there
  *
  * One finger moves along time; across time it scrolls the page, which `touch-action: pan-y` leaves to the browser.
  */
-import { cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/actions";
+import { cursorBeside, cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/actions";
 import { cursor, view } from "../data/view";
 import { timeAt, xOf, type TimeWindow } from "./window";
 
@@ -20,6 +21,8 @@ const UNPIN_PX = 5;
 const WHEEL = 0.0015;
 /** Dragging the box of the strip to within this part of its end goes live again. */
 const LIVE_ZONE = 0.012;
+/** The word on the axis about a cursor beside the window: a click on it goes there, px. */
+const BESIDE_PX = 120;
 
 export interface Surface {
   /** The window as drawn last; undefined before the first frame. */
@@ -49,6 +52,7 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
   const xIn = (event: MouseEvent): number => event.clientX - stack.getBoundingClientRect().left;
   const onCanvas = (event: Event): boolean => event.target instanceof HTMLCanvasElement;
   const inStrip = (event: Event): boolean => event.target instanceof Element && event.target.parentElement?.className === "over";
+  const onAxis = (event: Event): boolean => event.target instanceof Element && event.target.parentElement?.className === "axis";
   const inside = (w: TimeWindow, x: number): boolean => x >= w.left && x <= w.left + w.width;
 
   const hover = (x: number): void => {
@@ -87,7 +91,11 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
   const click = (event: PointerEvent, held: Press): void => {
     const w = surface.window();
     if (held.strip) return moveStrip(held.x);
-    if (w === undefined || !inside(w, held.x)) return;
+    if (w === undefined) return;
+    const beside = onAxis(event) ? cursorBeside() : undefined;
+    const isThere = beside === "before" ? held.x < w.left + BESIDE_PX : held.x > w.left + w.width - BESIDE_PX;
+    if (beside !== undefined && isThere) return centreAt(cursorTime() ?? rightEdge());
+    if (!inside(w, held.x)) return;
     const t = timeAt(w, held.x);
     if (held.shift) return pinMeasure(t);
     const pinned = cursor.peek()?.kind === "pinned" ? cursorTime() : undefined;

@@ -14,7 +14,7 @@
  * changed and never in between, so a frame causes no reflow.
  */
 import { computed, effect, signal } from "@preact/signals";
-import { attach, cursorTime } from "../data/actions";
+import { attach, cursorTime, dropPassed } from "../data/actions";
 import type { Channel, Store } from "../data/store";
 import { cursor, hidden, measure, view } from "../data/view";
 import { clock } from "../ui/format";
@@ -129,7 +129,7 @@ class Stack {
       }),
     );
     attach({
-      now: () => this.#store.serverNow(),
+      now: () => this.#now(),
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
       series: () => this.#plots.flatMap(({ spec }) => spec.series.filter(({ norm }) => !norm).map(({ key }) => key)),
@@ -215,7 +215,8 @@ class Stack {
     if (this.#layoutDue) this.#layout();
     const width = this.#axis.width - this.#look.gutter - this.#look.tail;
     if (width < 20) return;
-    const w = (this.#window = timeWindow(view.peek(), this.#store.serverNow(), this.#look.gutter, width, this.#axis.ratio));
+    dropPassed();
+    const w = (this.#window = timeWindow(view.peek(), this.#now(), this.#look.gutter, width, this.#axis.ratio));
     const shown = hidden.peek();
     for (const plot of this.#plots) plot.draw(w, this.#look, shown, now, this.#theme);
     const reading = cursorTime();
@@ -297,12 +298,17 @@ class Stack {
     this.#theme += 1; // a canvas that changed its size is blank
   }
 
-  /** When the device was heard last, if it is gone. A file that has ended is not gone, nor is one that was never here. */
+  /** When the device was heard last, if it is gone, or the server is. A file that has ended is not gone, nor is one that was never here. */
   #lostSince(device: string): number | undefined {
     const status = this.#store.devices.peek().find(({ id }) => id === device)?.status;
-    if (status !== "lost" && status !== "denied" && status !== "connecting") return undefined;
+    if (status !== "lost" && status !== "denied" && status !== "connecting" && !this.#store.isCut) return undefined;
+    if (status === "ended" || status === "idle") return undefined;
     const newest = Math.max(-Infinity, ...this.#channels.map(({ ring }) => ring.newest).filter((t) => t === t));
     return Number.isFinite(newest) ? newest : undefined;
+  }
+
+  #now(): number {
+    return this.#store.edgeOf(view.peek().device);
   }
 
   #bounds(): { readonly first: number; readonly last: number } | undefined {

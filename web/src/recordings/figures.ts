@@ -47,3 +47,8 @@ export function until(events: readonly EventInfo[], t: number): readonly EventIn
   const end = events.findIndex(({ time }) => time > t);
   return end < 0 ? events : events.slice(0, end);
 }
+
+/** Samples of a device that gaps after `t` lost. */
+export function lostAfter(events: readonly EventInfo[], device: string, t: number): number {
+  return events.reduce((sum, event) => (event.kind === "gap" && event.device === device && event.time > t ? sum + event.samples : sum), 0);
+}

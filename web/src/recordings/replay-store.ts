@@ -52,6 +52,11 @@ export class ReplayStore extends Store {
     return this.#now();
   }
 
+  /** A recording is over, but not where it is read: its rings hold a stretch of it. */
+  override edgeOf(): number {
+    return this.#now();
+  }
+
   /** The dtypes of a channel's columns, for decoding. */
   dtypesOf = (channel: number): readonly Dtype[] | undefined => this.#infos.get(channel)?.columns.map(({ dtype }) => dtype);
 

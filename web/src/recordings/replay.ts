@@ -22,7 +22,7 @@ import type { Problem } from "../ui/api";
 import type { PageState } from "../ui/state";
 import type { Place } from "./address";
 import { FaredFeed, minuteAt } from "./fared";
-import { healthAt, until } from "./figures";
+import { healthAt, lostAfter, until } from "./figures";
 import { advance, begin, followed, type Playing } from "./player";
 import { ReplayStore } from "./replay-store";
 import { Screen, type Shown } from "./screen";
@@ -83,7 +83,7 @@ export class Replay {
     this.#measured = new Vicinity(detail, this.far, this.bounds, told);
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
-    this.app = appOf(this.near, this.#minute, (channel, column, at) => this.#statisticsOf(channel, column, at));
+    this.app = { ...appOf(this.near, this.#minute), statistics: (channel, column, at) => this.#statisticsOf(channel, column, at), lostLater: (of) => lostAfter(detail.events, of, this.head) };
     this.go(place);
     this.#screen.want(this.#shown); // at once: before anything is drawn
   }
@@ -283,8 +283,8 @@ export class Replay {
 }
 
 /** The recording as the panels know the page: always with something on screen, and never old. */
-function appOf(store: ReplayStore, minute: Minute, statistics: NonNullable<App["statistics"]>): App {
+function appOf(store: ReplayStore, minute: Minute): App {
   const device = computed(() => store.devices.value.find(({ id }) => id === view.value.device));
   const state = signal<PageState>("live");
-  return { store, minute, device, state, held: () => false, statistics };
+  return { store, minute, device, state, held: () => false };
 }

@@ -14,5 +14,7 @@ export type FromWorker =
   | { readonly kind: "text"; readonly text: ServerText }
   /** Sample frames of one message; `received` is the server's clock when the typed arrays stood, s (NaN before the clock is known). */
   | { readonly kind: "frames"; readonly frames: readonly SampleFrame[]; readonly received: number }
+  /** Nothing comes over an open connection since then, unix seconds by our clock; undefined: it is heard again. */
+  | { readonly kind: "silence"; readonly since: number | undefined }
   | { readonly kind: "clock"; readonly offset: number; readonly uncertainty: number }
   | { readonly kind: "problem"; readonly message: string };

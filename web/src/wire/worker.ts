@@ -11,6 +11,7 @@
  */
 import { localNow, ServerClock } from "./clock";
 import { decode } from "./codec";
+import { ASK_S, Silence } from "./silence";
 import type { FromWorker, ToWorker } from "./messages";
 import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
 
@@ -41,6 +42,8 @@ let newest = -Infinity;
 let backfilled = false;
 let stopped = true;
 const clock = new ServerClock();
+const silence = new Silence();
+let listening: ReturnType<typeof setInterval> | undefined;
 const dtypes = new Map<number, readonly Dtype[]>();
 
 function send(text: BrowserText): void {
@@ -55,12 +58,14 @@ function connect(): void {
   mine.binaryType = "arraybuffer";
   socket = mine;
   mine.onopen = () => {
-    heard = localNow();
+    hear();
     pings = 0;
     ping();
+    clearInterval(listening);
+    listening = setInterval(listen, 1000 * ASK_S);
   };
   mine.onmessage = (event: MessageEvent<ArrayBuffer | string>) => {
-    heard = localNow();
+    hear();
     if (typeof event.data === "string") onText(event.data);
     else onBinary(event.data);
   };
@@ -69,11 +74,24 @@ function connect(): void {
     if (socket !== mine) return;
     socket = undefined;
     clearTimeout(pingTimer);
+    clearInterval(listening);
     if (stopped) return post({ kind: "connection", state: "closed", nextTry: undefined });
     post({ kind: "connection", state: "closed", nextTry: localNow() + wait });
     retryTimer = setTimeout(connect, wait * 1000);
     wait = Math.min(2 * wait, LONGEST_WAIT);
   };
+}
+
+function hear(): void {
+  heard = localNow();
+  if (silence.hear(heard)) post({ kind: "silence", since: undefined });
+}
+
+function listen(): void {
+  const since = silence.ask(localNow());
+  if (since === undefined) return;
+  post({ kind: "silence", since });
+  send({ op: "ping", t: localNow() }); // the answer tells that it is over, and a socket without a way fails the sooner
 }
 
 function ping(): void {
@@ -147,6 +165,7 @@ function stop(): void {
   stopped = true;
   clearTimeout(retryTimer);
   clearTimeout(pingTimer);
+  clearInterval(listening);
   socket?.close();
 }
 

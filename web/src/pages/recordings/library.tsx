@@ -22,7 +22,7 @@ export function LibraryPage({ app }: { readonly app: App }) {
   useEffect(() => {
     document.title = "Recordings · imuscope";
   }, []);
-  const offline = app.store.connection.value === "closed";
+  const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   const drop = (event: DragEvent): void => {
     event.preventDefault();
     hovering.value = false;

@@ -37,7 +37,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
     const stops = [onFrame((now) => replay.tick(now)), listenForKeys(replay), keepAddress(replay)];
     return () => stops.forEach((stop) => stop());
   }, []);
-  const offline = app.store.connection.value === "closed";
+  const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
   return (
     <div class={`app replay ${offline ? "offline" : ""} ${folded.value ? "folded" : ""}`}>
       <a class="btn edge skip" href="#plots">

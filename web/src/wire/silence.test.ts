@@ -1,0 +1,31 @@
+import { expect, it } from "vitest";
+import { Silence } from "./silence";
+
+const asked = (silence: Silence, from: number, to: number): (number | undefined)[] => {
+  const found = [];
+  for (let t = from; t <= to + 1e-9; t += 0.25) found.push(silence.ask(t));
+  return found.filter((since) => since !== undefined);
+};
+
+it("a dead network is told within two seconds, once, and so is its end", () => {
+  const silence = new Silence();
+  for (let t = 0; t <= 10; t += 0.5) {
+    silence.hear(t);
+    asked(silence, t, t + 0.25);
+  }
+  expect(asked(silence, 10.5, 12)).toEqual([10]);
+  expect(asked(silence, 12.25, 30)).toEqual([]);
+  expect(silence.hear(30)).toBe(true);
+  expect(silence.hear(30.5)).toBe(false);
+  expect(asked(silence, 30.5, 32.25)).toEqual([30.5]);
+});
+
+it("reports twice a second are no silence, nor is what a page slept through", () => {
+  const silence = new Silence();
+  expect(silence.ask(0)).toBeUndefined(); // nothing was heard yet: it is connecting
+  silence.hear(0);
+  expect(asked(silence, 0.25, 1.5)).toEqual([]);
+  expect(silence.ask(100)).toBeUndefined(); // frozen for a hundred seconds: what waits is heard first
+  silence.hear(100.1);
+  expect(asked(silence, 100.25, 101.5)).toEqual([]);
+});
