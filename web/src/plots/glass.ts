@@ -1,8 +1,9 @@
 /**
- * What runs through all plots and lanes? One transparent layer over them: the hatch over what is missing, the cursor, the span being
- * measured or selected. It is redrawn when the pointer moves, while the traces under it stay as they are.
+ * What runs through all plots and lanes? One transparent layer over them: the hatch over what is missing, markers, the cursor, the span
+ * being measured or selected. It is redrawn when the pointer moves, while the traces under it stay as they are.
  */
 import type { Loss } from "../data/losses";
+import { drawMarkers, type MarkLine } from "./markers";
 import type { Palette, Sheet } from "./paint";
 import { hatch } from "./paint";
 import type { Plot } from "./plot";
@@ -28,6 +29,7 @@ export interface Marks {
   /** Span being selected with shift and drag. */
   readonly selection: readonly [number, number] | undefined;
   readonly reads: Reads;
+  readonly markers: readonly MarkLine[];
 }
 
 export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly Plot[], w: TimeWindow, look: Palette, marks: Marks, hidden: ReadonlySet<string>): void {
@@ -61,6 +63,8 @@ export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly 
     band(clip(xOf(w, Math.min(...marks.selection))), clip(xOf(w, Math.max(...marks.selection))));
   }
   x.globalAlpha = 1;
+  const [first, last] = [panes[0], panes.at(-1)];
+  if (first && last && marks.markers.length > 0) drawMarkers(x, marks.markers, w, look, first.top, last.bottom);
   if (marks.measure !== undefined) drawMeasure(x, sheet, panes, w, look, marks, clip);
   if (marks.cursor === undefined) return;
   x.fillStyle = look.colour.ink;

@@ -5,6 +5,7 @@
 import type { Loss } from "../data/losses";
 import { number, span as spanOf } from "../ui/format";
 import { PixelColumns } from "./columns";
+import { drawMarkers, type MarkLine } from "./markers";
 import { type Palette, setFont, type Sheet } from "./paint";
 import type { PlotSpec } from "./select";
 import { timeWindow, xOf, type TimeWindow } from "./window";
@@ -46,7 +47,7 @@ export class Memory {
     this.#columns = series && new PixelColumns(series.channel.ring, [series.column]);
   }
 
-  draw(sheet: Sheet, w: TimeWindow, look: Palette, first: number | undefined, losses: readonly Loss[]): void {
+  draw(sheet: Sheet, w: TimeWindow, look: Palette, first: number | undefined, losses: readonly Loss[], markers: readonly MarkLine[]): void {
     const x = sheet.begin();
     const length = stripLength(first === undefined ? 0 : w.now - first, w.span);
     const view = { device: undefined, live: true, end: 0, span: length, timeBase: w.base } as const;
@@ -59,6 +60,7 @@ export class Memory {
       const from = Math.max(strip.left, xOf(strip, t0));
       x.fillRect(from, y, Math.max(MARK_PX, xOf(strip, t1) - from), height);
     }
+    drawMarkers(x, markers.map(({ time }) => ({ time, text: "" })), strip, look, 2, y + height);
     this.#box(x, sheet, strip, w, look);
     this.#labels(x, sheet, strip, w, look, length);
   }

@@ -3,6 +3,8 @@
  * instead of once per stroke, canvases as sharp as the screen, and the hatch.
  */
 
+import { clear } from "../ui/canvas";
+
 const COLOURS = [
   "bg", "bg-rail", "bg-hover", "bg-active", "line", "line-strong", "edge", "grid", "grid-zero", "ink", "ink-2", "ink-3",
   "invert-bg", "invert-ink", "axis-x", "axis-y", "axis-z", "axis-n", "status-warn", "status-warn-ink", "status-bad", "status-bad-ink", "loss",
@@ -76,8 +78,7 @@ export class Sheet {
   begin(): CanvasRenderingContext2D {
     const { x, ratio } = this;
     x.setTransform(ratio, 0, 0, ratio, 0, 0);
-    x.globalAlpha = 1;
-    x.clearRect(0, 0, this.width, this.height);
+    clear(x, this.width, this.height);
     return x;
   }
 

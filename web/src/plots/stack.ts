@@ -25,6 +25,7 @@ import { drawGlass, type Pane } from "./glass";
 import type { Reads } from "./legend";
 import { Lanes } from "./lanes";
 import { LaneNames } from "./lane-names";
+import { type MarkLine, markersIn } from "./markers";
 import { Memory } from "./memory";
 import { palette, type Palette, Sheet } from "./paint";
 import { Plot } from "./plot";
@@ -38,6 +39,8 @@ export interface StackDeps {
   readonly reads?: Reads;
   /** All there is, when the store holds a part of it; what the store holds otherwise. */
   readonly bounds?: () => { readonly first: number; readonly last: number };
+  /** Markers to be drawn; those among the store's events otherwise. */
+  readonly markers?: () => readonly MarkLine[];
 }
 
 /** Further quantities that a person has asked for, by plot key. Outlives a remount. */
@@ -55,6 +58,7 @@ class Stack {
   readonly #store: Store;
   readonly #reads: Reads;
   readonly #whole: StackDeps["bounds"];
+  readonly #markers: () => readonly MarkLine[];
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": "Plots" });
   readonly #glass = new Sheet(el("canvas", { class: "glass", "aria-hidden": "true" }));
   readonly #more = el("div", { class: "more", role: "group", "aria-label": "Further quantities" });
@@ -86,7 +90,8 @@ class Stack {
   /** Revision of the samples as looked at last; ten times a second is often enough where the window stands still. */
   #still = 0;
 
-  constructor(host: HTMLElement, { store, reads = (channel) => channel, bounds }: StackDeps) {
+  constructor(host: HTMLElement, { store, reads = (channel) => channel, bounds, markers }: StackDeps) {
+    this.#markers = markers ?? markersOf(store);
     this.#store = store;
     this.#reads = reads;
     this.#whole = bounds;
@@ -237,11 +242,12 @@ class Stack {
     const cursors = `${reading} ${measure.peek()}`;
     if (this.#changed("axis", `${frame} ${cursors}`)) drawAxis(this.#axis, w, this.#look, reading, measure.peek());
     if (this.#over.height > 0 && (this.#memoryDue(now) || this.#changed("memory", `${w.live} ${w.span} ${w.live || w.t1} ${this.#theme}`))) {
-      this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses);
+      this.#memory.draw(this.#over, w, this.#look, this.#bounds()?.first, losses, this.#markers());
     }
     const lostSince = this.#lostSince(device);
-    const marks = { losses, lostSince, cursor: reading, measure: measure.peek(), selection: this.#selection, reads: this.#reads };
-    if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${shown.size} ${reading === undefined ? "" : still}`)) {
+    const markers = this.#markers();
+    const marks = { losses, lostSince, markers, cursor: reading, measure: measure.peek(), selection: this.#selection, reads: this.#reads };
+    if (this.#changed("glass", `${frame} ${cursors} ${lostSince} ${this.#selection} ${markers.length} ${markers.at(-1)?.time} ${shown.size} ${reading === undefined ? "" : still}`)) {
       drawGlass(this.#glass, this.#panes, this.#plots, w, this.#look, marks, shown);
     }
   }
@@ -339,6 +345,16 @@ class Stack {
     this.#seen.disconnect();
     this.#root.remove();
   }
+}
+
+/** The markers among the events of a store, looked for when there are new events. */
+function markersOf(store: Store): () => readonly MarkLine[] {
+  let [from, device, found]: [unknown, string | undefined, readonly MarkLine[]] = [undefined, undefined, []];
+  return () => {
+    const now = view.peek().device;
+    if (from !== store.events.peek() || device !== now) [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
+    return found;
+  };
 }
 
 function titleEnd({ legend }: Plot): number {

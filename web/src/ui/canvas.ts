@@ -11,6 +11,17 @@ export interface Surface {
   dispose(): void;
 }
 
+/**
+ * Clears a canvas of this size, in the units of its context, so that it is seen to be: where a graphics processor draws, some browsers
+ * do not show a frame whose only operation is `clearRect`, and what was cleared stays on screen. A dot that nobody sees is one more.
+ */
+export function clear(context: CanvasRenderingContext2D, width: number, height: number): void {
+  context.globalAlpha = 1;
+  context.clearRect(0, 0, width, height);
+  context.fillStyle = "rgba(0, 0, 0, 0.004)";
+  context.fillRect(0, 0, 1, 1);
+}
+
 /** Wraps `canvas`; `changed` is called when it must be drawn again because its size did. */
 export function surface(canvas: HTMLCanvasElement, changed: () => void): Surface {
   const context = canvas.getContext("2d");
@@ -33,8 +44,7 @@ export function surface(canvas: HTMLCanvasElement, changed: () => void): Surface
       const [w, h] = [Math.round(width * ratio), Math.round(height * ratio)];
       if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
-      context.clearRect(0, 0, width, height);
-      context.globalAlpha = 1;
+      clear(context, width, height);
       return true;
     },
     dispose: () => observer.disconnect(),

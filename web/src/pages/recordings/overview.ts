@@ -4,6 +4,7 @@
  */
 import { effect } from "@preact/signals";
 import { view } from "../../data/view";
+import { fitting } from "../../plots/markers";
 import { hatch, palette, type Palette, setFont, Sheet } from "../../plots/paint";
 import { plotsOf } from "../../plots/select";
 import { decode } from "../../wire/codec";
@@ -255,12 +256,6 @@ function drawMarkers(x: X, look: Palette, { markers, left, width }: Scene, botto
     x.fillStyle = look.colour["ink-2"];
     x.fillText(fitting(x, text, room), px + 11, 8);
   });
-}
-
-function fitting(x: X, text: string, room: number): string {
-  let cut = text;
-  while (cut.length > 1 && x.measureText(cut).width > room) cut = `${cut.slice(0, -2)}…`;
-  return cut;
 }
 
 function drawAxis(x: X, look: Palette, { first, last, left, width, head }: Scene, y: number): void {

@@ -88,6 +88,7 @@ function mountPlots(host: HTMLElement, replay: Replay): Panel {
     store: replay.drawn,
     reads: (channel, t) => replay.reads(channel, t),
     bounds: () => replay.bounds,
+    markers: () => replay.markers.peek(),
   });
   const resized = new ResizeObserver(() => {
     const style = getComputedStyle(host);

@@ -1,0 +1,59 @@
+/** Markers and notes on the plots: a violet line through all of them, with a flag and its words at the top. */
+import type { EventInfo } from "../wire/types";
+import { type Palette, setFont } from "./paint";
+import { xOf, type TimeWindow } from "./window";
+
+/** A marker as it is drawn. */
+export interface MarkLine {
+  readonly time: number;
+  /** "" for one without words. */
+  readonly text: string;
+}
+
+/** Words are cut to this, px; a marker that has less room than LEAST_PX before the next has none. */
+const MOST_PX = 160;
+const LEAST_PX = 26;
+const FLAG_PX = 8;
+
+/** The words of an event that nobody gave any. */
+const NO_WORDS = "Marker";
+
+/** Those among events, of a device or of all of them. */
+export function markersIn(events: readonly EventInfo[], device: string | undefined): readonly MarkLine[] {
+  return events.filter((event) => event.kind === "marker" && (event.device === "" || event.device === device)).map(({ time, text }) => ({ time, text: text === NO_WORDS ? "" : text }));
+}
+
+/** Those that are in a window, in their order, each with where it stands and how much room its words have, px. */
+export function placed(markers: readonly MarkLine[], w: TimeWindow): readonly (MarkLine & { readonly x: number; readonly room: number })[] {
+  const seen = markers.filter(({ time }) => time >= w.t0 && time <= w.t1).sort((a, b) => a.time - b.time);
+  return seen.map((marker, k) => {
+    const x = xOf(w, marker.time);
+    const next = seen[k + 1];
+    const end = next === undefined ? w.left + w.width : xOf(w, next.time);
+    return { ...marker, x, room: Math.min(MOST_PX, end - x - FLAG_PX - 8) };
+  });
+}
+
+/** Draw them from `top` to `bottom`, px; the flags stand at `top`. */
+export function drawMarkers(x: CanvasRenderingContext2D, markers: readonly MarkLine[], w: TimeWindow, look: Palette, top: number, bottom: number): void {
+  setFont(x, look, 11);
+  [x.textAlign, x.textBaseline] = ["left", "middle"];
+  for (const { x: px, room, text } of placed(markers, w)) {
+    x.fillStyle = look.colour.yours;
+    x.fillRect(Math.round(px) - 0.5, top, 1, bottom - top);
+    x.beginPath();
+    x.moveTo(px, top + 1);
+    x.lineTo(px + FLAG_PX, top + 5);
+    x.lineTo(px, top + 9);
+    x.fill();
+    if (text === "" || room < LEAST_PX) continue;
+    x.fillText(fitting(x, text, room), px + FLAG_PX + 3, top + 6);
+  }
+}
+
+/** As much of a text as has room. */
+export function fitting(x: CanvasRenderingContext2D, text: string, room: number): string {
+  let cut = text;
+  while (cut.length > 1 && x.measureText(cut).width > room) cut = `${cut.slice(0, -2)}…`;
+  return cut;
+}
