@@ -104,7 +104,7 @@ def test_from_the_record_button_to_the_list(
     page.get_by_role("link", name="Recordings").first.click()
     until(page, "document.querySelector('.recs')?.innerText.includes('recording now')")
     assert page.evaluate("window.imuscope.store.recorder.value.running")  # another page stops nothing
-    page.keyboard.press("r")
+    page.keyboard.press("Shift+R")
     until(page, "window.imuscope.store.recorder.value.running === false")
     until(page, f"{FIRST} !== null")
     [info] = ask(server, "GET", "/api/recordings")
@@ -387,7 +387,7 @@ def test_the_bar_has_room_while_it_records(server: ServerProcess, open_page: Cal
     recording = "window.imuscope.store.recorder.value?.running === "
     fits = "(() => { const bar = document.querySelector('.bar'); return bar.scrollWidth <= bar.clientWidth; })()"
     for state in ("true", "false"):
-        page.keyboard.press("r")
+        page.keyboard.press("Shift+R")
         until(page, recording + state)
         for width in (1440, 1280, 1120, 900, 721, 390, 360):
             page.set_viewport_size({"width": width, "height": 844})

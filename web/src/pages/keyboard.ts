@@ -4,7 +4,7 @@ import { cursor, measure, view } from "../data/view";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import { type App, overlay, sheet } from "./app";
 import { showsPlots } from "../ui/state";
-import { beginNote, mark, toggleRecord } from "./record";
+import { askForRecord, beginNote, mark, toggleRecord } from "./record";
 import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {
@@ -24,6 +24,7 @@ export function startKeyboard(app: App): () => void {
     if (!action) return;
     if (action.do === "help") overlay.value = "help";
     else if (action.do === "record") void toggleRecord(app);
+    else if (action.do === "askRecord") askForRecord(app);
     else if (route.value.recording !== undefined) return; // a recording that is open has keys of its own
     else if (action.do === "mark") void mark(app);
     else if (action.do === "note") beginNote(app);
@@ -79,6 +80,7 @@ function act(action: KeyAction): void {
     case "series":
       return actions.toggleSeries(action.index, action.alone);
     case "record":
+    case "askRecord":
     case "mark":
     case "note":
     case "help":

@@ -7,6 +7,7 @@ import { shortSource } from "../ui/state";
 import type { DeviceInfo, Try } from "../wire/types";
 import { type App, connect, linkOf, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app";
 import { portWords } from "./rail";
+import { SavedBand } from "./record";
 
 /** Why the server does not let us in, once asked. */
 export const refusal = signal<Problem | undefined>(undefined);
@@ -221,8 +222,17 @@ export function socketUrl(): string {
   return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`;
 }
 
-/** A request that failed; stays until it is read. */
+/** What every page tells in bands of its own: a request that failed, until it is read, and a recording that has ended. */
 export function ProblemBand() {
+  return (
+    <>
+      <FailedBand />
+      <SavedBand />
+    </>
+  );
+}
+
+function FailedBand() {
   const shown = problem.value;
   if (!shown) return null;
   return (

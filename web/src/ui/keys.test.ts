@@ -19,6 +19,11 @@ describe("actionFor", () => {
     expect(actionFor(press("F"))).toEqual({ do: "fit" });
     expect(actionFor(press("?", { shiftKey: true }))).toEqual({ do: "help" });
   });
+  it("records with Shift only: a stray R ended a recording", () => {
+    expect(actionFor(press("r"))).toEqual({ do: "askRecord" });
+    expect(actionFor(press("R"))).toEqual({ do: "askRecord" }); // caps lock
+    expect(actionFor(press("R", { shiftKey: true }))).toEqual({ do: "record" });
+  });
   it("reads digits by place, because Shift changes what they type", () => {
     expect(actionFor(press("!", { code: "Digit1", shiftKey: true }))).toEqual({ do: "series", index: 0, alone: true });
     expect(actionFor(press("3", { code: "Numpad3" }))).toEqual({ do: "series", index: 2, alone: false });

@@ -7,7 +7,7 @@
  */
 
 export type KeyAction =
-  | { readonly do: "record" | "mark" | "note" | "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
+  | { readonly do: "record" | "askRecord" | "mark" | "note" | "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "span"; readonly longer: boolean }
@@ -45,7 +45,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["T"], what: "Device time or arrival time" },
   { keys: ["1 … 9"], what: "Hide or show a series" },
   { keys: ["Shift 1 … 9"], what: "Show that series alone" },
-  { keys: ["R"], what: "Record, or end the recording" },
+  { keys: ["Shift R"], what: "Record, or end the recording" },
   { keys: ["M", "Shift M"], what: "Drop a marker, a note into the recording" },
   { keys: ["L"], what: "Loop what is on screen, in a recording" },
   { keys: ["C"], what: "Copy the link to what is on screen, in a recording" },
@@ -66,7 +66,6 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   "-": { do: "zoom", factor: ZOOM_STEP },
   _: { do: "zoom", factor: ZOOM_STEP },
   f: { do: "fit" },
-  r: { do: "record" },
   home: { do: "start" },
   end: { do: "now" },
   t: { do: "timeBase" },
@@ -81,6 +80,7 @@ export function actionFor(press: KeyPress): KeyAction | undefined {
   if (key === "arrowleft" || key === "arrowright") {
     return { do: "pan", windows: (key === "arrowleft" ? -1 : 1) * (press.shiftKey ? 1 : 0.1) };
   }
+  if (key === "r") return { do: press.shiftKey ? "record" : "askRecord" };
   if (key === "m") return { do: press.shiftKey ? "note" : "mark" };
   const digit = /^(?:Digit|Numpad)([1-9])$/.exec(press.code);
   if (digit) return { do: "series", index: Number(digit[1]) - 1, alone: press.shiftKey };

@@ -75,6 +75,7 @@ function act(replay: Replay, action: KeyAction): boolean {
       else if (cursor.peek()?.kind !== "pinned") return false;
       return true;
     case "record":
+    case "askRecord":
     case "help":
       return false;
   }

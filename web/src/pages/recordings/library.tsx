@@ -1,5 +1,4 @@
 /** The library: every recording in the folder, newest first, with what is known of it without opening it. */
-import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally, titleOf } from "../../recordings/listing";
 import type { RecordingInfo } from "../../recordings/types";
@@ -14,32 +13,14 @@ import { Details } from "./details";
 import { aboutToOpen, add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./shelf";
 import { Thumb } from "./thumb";
 
-/** Files are over the page, to be dropped. */
-const hovering = signal(false);
-
 export function LibraryPage({ app }: { readonly app: App }) {
   useEffect(() => follow(app), []);
   useEffect(() => {
     document.title = "Recordings · imuscope";
   }, []);
   const offline = app.store.connection.value === "closed" || app.store.silentSince.value !== undefined;
-  const drop = (event: DragEvent): void => {
-    event.preventDefault();
-    hovering.value = false;
-    void add([...(event.dataTransfer?.files ?? [])]);
-  };
   return (
-    <div
-      class={`app lib ${offline ? "offline" : ""} ${hovering.value ? "dropping" : ""}`}
-      onDragOver={(event) => {
-        event.preventDefault();
-        hovering.value = true;
-      }}
-      onDragLeave={(event) => {
-        if (event.relatedTarget === null) hovering.value = false;
-      }}
-      onDrop={drop}
-    >
+    <div class={`app lib ${offline ? "offline" : ""}`}>
       <a class="btn edge skip" href="#list">
         Skip to the list
       </a>
@@ -220,7 +201,7 @@ function List({ app }: { readonly app: App }) {
   if (trouble.value && all.value === undefined) return <Nothing title="The list cannot be had" words={`${trouble.value.message} ${trouble.value.hint}`} />;
   if (all.value === undefined) return <div class="recs" aria-busy="true" />;
   if (all.value.length === 0) {
-    return <Nothing title="No recording yet" words="Press Record in the bar, or R, and everything that arrives is kept. Logs and captures made elsewhere can be dropped here." />;
+    return <Nothing title="No recording yet" words="Press Record in the bar, or Shift R, and everything that arrives is kept. Logs and captures made elsewhere can be dropped here." />;
   }
   if (shown.value.length === 0) return <Nothing title="Nothing is found" words="No recording has all of that. Take a filter or a word away." />;
   return (

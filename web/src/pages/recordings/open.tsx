@@ -2,10 +2,10 @@
 import { useSignal } from "@preact/signals";
 import { useLayoutEffect } from "preact/hooks";
 import { readPlace } from "../../recordings/address";
-import { type Answer, take } from "../../recordings/ahead";
+import { type Answer, detailOf, take } from "../../recordings/ahead";
 import { Replay } from "../../recordings/replay";
 import type { Screen } from "../../recordings/screen";
-import { isOpening, server } from "../../recordings/server";
+import { isOpening } from "../../recordings/server";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
 import type { Problem } from "../../ui/api";
 import type { App } from "../app";
@@ -46,7 +46,7 @@ export function OpenPage({ id, app }: { readonly id: string; readonly app: App }
       now.value = { kind: "open", replay, times: (times += 1) };
     };
     const ask = async (first?: Promise<Answer>): Promise<void> => {
-      const { outcome, screen } = first ? await first : { outcome: await server.detail(id), screen: undefined };
+      const { outcome, screen } = first ? await first : { outcome: await detailOf(id), screen: undefined };
       if (over) return screen?.dispose();
       if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
       else if (!outcome.ok) {

@@ -1,7 +1,7 @@
 /** What the library holds and what is chosen of it: asked for when the server says that it has changed. */
 import { computed, effect, signal } from "@preact/signals";
 import { pass, prepare } from "../../recordings/ahead";
-import { type Choice, chosen } from "../../recordings/listing";
+import { type Choice, chosen, heardOf } from "../../recordings/listing";
 import { server, upload } from "../../recordings/server";
 import type { Edit, RecordingInfo } from "../../recordings/types";
 import type { Problem } from "../../ui/api";
@@ -39,7 +39,7 @@ async function load(): Promise<void> {
   const mine = ++asked;
   const outcome = await server.list();
   if (mine !== asked) return;
-  if (outcome.ok) all.value = outcome.value;
+  if (outcome.ok) all.value = outcome.value.map(heardOf);
   trouble.value = outcome.ok ? undefined : outcome.problem;
 }
 
@@ -62,8 +62,9 @@ export function aboutToOpen(info: RecordingInfo) {
   };
 }
 
-function replace(info: RecordingInfo | undefined): void {
-  if (info === undefined) return;
+function replace(told: RecordingInfo | undefined): void {
+  if (told === undefined) return;
+  const info = heardOf(told);
   const list = all.peek() ?? [];
   all.value = list.some(({ id }) => id === info.id) ? list.map((one) => (one.id === info.id ? info : one)) : [info, ...list];
 }
