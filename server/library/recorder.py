@@ -111,7 +111,7 @@ class Recorder:
             devices: ids; None for all, also those that appear later.
             title: what a person calls it; may be empty.
             path: of the file, where it is not to be in the folder under a name of its own.
-            words: what the file is called after; the title or the devices where they are left out.
+            words: what the file is called after; the title or the devices that were heard where they are left out.
         Raises:
             RecorderError: something is being recorded already, or there is no such device.
             RecordingError: the file cannot be made.
@@ -120,7 +120,8 @@ class Recorder:
             if self._now is not None:
                 raise RecorderError("busy", "A recording is running already.", "Stop it first.")
             chosen = self._chosen(devices)
-            words = words or title or _words([session.info.name for session in chosen])
+            heard = [session for session in chosen if session.info.last_arrival is not None] or chosen
+            words = words or title or _words([session.info.name for session in heard])
             self._loop = asyncio.get_running_loop()
             tape = await asyncio.to_thread(self._tape, words, title, path)
             every = devices is None

@@ -167,6 +167,20 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(running: Running
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "rx/4") == sample(9)
 
 
+def test_a_recording_is_called_after_devices_that_were_heard(running: Running, links: Links) -> None:
+    """A port on which nothing ever came stood first in its name."""
+    end = time.monotonic() + PATIENCE_S
+    n = 0
+    while running.call(lambda: running.state.sessions.get("2").info.last_arrival) is None:
+        assert time.monotonic() < end
+        send(running, links, "/dev/two", sample(n := n + 1))
+        time.sleep(0.01)
+    name = running.call(lambda: running.state.sessions.get("2").info.name)
+    began = running.client.post("/api/recordings/start", json={}).json()
+    assert began["id"].endswith(slug(name))
+    assert "more" not in began["id"]
+
+
 def test_what_is_sent_is_recorded_too(running: Running, links: Links, tmp_path: Path) -> None:
     links.made["/dev/one"].listens = True
     running.client.post("/api/recordings/start", json={})

@@ -5,6 +5,7 @@ import * as actions from "./data/actions";
 import { Store } from "./data/store";
 import { cursor, view } from "./data/view";
 import { loadPorts, startApp } from "./pages/app";
+import { startDrop } from "./pages/drop";
 import { startKeyboard } from "./pages/keyboard";
 import { watchRecorder } from "./pages/record";
 import { startRoute } from "./pages/route";
@@ -37,6 +38,7 @@ const app = startApp({ store, minute: new Minute() });
 startRoute();
 watchRecorder(app);
 startKeyboard(app);
+startDrop();
 
 // A refused WebSocket does not say why; a plain request to the same server does.
 effect(() => {

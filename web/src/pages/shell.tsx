@@ -4,6 +4,7 @@ import type { ComponentType } from "preact";
 import type { Store } from "../data/store";
 import { Icon } from "../ui/icons";
 import type { App } from "./app";
+import { DropVeil } from "./drop";
 import { LivePage } from "./live";
 import { href, PAGES, route } from "./route";
 
@@ -47,6 +48,7 @@ export function Shell({ app }: { readonly app: App }) {
       {heavy ? Heavy ? <Heavy app={app} /> : <div class="app" aria-busy="true" /> : <LivePage app={app} />}
       {onTrial && Decks && <Decks store={app.store} />}
       <Tabs />
+      <DropVeil />
     </>
   );
 }

@@ -3,7 +3,7 @@ import { pass, prepare, take } from "./ahead";
 import type { RecordingInfo } from "./types";
 
 const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
-  ({ id: "yard", title: "Yard", started: 1000, opened: true, recording: false, deleted: null, ...part }) as RecordingInfo;
+  ({ id: "yard", title: "Yard", started: 1000, opened: true, recording: false, deleted: null, devices: [], ...part }) as RecordingInfo;
 
 const column = { name: "x", dtype: "f4", unit: "m/s²", label: "x", axis: "x", decimals: 3, bits: [] };
 const channel = { id: 1, device: "1", message: "m", name: "Acceleration", title: "Acceleration", kind: "vector", unit: "m/s²", frame: "", columns: [column] };

@@ -9,6 +9,7 @@
  * of it must still be the same when it is opened.
  */
 import type { Outcome } from "../ui/api";
+import { heardIn } from "./listing";
 import { Screen } from "./screen";
 import { isOpening, server } from "./server";
 import type { OpeningState, RecordingDetail, RecordingInfo } from "./types";
@@ -33,9 +34,15 @@ interface Prepared {
 let prepared: Prepared | undefined;
 let resting: ReturnType<typeof setTimeout> | undefined;
 
+/** Everything about a recording but its samples. */
+export async function detailOf(id: string): Promise<Answer["outcome"]> {
+  const outcome = await server.detail(id);
+  return outcome.ok && !isOpening(outcome.value) ? { ok: true, value: heardIn(outcome.value) } : outcome;
+}
+
 /** Ask for a recording; `whole`: and as soon as it is known for all of it, which is seen first where no link says otherwise. */
 async function begin(id: string, whole: boolean): Promise<Answer> {
-  const outcome = await server.detail(id);
+  const outcome = await detailOf(id);
   if (!outcome.ok || isOpening(outcome.value)) return { outcome, screen: undefined };
   const screen = new Screen(outcome.value);
   if (whole) screen.want(screen.whole());

@@ -1,6 +1,7 @@
 import { expect, it } from "vitest";
 import type { ColumnInfo } from "../wire/types";
-import { formatsOf, sizeOf } from "./exporting";
+import { FORMATS, formatsOf, sizeOf } from "./exporting";
+import type { ExportFormat } from "./types";
 
 const device = (protocol: string) => ({ id: "1", name: "", protocol, product: "", serial_number: "", messages: 0, lost: 0, rejects: 0 });
 
@@ -10,6 +11,11 @@ it("offers a vendor's format where its devices are", () => {
   expect(names("isb")).toContain("raw");
   expect(names("idtp")).not.toContain("mtb");
   expect(names("idtp")).toContain("bytes");
+});
+
+it("offers every format that the server writes", () => {
+  const all: Readonly<Record<ExportFormat, true>> = { csv: true, "csv-aligned": true, parquet: true, mcap: true, rrd: true, mtb: true, raw: true, bytes: true };
+  expect(FORMATS.map(({ name }) => name).sort()).toEqual(Object.keys(all).sort());
 });
 
 it("says about how large, by range and channels", () => {

@@ -17,6 +17,7 @@ export const FORMATS: readonly FormatInfo[] = [
   { name: "csv-aligned", title: "CSV, one table", words: "rows aligned to the fastest message", single: false, protocol: "" },
   { name: "parquet", title: "Parquet", words: "one table per message", single: false, protocol: "" },
   { name: "mcap", title: "MCAP", words: "decoded, with schemas, for other viewers", single: false, protocol: "" },
+  { name: "rrd", title: "RRD", words: "for the Rerun viewer", single: false, protocol: "" },
   { name: "mtb", title: "MTB", words: "for the vendor's MT programs", single: true, protocol: "xbus" },
   { name: "raw", title: "RAW", words: "for the vendor's Inertial Sense tools", single: true, protocol: "isb" },
   { name: "bytes", title: "Bytes", words: "as they came", single: true, protocol: "" },

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
-import { bytes, chosen, daysLeft, flaw, length, matches, tally, titleOf } from "./listing";
-import type { RecordingInfo } from "./types";
+import { bytes, chosen, daysLeft, deviceName, flaw, heardIn, heardOf, length, matches, tally, titleOf } from "./listing";
+import type { RecordingDetail, RecordingInfo } from "./types";
 
 const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
   id: "a", title: "Yard loop", file: "a.mcap", format: "mcap", size: 1e6, started: 1_763_732_640, duration: 60,
@@ -39,4 +39,14 @@ it("writes lengths and sizes", () => {
 
 it("calls what nobody named by its devices", () => {
   expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual(["Yard loop", "MTi-630", "a"]);
+});
+
+it("a device that never sent anything names no recording, and stands in no filter", () => {
+  const silent = { id: "2", name: "ttyUSB9", protocol: "", product: "", serial_number: "", messages: 0, lost: 0, rejects: 0 };
+  const info = one({ title: "", devices: [...one().devices, silent] });
+  expect(titleOf(heardOf(info))).toBe("MTi-630");
+  expect(heardOf(info).devices.map(deviceName)).toEqual(["MTi-630 04F9"]);
+  expect(heardOf(one({ devices: [silent] })).devices).toHaveLength(1); // of a recording of nothing it is all there is
+  const detail = { info, devices: [{ id: "1" }, { id: "2" }], channels: [{ device: "1" }] } as unknown as RecordingDetail;
+  expect(heardIn(detail).devices.map(({ id }) => id)).toEqual(["1"]);
 });

@@ -1,6 +1,6 @@
 /** What the library says of a recording, and which ones it shows: search, categories, lengths and sizes in words. Pure. */
 import { number, type Quantity } from "../ui/format";
-import type { RecordingInfo } from "./types";
+import type { RecordingDetail, RecordingInfo } from "./types";
 
 export type Category = "all" | "pinned" | "lossy" | "damaged" | "deleted";
 
@@ -11,6 +11,18 @@ export const CATEGORIES: readonly { readonly name: Category; readonly title: str
   { name: "damaged", title: "Damaged" },
   { name: "deleted", title: "Deleted, 7 days" },
 ];
+
+/** Of devices those that sent anything: one that was asked for in vain has nothing to show. All of them where none did. */
+export function heardOf(info: RecordingInfo): RecordingInfo {
+  const heard = info.devices.filter(({ messages }) => messages > 0);
+  return heard.length === 0 || heard.length === info.devices.length ? info : { ...info, devices: heard };
+}
+
+/** The same of an opened recording: those that have a quantity. */
+export function heardIn(detail: RecordingDetail): RecordingDetail {
+  const heard = detail.devices.filter(({ id }) => detail.channels.some(({ device }) => device === id));
+  return { ...detail, info: heardOf(detail.info), devices: heard.length === 0 ? detail.devices : heard };
+}
 
 export const lostOf = (info: RecordingInfo): number => info.devices.reduce((sum, { lost }) => sum + lost, 0);
 export const rejectsOf = (info: RecordingInfo): number => info.devices.reduce((sum, { rejects }) => sum + rejects, 0);
