@@ -11,6 +11,7 @@ itself, so a test plays it with a list and the server plays it on a link:
 
     yield Pause(0.1)                         waits, sends None
     yield Relink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
+    yield Note("It is restarted.")           tells who watches what no frame shows, sends None
 
 What a device refuses is a `RefusedError`, what it never answers a `SilentError`; both say what was asked, so that the
 page can show it. A runner that is stopped calls `stop(dialogue)` and writes the frames that it returns (GoToMeasurement
@@ -24,7 +25,7 @@ otherwise (`InState`): some commands make sense only while the device measures.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -69,7 +70,14 @@ class Relink:
     baud: int | None = None
 
 
-Act = Send | Expect | Pause | Relink
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Tell whoever watches: a sentence that the frames do not say by themselves (a device is restarted, and why)."""
+
+    words: str
+
+
+Act = Send | Expect | Pause | Relink | Note
 Dialogue = Generator[Act, Any, T]
 
 
@@ -114,11 +122,18 @@ class InState(Generator[Act, Any, T]):
     """A dialogue that says in which state the device must be: "config", "measuring", or "any".
 
     `Driver.within` looks at it; for anything else it is the dialogue itself.
+
+    Args:
+        continues: it takes up what an earlier command began (stores a reset, ends a calibration): between the two the
+            device must neither restart nor pass through another state.
     """
 
-    def __init__(self, dialogue: Dialogue[T], state: Literal["config", "measuring", "any"]) -> None:
+    def __init__(
+        self, dialogue: Dialogue[T], state: Literal["config", "measuring", "any"], *, continues: bool = False
+    ) -> None:
         self._dialogue = dialogue
         self.state = state
+        self.continues = continues
 
     def send(self, value: Any, /) -> Act:
         return self._dialogue.send(value)
@@ -220,6 +235,8 @@ class Driver(Protocol):
     name: str
     states: Mapping[str, str]
     """Message → the state that a device is in when it has sent it ("Config"); empty where there are no states."""
+    begins: Collection[str]
+    """Messages with which a device begins anew: what a command left unfinished is discarded."""
 
     def commands(self, known: Known) -> Sequence[Command]:
         """Every command of the document that this product has; all of the protocol while it is not known."""
@@ -244,6 +261,10 @@ class Driver(Protocol):
 
     def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
         """Send one command, wait for what answers; its values."""
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        """What a command leaves open that a change of state throws away, in words; "" where it ends that of an earlier
+        command of its kind; None where it does neither."""
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         """The values of one setting."""

@@ -22,6 +22,7 @@ from typing import Any, Literal
 Severity = Literal["", "caution", "fault"]
 
 NO_CHOICES: Mapping[int, str] = {}
+NO_HARMLESS: Mapping[str, tuple[int, ...]] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +164,7 @@ class Command:
         timeout_s: how long its answer may take.
         caution: what kind of harm it can do; a person is asked once more, in the words of `consequence`.
         consequence: one sentence that names what is lost or cut ("All settings return to the factory's.").
+        harmless: argument → values with which the caution does not apply (a command that asks, or that ends something).
         simple: False for what is one click away.
         title, doc, source: for a person; one sentence; section of the document.
     """
@@ -179,6 +181,11 @@ class Command:
     title: str = ""
     doc: str = ""
     source: str = ""
+    harmless: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: NO_HARMLESS)
+
+    def harms(self, values: Mapping[str, Any]) -> bool:
+        """Does the caution apply with these arguments?"""
+        return bool(self.caution) and not any(values.get(name) in those for name, those in self.harmless.items())
 
 
 @dataclass(frozen=True, slots=True)

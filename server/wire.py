@@ -357,6 +357,7 @@ class ControlState:
     queue: list[Job] = field(default_factory=list)
     done: list[Job] = field(default_factory=list)  # the last five, newest first
     trial: Trial | None = None
+    unfinished: str = ""  # what a command left open that a change of state discards: a reset that is not stored
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, Protocol
 
-from protocols.dialogues import Act, Dialogue, Expect, Pause, Relink, Send, T
+from protocols.dialogues import Act, Dialogue, Expect, Note, Pause, Relink, Send, T
 from protocols.events import Decoder, Event
 from protocols.registry import PROTOCOLS
 
@@ -34,6 +34,7 @@ class Wire:
         step_ns: how finely time passes.
     Attributes:
         sent: every Send that was written, in order.
+        notes: every sentence that it told, in order.
         now_ns: the time.
     """
 
@@ -45,6 +46,7 @@ class Wire:
         self.baud = baud
         self.now_ns = start_ns
         self.sent: list[Send] = []
+        self.notes: list[str] = []
         self._step_ns = step_ns
         self._decoder = self._fresh()
         self._events: deque[Event] = deque()
@@ -103,6 +105,8 @@ class Wire:
             return self.expect(act)
         if isinstance(act, Pause):
             return self.pass_time(act.seconds)
+        if isinstance(act, Note):
+            return self.notes.append(act.words)
         assert isinstance(act, Relink)
         self.relink(act.baud)
         return True

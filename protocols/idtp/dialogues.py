@@ -7,7 +7,7 @@ Source: IDTP v2.1.0.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from protocols.dialogues import NO_STATES, Dialogue, Expect, Known, LineChange, Load, Relink, Send, Span, Written
@@ -35,6 +35,7 @@ class IdtpDriver:
 
     name = "idtp"
     states: Mapping[str, str] = NO_STATES
+    begins: Collection[str] = ()
 
     def __init__(self, schema: Schema | None = None) -> None:
         self._schema: Schema = schema or {}
@@ -75,6 +76,9 @@ class IdtpDriver:
         """Nothing answers."""
         yield Send(self.frame(command, values, known), command)
         return {}
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        return None
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         yield from ()  # a dialogue is a generator, also one that does nothing

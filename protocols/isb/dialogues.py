@@ -18,7 +18,7 @@ Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 from protocols.dialogues import (
@@ -169,6 +169,7 @@ class IsbDriver:
 
     name = "isb"
     states: Mapping[str, str] = NO_STATES
+    begins: Collection[str] = ()
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
@@ -248,6 +249,9 @@ class IsbDriver:
             if answer is not None:
                 return plainly(answer)
         raise SilentError(f"${name}", TRIES, ANSWER_S)
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        return None
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         if setting == STREAMS_SETTING:

@@ -189,13 +189,40 @@ def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
 
 
 def reset_orientation(device: XbusDevice, payload: bytes, now: int) -> bytes:
-    """Code 0 stores and is for the config state; the others are for measurement, 1 (heading) not with GNSS."""
+    """Code 0 stores and is for the config state; the others are for measurement, 1 (heading) not with GNSS.
+
+    What is not stored is discarded when the device next begins to measure.
+    """
     _sized(payload, 2)
     heading = () if "gnss" in device.product.abilities else (1,)
     allowed = (0,) if device.phase == "config" else (*heading, 3, 4, 5, 6, 7)
-    if int.from_bytes(payload, "big") not in allowed:
+    code = int.from_bytes(payload, "big")
+    if code not in allowed:
         raise RefusedError(ERROR_PARAMETER)
+    if code:
+        device.reset_pending = _aligned(device.reset_pending or device.settings[ALIGNMENT], code, now)
+    elif device.reset_pending:
+        device.settings[ALIGNMENT], device.reset_pending = device.reset_pending, b""
     return b""
+
+
+def _aligned(kept: bytes, code: int, now: int) -> bytes:
+    """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 take it back."""
+    sensor, local = kept[:17], kept[17:]
+    roll, pitch, yaw = motion.drive(np.array([now / 1e9])).euler[0]
+    if code in (3, 4):
+        sensor = b"\0" + _rotation(roll, pitch, 0.0)
+    if code in (1, 4):
+        local = b"\1" + _rotation(0.0, 0.0, -yaw)
+    if code in (6, 7):
+        sensor = b"\0" + _rotation(0.0, 0.0, 0.0)
+    if code in (5, 7):
+        local = b"\1" + _rotation(0.0, 0.0, 0.0)
+    return sensor + local
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> bytes:
+    return struct.pack(">4f", *motion.quaternion(np.array([[roll, pitch, yaw]]))[0])
 
 
 def no_rotation(device: XbusDevice, payload: bytes, now: int) -> bytes:

@@ -99,6 +99,9 @@ def fitted(message: str, field: Field, model: Model | None) -> Field:
     if message == "ResetOrientation":
         gone = {2} if model is None or model.number not in GNSS else {1, 2}
         return replace(field, choices={code: name for code, name in RESET_CODES.items() if code not in gone}, default=3)
+    if message == "ResetOrientation.Stored":
+        known = fitted("ResetOrientation", field, model)
+        return replace(known, choices={code: name for code, name in known.choices.items() if code})
     return field
 
 

@@ -41,6 +41,15 @@ OUTPUT, FRAME, PROFILE, SYNC, PORT, RECEIVER, HEADING, IDENTITY, COMMANDS = GROU
 )
 
 
+RESET_AND_STORE = "ResetOrientation.Stored"
+_NOT_STORED = "The orientation reset is not stored: it is discarded when the device next begins to measure."
+_CALIBRATION = {
+    0: "Representative motion is being collected for the compass calibration: it ends when the device stops measuring.",
+    1: "The result of the compass calibration is not stored: it may be lost when the device next begins to measure.",
+    2: "",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Row:
     """One message to the device.
@@ -50,6 +59,8 @@ class Row:
         form: which of the rows of that name.
         on: products that have it.
         state: in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
+        name: of the command, where it is not that of the message: one action of several messages (dialogues.py).
+        harmless: as in protocols.schema.Command.
     """
 
     message: str
@@ -63,6 +74,8 @@ class Row:
     caution: Caution = ""
     consequence: str = ""
     simple: bool = True
+    name: str = ""
+    harmless: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     @property
     def row(self) -> Message:
@@ -143,13 +156,19 @@ _ROWS: tuple[Row, ...] = (
     _ask("ReqGnssReceiverSettings", RECEIVER, "Read the receiver's settings", NOBODY),
     _set("SetGnssReceiverSettings", RECEIVER, "Set up the receiver", NOBODY, simple=False),
     # heading
+    _do("ResetOrientation", HEADING, "Reset the orientation and store it", FILTER, state="measuring",
+        name=RESET_AND_STORE, caution="moves-frame",
+        consequence="Heading or orientation jumps to a new reference for good; everything that uses it sees the jump. "
+        "Storing stops the data for a moment."),
     _do("ResetOrientation", HEADING, "Reset the orientation", FILTER, state="measuring", caution="moves-frame",
-        consequence="Heading or orientation jumps to a new reference; everything that uses it sees the jump."),
+        consequence="Heading or orientation jumps to a new reference; everything that uses it sees the jump. It is "
+        "discarded when the device next begins to measure, unless it is stored (0) before."),
     _do("SetNoRotation", HEADING, "Estimate the gyroscope bias at rest", FILTER, state="measuring",
         caution="moves-frame",
         consequence="A device that moves meanwhile learns a wrong bias, and its orientation drifts."),
     _do("IccCommand", HEADING, "In-run compass calibration", FILTER, state="measuring", timeout_s=3.5, simple=False,
-        caution="moves-frame", consequence="A stored calibration changes the magnetic field and so the heading."),
+        caution="moves-frame", consequence="A stored calibration changes the magnetic field and so the heading.",
+        harmless={"command": (0, 1, 3)}),
     _do("SetInitialHeading", HEADING, "Set the heading to start with", _GNSS_HEADING, caution="moves-frame",
         consequence="The filter starts from this heading; a wrong one stays until it has learnt better."),
     _do("StoreFilterState", HEADING, "Store the state of the filter", NOBODY, simple=False, caution="wears-flash",
@@ -257,7 +276,8 @@ def rows(model: Model | None) -> Mapping[str, Row]:
     found: dict[str, Row] = {}
     for row in _ROWS:
         if has(model, row.on):
-            found[row.message if row.message not in found else row.row.title] = row
+            name = row.name or row.message
+            found[name if name not in found else row.row.title] = row
     return found
 
 
@@ -288,12 +308,13 @@ def _command(name: str, row: Row, model: Model | None) -> Command:
         title=row.title,
         doc=row.row.doc,
         source=row.row.source,
+        harmless=row.harmless,
     )
 
 
 def arguments(row: Row, model: Model | None) -> tuple[Field, ...]:
     """What a person fills in, as the product has it."""
-    return tuple(fitted(row.message, field, model) for field in row.row.fields)
+    return tuple(fitted(row.name or row.message, field, model) for field in row.row.fields)
 
 
 def reply_name(row: Row) -> str:
@@ -358,6 +379,25 @@ def write_row(one: Kept, model: Model | None) -> Row | None:
     """The command that writes a setting, in the product's form (the 600-series' while it is not known)."""
     found = [row for row in _ROWS if row.message == one.write and has(model, row.on)]
     return found[-1] if found else None
+
+
+def continues(row: Row) -> bool:
+    """Does it take up, or begin, what a change of state throws away (an orientation reset, a calibration)?
+
+    What is valid while the device measures begins there or goes on there: nothing that it needs is known in the config
+    state, and going there and back would discard what a reset has made.
+    """
+    return row.state == "measuring" and row.name != RESET_AND_STORE
+
+
+def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
+    """See protocols.dialogues.Driver.unfinished (5.3.7)."""
+    if command in ("ResetOrientation", RESET_AND_STORE):
+        stored = command == RESET_AND_STORE or values.get("code") == 0
+        return "" if stored else _NOT_STORED
+    if command == "IccCommand":
+        return _CALIBRATION.get(int(values.get("command", 3)))
+    return None
 
 
 def state_of(row: Row, values: Mapping[str, Any]) -> State:

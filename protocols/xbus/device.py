@@ -12,8 +12,8 @@ message that is unknown, of a wrong size, or not valid in this state, 33 for a p
 period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
 
 What it measures is quantities.py, from the shared drive; strings instead of data are sentences.py. What it does not do:
-alignment matrices, filter profiles and orientation resets are kept and answered but do not turn the output; it sends no
-eMTS (0x91), whose content is encrypted.
+alignment matrices (an orientation reset makes them) and filter profiles are kept and answered but do not turn the
+output; it sends no eMTS (0x91), whose content is encrypted.
 
 Rules for editing: a setting that is only kept and returned is a row in settings.py; one that does something is a
 function in answers.py.
@@ -119,6 +119,7 @@ class XbusDevice:
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
         self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
         self.settings: dict[int, bytes] = {}
+        self.reset_pending = b""  # both alignments as a ResetOrientation made them, until it is stored
         self.output: tuple[tuple[int, int], ...] = ()
         self._moods, self._stubborn = moods, moods.stubborn
         self._tongue, self._stores = Tongue(moods, seed), 0
@@ -204,8 +205,8 @@ class XbusDevice:
     # -- measuring
 
     def measure(self, begin_ns: int) -> None:
-        """Begin to measure at a device time."""
-        self.phase = "measurement"
+        """Begin to measure at a device time. An orientation reset that was not stored is discarded (5.3.7)."""
+        self.phase, self.reset_pending = "measurement", b""
         types, hertz = strings_of(self.settings, self.product)
         if types:
             self._measurement = Sentences(types, hertz, begin_ns, self.run)
@@ -270,7 +271,7 @@ class XbusDevice:
         """As if power had failed for a moment: device time begins anew, what is stored acts, the rest is lost."""
         self.stop()
         self.settings, self.output = dict(self._memory[0]), self._memory[1]
-        self._stubborn = False
+        self._stubborn, self.reset_pending = False, b""
         off = now + BOOT_NS
         self.change(
             utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()

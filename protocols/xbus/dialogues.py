@@ -14,7 +14,7 @@ Source: MT0101P 2020.A.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
@@ -70,6 +70,7 @@ class XbusDriver:
         "GoToMeasurementAck": "Measurement",
         "MTData2": "Measurement",
     }
+    begins: Collection[str] = ("GoToMeasurementAck", "WakeUp")
 
     # -- tables
 
@@ -104,19 +105,17 @@ class XbusDriver:
         if state == "any":
             return (yield from body)
         if state == "measuring":
-            yield from exchange.to_measurement()
+            if not (yield Expect(_sample, exchange.SEEN_S)):  # what streams measures; telling it to is an error
+                yield from exchange.to_measurement()
             return (yield from body)
-        reached = False
         try:
-            yield from exchange.to_config()
-            reached = True
+            yield from exchange.to_config(restart=not (isinstance(body, InState) and body.continues))
             result = yield from body
         except StoppedError:  # also on the way there: the device may have heard GoToConfig already
             yield Send(frames.build(exchange.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
-        except Exception:
-            if reached:
-                yield from _measure_again()
+        except Exception:  # also on the way there: an answer may have been lost, and the device be silent
+            yield from _measure_again()
             raise
         yield from exchange.to_measurement()
         return result
@@ -125,7 +124,18 @@ class XbusDriver:
         """One command; what may not be done twice is not asked again. Says in which state it runs."""
         model = model_of(known.product)
         row = _row(command, values, model)
-        return InState(_run(row, _frame(row, values, model)), commands.state_of(row, values))
+        frame = _frame(row, values, model)
+        body = self._reset_and_store(frame) if row.name == commands.RESET_AND_STORE else _run(row, frame)
+        return InState(body, commands.state_of(row, values), continues=commands.continues(row))
+
+    def _reset_and_store(self, frame: bytes) -> Dialogue[Values]:
+        """While it measures: the reset, the config state, the code that stores, measurement. Nothing between them."""
+        yield from exchange.ask(frame, "ResetOrientation", 0.5, 1)
+        store = exchange.ask(frame_of({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5)
+        return (yield from self.within(InState(store, "config", continues=True), Known()))
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        return commands.unfinished(command, values)
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         return (yield from _read(_kept(setting, model_of(known.product))))
@@ -200,7 +210,7 @@ def _row(command: str, values: Values, model: Model | None) -> Row:
     if command not in rows:
         whose = f"{model.name} has no command" if model else "no command is called"
         raise EncodeError(f"{whose} {command!r}")
-    forms = [row for row in rows.values() if row.message == command]
+    forms = [row for row in rows.values() if (row.name or row.message) == command]
     fits = (row for row in forms if not any(limits.problems(commands.arguments(row, model), values)))
     return next(fits, rows[command])
 

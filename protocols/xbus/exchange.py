@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from protocols.dialogues import Dialogue, Expect, Pause, RefusedError, Send, SilentError
+from protocols.dialogues import Dialogue, Expect, Note, Pause, RefusedError, Send, SilentError
 from protocols.events import Batch, Event, Reply, Text
 from protocols.plain import jsonable
 from protocols.xbus import frames
@@ -31,6 +31,7 @@ ERROR_MESSAGE = 4
 TRIES = 3
 STEP_S = 0.1  # between two GoToConfig
 PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device counts as stubborn
+SEEN_S = 0.25  # a device that measures has sent something by then, unless it is slow or waits for a trigger
 AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 
@@ -89,18 +90,24 @@ def refusal(what: str, error: Reply) -> RefusedError:
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def to_config() -> Dialogue[None]:
+def to_config(*, restart: bool = True) -> Dialogue[None]:
     """Bring the device to the config state.
 
+    Args:
+        restart: it may be Reset when it does not answer; False where that would discard what is to be stored.
     Raises:
         SilentError: it does not answer, not even after Reset.
     """
     if (yield from _insist(PATIENCE_S)):
         return
+    if not restart:
+        raise SilentError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
+    yield Note("The device does not answer GoToConfig: it is restarted (Reset).")
     yield Send(frames.build(RESET), "Reset")
     if (yield from _insist(AFTER_RESET_S)):
         return
-    raise SilentError("GoToConfig", round((PATIENCE_S + AFTER_RESET_S) / STEP_S), STEP_S)
+    tries = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
+    raise SilentError("GoToConfig, after a Reset (restart) neither", tries, STEP_S)
 
 
 def _insist(patience_s: float) -> Dialogue[bool]:

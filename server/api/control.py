@@ -15,7 +15,7 @@ from server.api.errors import ApiError, responses
 from server.control.desk import Desk
 from server.control.desks import Desks
 from server.control.forms import Apply, Raw, ReadWish, Run
-from server.control.wishes import Danger, Wish, changes_of, command_of
+from server.control.wishes import Danger, Wish, changes_of, command_of, discarded
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 
@@ -68,6 +68,7 @@ async def read_settings(body: ReadWish, desk: OneDesk, desks: AllDesks) -> wire.
     unknown = [name for name in body.settings or () if name not in desk.rows]
     if unknown:
         raise ApiError(404, "not-found", f"There is no setting {unknown[0]!r:.80}.", "GET …/forms lists them.")
+    confirmed(discarded(desk), body.confirmed)
     return desk.add("Read all settings", desks.jobs.read(desk, body.settings, body.reason)).job
 
 

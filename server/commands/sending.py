@@ -22,12 +22,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
-from protocols.dialogues import Dialogue, Driver, Known, RefusedError, SilentError, T, Values
+from protocols.dialogues import Dialogue, Driver, InState, Known, RefusedError, SilentError, T, Values
 from protocols.events import Decoder, Event
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS, guess
 from protocols.schema import Command, Setting
-from server.commands.compose import Tongue, chosen, frame_of, parse, tongues
+from server.commands.compose import ComposeError, Tongue, chosen, frame_of, parse, tongues
 from server.control.runner import Runner
 from server.control.values import value_at
 from server.links import open_link
@@ -197,10 +197,11 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
         return await runner.run(driver.within(body, known))
 
     known = asked.known
-    with contextlib.suppress(SilentError, RefusedError):
-        known = replace(await play(driver.identify(known)), baud=known.baud, key=known.key)
-    setting = _setting(driver, wish.message, known)
     command = asked.tongue.command(wish.message)
+    if command is None or not _continues(asked.tongue, command, wish, known):
+        with contextlib.suppress(SilentError, RefusedError):
+            known = replace(await play(driver.identify(known)), baud=known.baud, key=known.key)
+    setting = _setting(driver, wish.message, known)
     if setting is not None and command is None:
         await _setting_wish(asked.tongue, setting, wish, known, play, out, notes)
         return
@@ -209,7 +210,8 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
         await channel.send(frame)
         _print(out, {"sent": frame.hex()})
         return
-    _allow(command, wish)
+    if command.harms(values):
+        _allow(command, wish)
     answer = await play(driver.run(command.name, values, known))
     _print(out, {"message": command.reply or command.name, "fields": answer})
     kept = next((row for row in driver.settings(known) if row.write == command.name), None)
@@ -217,6 +219,16 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
         got = await play(driver.read(kept.name, known))
         _print(out, {"setting": kept.name, "fields": got})
         _tell_altered(driver, kept, values, got, notes)
+
+
+def _continues(tongue: Tongue, command: Command, wish: Wish, known: Known) -> bool:
+    """Does it take up what an earlier command began, which asking the device who it is would discard?"""
+    try:
+        _, values = frame_of(tongue, wish.message, wish.pairs, known)
+    except ComposeError:  # in the form of another product, perhaps: said when the product is known
+        return False
+    body = tongue.driver.run(command.name, values, known)
+    return isinstance(body, InState) and body.continues
 
 
 async def _setting_wish(

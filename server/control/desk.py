@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 MOST_WAITING = 16
 DONE_KEPT = 5
-SILENT_HINT = "Is it powered and connected, and is the rate right? Nothing else was changed."
+SILENT_HINT = "Check its power, its cable and the rate, then read its settings again."
 
 
 class JobError(Exception):
@@ -107,6 +107,7 @@ class Desk:
         self.serial_number = ""
         self.firmware = ""
         self.state = ""
+        self.unfinished: dict[str, str] = {}  # command → what it left open that a change of state discards, in words
         self.trial: Trial | None = None
         self.answer: asyncio.Event = asyncio.Event()  # somebody answered the question of a trial
         self.kept = False
@@ -167,6 +168,13 @@ class Desk:
         self.values = {**self.values, **values}
         self.missing = {name: why for name, why in {**self.missing, **missing}.items() if name not in values}
         self.read_at = self.hub.now()
+
+    def leave(self, command: str, words: str | None) -> None:
+        """What a command left unfinished: "" ends it, None says nothing."""
+        kind = command.partition(".")[0]
+        if words is not None and words != self.unfinished.get(kind, ""):
+            self.unfinished = {**self.unfinished, kind: words} if words else _without(self.unfinished, kind)
+            self.tell()
 
     # ── queue ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -290,6 +298,7 @@ class Desk:
             queue=[replace(task.job) for task in self._queue],
             done=[replace(job) for job in self._done],
             trial=replace(self.trial) if self.trial is not None else None,
+            unfinished=" ".join(self.unfinished.values()),
         )
 
     def tell(self) -> None:
@@ -300,9 +309,13 @@ class Desk:
         self.log.hear(event)
         if isinstance(event, Batch | Reply):
             try:
-                states: Mapping[str, str] = self.driver.states
+                driver = self.driver
             except DeskError:
                 return
+            states = driver.states
+            if self.unfinished and event.message.name in driver.begins:
+                self.unfinished = {}
+                self.tell()
             state = states.get(event.message.name, self.state)
             if state != self.state:
                 self.state = state
@@ -313,6 +326,10 @@ class Desk:
             return self.driver.name_of(frame)
         except DeskError:
             return ""
+
+
+def _without(words: Mapping[str, str], key: str) -> dict[str, str]:
+    return {name: said for name, said in words.items() if name != key}
 
 
 def explained(error: Exception) -> tuple[str, str]:

@@ -107,6 +107,7 @@ class CommandForm:
     simple: bool = True
     doc: str = ""
     source: str = ""
+    harmless: dict[str, list[int]] = field(default_factory=dict)  # argument → values to which no caution applies
 
 
 @dataclass(slots=True)
@@ -223,6 +224,7 @@ class PreviewAnswer:
 class ReadWish:
     settings: list[str] | None = None
     reason: str = ""  # kept with the snapshot
+    confirmed: bool = False  # what a command left unfinished (ControlState.unfinished) may be discarded
 
 
 @dataclass(slots=True)

@@ -86,6 +86,7 @@ def command_form(command: Command) -> CommandForm:
         simple=command.simple,
         doc=command.doc,
         source=command.source,
+        harmless={name: list(those) for name, those in command.harmless.items()},
     )
 
 

@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.dialogues import Driver, Known, LineChange, RefusedError, SilentError, Values, Written
+from protocols.dialogues import Driver, InState, Known, LineChange, RefusedError, SilentError, Values, Written
 from protocols.schema import Setting
 from server.codec import plain
 from server.control import errands
@@ -231,16 +231,20 @@ class Jobs:
         """One command.
 
         Args:
-            changes: it writes something, so a snapshot is taken first.
+            changes: it writes something, so a snapshot is taken first; unless it takes up what an earlier command
+                began, which reading everything would discard.
         """
 
         async def work(task: Task) -> None:
-            if changes:
+            driver, known = desk.driver, desk.known
+            body = driver.run(command, values, known)
+            if changes and not (isinstance(body, InState) and body.continues):
                 found = await self._survey(desk, task, None)
                 task.job.snapshot = await self._keep(desk, found, "Before this change", f"Before {task.job.title}.")
+                body = driver.run(command, values, desk.known)
             desk.step(task, command)
-            driver, known = desk.driver, desk.known
-            answer = await desk.run(driver.within(driver.run(command, values, known), known))
+            answer = await desk.run(driver.within(body, known))
+            desk.leave(command, driver.unfinished(command, values))
             task.job.values = plain(answer)
             task.job.message = "Answered." if answer else "Done."
 

@@ -4,6 +4,7 @@
              ──Expect─> events of the session   the first of which `match` makes something, or None when time is up
              ──Pause──> sleep
              ──Relink─> session.relink          the link closed, opened again
+             ──Note──>  watcher.note            a sentence for who watches
 
 Events are collected from the first act on, so that an answer that comes before anybody waits for it is not lost; a new
 request (a Send that follows a wait) forgets what is older, so that a late answer to the last try is not taken for one
@@ -20,7 +21,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from protocols.dialogues import Dialogue, Expect, Pause, Relink, Send, stop
+from protocols.dialogues import Act, Dialogue, Expect, Note, Pause, Relink, Send, stop
 from protocols.events import Event
 from server.links.base import LinkError
 
@@ -97,7 +98,7 @@ class Runner:
             asked = isinstance(act, Send)
             answer = await self._do(act)
 
-    async def _do(self, act: Send | Expect | Pause | Relink) -> Any:
+    async def _do(self, act: Act) -> Any:
         match act:
             case Send(frame=frame, what=what):
                 self._watcher.sent(frame, what)
@@ -110,6 +111,9 @@ class Runner:
                 return None
             case Relink(baud=baud):
                 return await self.relink(baud)
+            case Note(words=words):
+                self._watcher.note(words, fault=True)
+                return None
 
     async def relink(self, baud: int | None) -> bool:
         """Close the link and open it again; False, with a note, when it cannot be."""

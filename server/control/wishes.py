@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from protocols.dialogues import InState
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
 from server.api.errors import ApiError
@@ -46,6 +47,11 @@ class Wish:
     changes: bool = False
 
 
+def discarded(desk: Desk) -> list[Danger]:
+    """What a command left unfinished, and what is done now would throw away."""
+    return [Danger("loses-settings", words) for words in desk.unfinished.values()]
+
+
 def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
     """Settings to write.
 
@@ -67,7 +73,7 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
         dangers += _dangers(desk, row, values)
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
-    return Wish(title, dangers, wanted, changes=True)
+    return Wish(title, dangers + discarded(desk), wanted, changes=True)
 
 
 def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
@@ -123,8 +129,15 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
     setting = _written_by(desk, name, values)
     if setting is not None:
         title = f"Write {setting.title or setting.name}"
-        return Wish(title, _dangers(desk, setting, values), {setting.name: dict(values)}, setting.name, True)
-    dangers = [] if row.caution in UNASKED else [Danger(row.caution, row.consequence)]
+        dangers = _dangers(desk, setting, values) + discarded(desk)
+        return Wish(title, dangers, {setting.name: dict(values)}, setting.name, True)
+    dangers = [Danger(row.caution, row.consequence)] if row.harms(values) and row.caution not in UNASKED else []
+    try:
+        body = desk.driver.run(name, values, desk.known)
+    except EncodeError as error:
+        raise ApiError(422, "bad-value", f"{row.title or name}: {error}.", "Nothing was sent.") from None
+    if not (isinstance(body, InState) and body.continues):
+        dangers += discarded(desk)
     changes = row.kind == "set" or row.caution in ("loses-settings", "wears-flash", "moves-frame")
     return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes)
 

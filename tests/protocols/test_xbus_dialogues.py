@@ -164,6 +164,85 @@ def test_a_command_says_in_which_state_it_runs() -> None:
         assert dialogue.state == state
 
 
+def alignments(line: Wire, known: Known) -> tuple[Values, Values]:
+    """What is stored: the rotation of the sensor, that of the local frame."""
+
+    def body() -> Dialogue[tuple[Values, Values]]:
+        sensor = yield from DRIVER.read("AlignmentRotation.RotSensor", known)
+        return sensor, (yield from DRIVER.read("AlignmentRotation.RotLocal", known))
+
+    return play(DRIVER.within(body(), known), line)
+
+
+UNITY = {"q0": 1.0, "q1": 0.0, "q2": 0.0, "q3": 0.0}
+
+
+def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_begins() -> None:
+    line = wire(seconds=5.0)
+    known = known_of(line)
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
+    play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known), line)
+    assert alignments(line, known) == (UNITY, UNITY)
+
+
+@pytest.mark.parametrize("stubborn", [False, True])
+def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
+    """Nothing comes between the two, not even the Reset of a device that is deaf to GoToConfig."""
+    line = wire(seconds=5.0, measuring=True, moods=Moods(stubborn=stubborn))
+    known = Known(product="MTi-630")
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
+    store = DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known)
+    if stubborn:
+        with pytest.raises(SilentError, match="GoToConfig"):
+            play(store, line)
+        assert "Reset" not in names(line)
+        return
+    play(store, line)
+    assert names(line) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    sensor, local = alignments(line, known)
+    assert UNITY not in (sensor, local)
+
+
+def test_an_orientation_is_reset_and_stored_in_one_action() -> None:
+    line = wire(seconds=5.0)
+    known = known_of(line)
+    line.sent.clear()
+    play(DRIVER.within(DRIVER.run("ResetOrientation.Stored", {"code": 3}, known), known), line)
+    assert names(line) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    assert phase(line) == "measurement"
+    sensor, local = alignments(line, known)
+    assert sensor != UNITY
+    assert local == UNITY
+
+
+def test_a_command_for_measuring_does_not_tell_a_device_to_measure_that_streams() -> None:
+    """It is an error to it, and stood in the log before every such command."""
+    line = wire()
+    known = known_of(line)
+    line.sent.clear()
+    play(DRIVER.within(DRIVER.run("SetNoRotation", {"duration": 1}, known), known), line)
+    assert names(line) == ["SetNoRotation"]
+
+
+def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_of_its_restart() -> None:
+    """All answers were lost; the device had heard GoToConfig, and stayed silent for ever."""
+
+    class Unheard(Between):
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            return b""
+
+    line = Wire(Unheard(), "xbus")
+    line.pass_time(1)
+    with pytest.raises(SilentError, match="after a Reset"):
+        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
+    assert names(line)[-1] == "GoToMeasurement"
+    assert line.notes == ["The device does not answer GoToConfig: it is restarted (Reset)."]
+    line.pass_time(2)
+    assert isinstance(line.device, Unheard)
+    assert line.device.device.phase == "measurement"
+
+
 def test_what_may_not_be_done_twice_is_asked_once() -> None:
     """A second AdjustUTCTime after a lost acknowledgement would move the clock twice."""
     line = Wire(Deaf(), "xbus")
@@ -200,7 +279,7 @@ def test_silence_is_told_with_what_was_asked_and_how_often() -> None:
     with pytest.raises(SilentError, match="No answer to GoToConfig") as silent:
         play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
     assert silent.value.tries == 45
-    assert line.now_ns == pytest.approx(4.5e9, rel=0.01)
+    assert line.now_ns == pytest.approx(4.5e9 + 3 * 0.5e9, rel=0.01)
 
 
 def test_an_answer_that_is_lost_is_asked_for_again() -> None:

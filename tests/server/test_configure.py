@@ -67,6 +67,70 @@ def read(http: Client, device: int = 1) -> Any:
     return http.get(f"/api/devices/{device}/values").json()["values"]
 
 
+def sent(http: Client, since: int = 0) -> list[str]:
+    """Requests to device 1, in order; of what is sent again and again one."""
+    log = http.get("/api/devices/1/exchange?limit=2000").json()
+    return [entry["name"] for entry in log if entry["way"] == "tx" and entry["seq"] > since]
+
+
+def newest(http: Client) -> int:
+    return max((entry["seq"] for entry in http.get("/api/devices/1/exchange?limit=1").json()), default=0)
+
+
+def command(http: Client, name: str, values: dict[str, Any], **more: Any) -> Any:
+    job = done(http, post(http, "run", {"command": name, "values": values, **more}))
+    assert job["state"] == "done", job
+    return job
+
+
+def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> None:
+    """Taking a snapshot before the second command made the device measure again, which discards the reset."""
+    before = read(http)["AlignmentRotation.RotLocal"]
+    since = newest(http)
+    command(http, "ResetOrientation", {"code": 4}, confirmed=True)
+    assert "not stored" in http.get("/api/devices/1/control").json()["unfinished"]
+    command(http, "ResetOrientation", {"code": 0}, confirmed=True)
+    assert sent(http, since) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    assert http.get("/api/devices/1/control").json()["unfinished"] == ""
+    assert read(http)["AlignmentRotation.RotLocal"] != before
+    command(http, "ResetOrientation.Stored", {"code": 7}, confirmed=True)
+    assert read(http)["AlignmentRotation.RotLocal"] == before
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("read", {}),
+        ("apply", {"changes": {"LocationID": {"location_id": 0}}}),
+        ("run", {"command": "SetLocationID", "values": {"location_id": 0}}),
+        ("run", {"command": "ReqDID", "values": {}}),
+    ],
+)
+def test_what_would_discard_an_orientation_reset_is_asked_about_first(
+    http: Client, path: str, body: dict[str, Any]
+) -> None:
+    read(http)
+    command(http, "ResetOrientation", {"code": 3}, confirmed=True)
+    answer = post(http, path, body)
+    assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
+    assert "discarded" in answer.json()["message"]
+    assert done(http, post(http, path, {**body, "confirmed": True}))["state"] == "done"
+    until(lambda: http.get("/api/devices/1/control").json()["unfinished"] == "", http)
+
+
+def test_a_compass_calibration_is_not_interrupted_and_a_question_is_no_danger(http: Client) -> None:
+    """Reading everything before each command ended the motion between its start and its stop."""
+    read(http)
+    since = newest(http)
+    command(http, "IccCommand", {"command": 0})
+    assert command(http, "IccCommand", {"command": 3})["values"] == {"command": 3, "representative_motion_active": 1}
+    result = command(http, "IccCommand", {"command": 1})["values"]
+    assert result["status"] == 0
+    assert post(http, "run", {"command": "IccCommand", "values": {"command": 2}}).status_code == 409
+    command(http, "IccCommand", {"command": 2}, confirmed=True)
+    assert sent(http, since) == ["IccCommand"] * 3 + ["GoToConfig", "IccCommand", "GoToMeasurement"]
+
+
 @pytest.mark.parametrize("device", [1, 3, 4])
 def test_every_form_of_every_family_opens_and_previews(http: Client, device: int) -> None:
     """A row that cannot be shown, or whose defaults crash what composes them, would be found by a person."""

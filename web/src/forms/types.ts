@@ -75,6 +75,8 @@ export interface CommandForm {
   readonly simple: boolean;
   readonly doc: string;
   readonly source: string;
+  /** argument → values to which no caution applies */
+  readonly harmless: Readonly<Record<string, readonly number[]>>;
 }
 
 /** One quantity that an Xsens output configuration can ask for. */
@@ -191,6 +193,8 @@ export interface ReadWish {
   readonly settings: readonly string[] | null;
   /** kept with the snapshot */
   readonly reason: string;
+  /** what a command left unfinished (ControlState.unfinished) may be discarded */
+  readonly confirmed: boolean;
 }
 
 /** Settings to write: whole ones, or single fields where the setting is `partial`. */

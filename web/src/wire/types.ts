@@ -338,6 +338,8 @@ export interface ControlState {
   /** the last five, newest first */
   readonly done: readonly Job[];
   readonly trial: Trial | null;
+  /** what a command left open that a change of state discards: a reset that is not stored */
+  readonly unfinished: string;
 }
 
 /** What is being recorded. */

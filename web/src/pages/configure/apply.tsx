@@ -6,7 +6,7 @@ import { Icon } from "../../ui/icons";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
-import { question } from "./view";
+import { question, unfinishedOf } from "./view";
 
 const reason = signal("");
 /** The job that was made of the last Apply, by device, until it is dismissed. */
@@ -104,11 +104,12 @@ function apply(model: Model, names: readonly string[]): void {
     const words = [form?.caution ? form.consequence : "", line].filter(Boolean);
     return form && words.length > 0 ? [{ caution: form.caution || ("cuts-line" as const), words }] : [];
   });
-  if (risky.length === 0) return void act();
+  const unfinished = unfinishedOf(model);
+  if (risky.length === 0 && unfinished.length === 0) return void act();
   const onTrial = risky.some(({ caution }) => caution === "cuts-line");
   question.value = {
     title: "Write this?",
-    words: [...new Set(risky.flatMap(({ words }) => words))].concat(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : []),
+    words: [...new Set([...unfinished, ...risky.flatMap(({ words }) => words)])].concat(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : []),
     caution: risky[0]?.caution ?? "",
     go: onTrial ? "Write on trial" : "Write",
     act: () => void act(),

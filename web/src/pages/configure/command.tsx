@@ -11,7 +11,7 @@ import { hot, type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { Words } from "./setting";
 import { JobLine } from "./jobs";
-import { all, question } from "./view";
+import { all, question, unfinishedOf } from "./view";
 
 /** The job that a command of this page became, by device and command. */
 const sent = signal<Readonly<Record<string, number>>>({});
@@ -49,7 +49,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
         </p>
       ))}
       <div class="sendrow">
-        <button type="button" class={`btn ${form.caution ? "edge" : "main"}`} disabled={blocked !== ""} onClick={() => send(model, form)}>
+        <button type="button" class={`btn ${form.caution ? "edge" : "main"}`} disabled={blocked !== ""} onClick={() => void send(model, form)}>
           <Icon name="right" />
           {form.kind === "ask" ? "Ask" : "Send"}
         </button>
@@ -61,18 +61,22 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
   );
 }
 
-/** Sends, or asks once more in words that name what is lost. */
-function send(model: Model, form: CommandForm): void {
-  const act = async (): Promise<void> => {
-    const job = await model.run(server.run(model.id, form.name, model.argumentsOf(form), true));
-    if (job) sent.value = { ...sent.value, [`${model.id} ${form.name}`]: job.id };
+/** Sends, or asks once more in words that name what is lost. What else is discarded only the server knows: it is asked. */
+async function send(model: Model, form: CommandForm, confirmed = false): Promise<void> {
+  const ask = (words: string): void => {
+    question.value = {
+      title: `${form.title}?`,
+      words: [words],
+      caution: form.caution || "loses-settings",
+      go: form.title,
+      act: () => void send(model, form, true),
+    };
   };
-  if (form.caution === "") return void act();
-  question.value = {
-    title: `${form.title}?`,
-    words: [form.consequence || "This cannot be undone."],
-    caution: form.caution,
-    go: form.title,
-    act: () => void act(),
-  };
+  const values = model.argumentsOf(form);
+  const harms = form.caution !== "" && !Object.entries(form.harmless).some(([name, those]) => those.includes(Number(values[name])));
+  if (!confirmed && harms && unfinishedOf(model).length === 0) return ask(form.consequence || "This cannot be undone.");
+  const outcome = await server.run(model.id, form.name, values, confirmed);
+  if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
+  const job = await model.run(Promise.resolve(outcome));
+  if (job) sent.value = { ...sent.value, [`${model.id} ${form.name}`]: job.id };
 }

@@ -132,9 +132,9 @@ export class Model {
     return outcome.ok ? outcome.value : undefined;
   }
 
-  /** Ask the device for everything. */
-  async readAll(): Promise<void> {
-    const job = await this.run(server.read(this.id));
+  /** Ask the device for everything; `confirmed`: also where that discards what a command left unfinished. */
+  async readAll(confirmed = false): Promise<void> {
+    const job = await this.run(server.read(this.id, confirmed));
     this.lastRead.value = job?.id;
   }
 

@@ -18,8 +18,8 @@ import { type Model, modelOf, viewOnly } from "./model";
 import { ConfigureRail } from "./rail";
 import { Discard, Setting } from "./setting";
 import { KeepButton, SnapshotDialogs } from "./snapshot";
-import { LostBand, NoForms, NotRead, ProblemLine, Reading, ViewOnlyBand } from "./states";
-import { all, linkTo, type Place, placeOf, question, visibleSettings } from "./view";
+import { LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./states";
+import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view";
 import "./styles";
 
 export default function ConfigurePage({ app }: { readonly app: App }) {
@@ -73,6 +73,7 @@ function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
       <Title model={model} place={place} />
       <ViewOnlyBand />
       <LostBand model={model} />
+      <UnfinishedBand model={model} />
       <ProblemLine model={model} />
       {forms.note && model.isRead.value && <p class="hint inset">{forms.note}</p>}
       <div class="places" key={`${model.id} ${place.kind} ${place.name}`}>
@@ -163,7 +164,7 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
 
 function ReadAgain({ model }: { readonly model: Model }) {
   return (
-    <button type="button" class="btn desk" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => void model.readAll()}>
+    <button type="button" class="btn desk" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => readAll(model)}>
       Read again
     </button>
   );

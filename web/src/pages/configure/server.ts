@@ -13,7 +13,7 @@ export const server = {
   values: (device: string) => request<SnapshotBody>("GET", of(device, "values")),
   previewSetting: (device: string, setting: string, values: Values) => request<PreviewAnswer>("POST", of(device, "preview"), { setting, values }),
   previewCommand: (device: string, command: string, values: Values) => request<PreviewAnswer>("POST", of(device, "preview"), { command, values }),
-  read: (device: string, reason = "") => request<Job>("POST", of(device, "read"), { settings: null, reason }),
+  read: (device: string, confirmed = false) => request<Job>("POST", of(device, "read"), { settings: null, reason: "", confirmed }),
   apply: (device: string, body: Apply) => request<Job>("POST", of(device, "apply"), body),
   run: (device: string, command: string, values: Values, confirmed: boolean) => request<Job>("POST", of(device, "run"), { command, values, confirmed }),
   raw: (device: string, hex: string) => request<Job>("POST", of(device, "raw"), { hex, confirmed: true }),

@@ -1,6 +1,7 @@
 /** What stands in a form's place, or above it, while there is none: reading, never read, lost, not permitted, no settings at all. */
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
+import { readAll, unfinishedOf } from "./view";
 
 export function NotRead({ model }: { readonly model: Model }) {
   const device = model.device.value;
@@ -17,7 +18,7 @@ export function NotRead({ model }: { readonly model: Model }) {
         {device?.protocol === "xbus" && <p class="hint">An MTi stops measuring while it is asked, for about a second.</p>}
         {failed && isOver(failed) && failed.state !== "done" && last?.id === failed.id && <JobLine model={model} id={failed.id} />}
         <div class="row">
-          <button type="button" class="btn main" disabled={viewOnly.value} onClick={() => void model.readAll()}>
+          <button type="button" class="btn main" disabled={viewOnly.value} onClick={() => readAll(model)}>
             Read the settings
           </button>
         </div>
@@ -90,6 +91,19 @@ export function LostBand({ model }: { readonly model: Model }) {
       <span class="grow">
         {device.message} {device.hint} What is shown is as last read; edits stay until they can be written.
       </span>
+    </div>
+  );
+}
+
+/** A command began something that must be ended before anything else is done. */
+export function UnfinishedBand({ model }: { readonly model: Model }) {
+  const [words] = unfinishedOf(model);
+  if (words === undefined) return null;
+  return (
+    <div class="band calm" role="status" data-key="unfinished">
+      <span class="dot off" />
+      <b>Not finished</b>
+      <span class="grow">{words}</span>
     </div>
   );
 }

@@ -20,6 +20,22 @@ export interface Question {
 }
 export const question = signal<Question | undefined>(undefined);
 
+/** Ask the device for everything; where that would discard something unfinished, a person is asked first. */
+export function readAll(model: Model): void {
+  const unfinished = unfinishedOf(model);
+  if (unfinished.length === 0) return void model.readAll();
+  question.value = {
+    title: "Read the settings now?",
+    words: unfinished,
+    caution: "loses-settings",
+    go: "Read and discard it",
+    act: () => void model.readAll(true),
+  };
+}
+
+/** What a command left open that a change of the device's state discards. */
+export const unfinishedOf = (model: Model): readonly string[] => [model.control.value?.unfinished ?? ""].filter(Boolean);
+
 /** Sheets over the page that only this page has. */
 export const sending = signal(false);
 
