@@ -15,12 +15,14 @@ from typing import Any, Protocol
 
 from protocols.dialogues import Driver
 from protocols.events import Batch, Decoder, Reply
+from protocols.framing import Ints
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.dialogues import IdtpDriver
 from protocols.idtp.frames import build as idtp_build
 from protocols.idtp.likeness import likeness as idtp_likeness
 from protocols.idtp.listing import IdtpListing
 from protocols.idtp.protection import protection as idtp_protection
+from protocols.isb.dates import utc_of as isb_utc
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.dialogues import IsbDriver
 from protocols.isb.frames import DATA, get_data, stop
@@ -28,6 +30,8 @@ from protocols.isb.frames import build as isb_build
 from protocols.isb.identity import identity as isb_identity
 from protocols.isb.likeness import likeness as isb_likeness
 from protocols.isb.listing import IsbListing
+from protocols.xbus.dates import date_of as xbus_dated
+from protocols.xbus.dates import utc_of as xbus_utc
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.dialogues import XbusDriver
 from protocols.xbus.frames import build
@@ -63,6 +67,9 @@ class ProtocolInfo:
         protection: what protects the frames of a batch, in words; None where a protocol has one answer for all.
         sender: what to call who sends (Batch.device) where a stream names its senders.
         driver: how its devices are configured; None where they are not.
+        utc: UTC of each sample of a batch as far as the device says it, ns since the Unix epoch (UNKNOWN of dates.py
+            where it does not); None where it does not at all.
+        dated: when a log began, by what stands at its head.
     """
 
     name: str
@@ -78,6 +85,8 @@ class ProtocolInfo:
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
     driver: Driver | None = None
+    utc: Callable[[Batch], Ints | None] = lambda batch: None
+    dated: Callable[[Reply], int | None] = lambda reply: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +110,8 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             build(0x36, bytes.fromhex("1020020001")) + build(0x3E),
             identity=xbus_identity,
             driver=XbusDriver(),
+            utc=xbus_utc,
+            dated=xbus_dated,
         ),
         ProtocolInfo(
             "isb",
@@ -112,6 +123,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             identity=isb_identity,
             greeting=get_data(1, period=0),  # device information, once; streams go on as they are
             driver=IsbDriver(),
+            utc=isb_utc,
         ),
         ProtocolInfo(
             "idtp",

@@ -7,7 +7,8 @@
     everything else    bytes as they came from a port, of any protocol
 
 A capture has no times of arrival. They are made from the device's own clock, as if the line had been quick (Pace):
-`timed` is False then, and the page says so. It ends when the file was last written.
+`timed` is False then, and the page says so. It is dated by the UTC in it, or by its head or name; where none of them
+says anything it ends when the file was last written.
 
 Source: of each format, see its module.
 """
@@ -15,12 +16,13 @@ Source: of each format, see its module.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from protocols.registry import guess, lenient
+from protocols.registry import PROTOCOLS, guess, lenient
 from recordings import inertial_logs
 from recordings.blocks import MAGIC, Damage, Recording
 from recordings.container import READABLE, RecordingError
@@ -30,6 +32,7 @@ from recordings.tables import CsvSource, MessageSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
+DATE_BYTES = 1 << 22  # of a log whose name says when it began: in so many a device with a receiver has told the date
 SUFFIXES = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".log", ".txt", ".csv", ".hex", ".ubx", ".nmea", ".idtp", ".isb")
 DEVICE = "1"
 
@@ -43,6 +46,7 @@ class CaptureSource:
     """
 
     timed = False
+    guessed = False  # whether its times are, for want of a clock in it; known when its parts are read
 
     def __init__(self, files: list[Path], format: str, protocol: str = "", about: Mapping[str, str] = {}) -> None:
         self.path = files[0]
@@ -69,22 +73,27 @@ class CaptureSource:
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
         start = self._started()
         done = 0
-        for pieces in self._pace().blocks():
+        for pieces in paced(self._bytes(), self.protocol).blocks():
             done += len(pieces.data)
             yield Part(DEVICE, "rx", pieces.data, pieces.ends, pieces.due_ns + start, done / max(self._size, done))
 
-    def _pace(self) -> Pace:
-        return Pace(self._bytes(), lenient(self.protocol) if self.protocol else None)
-
     def _started(self) -> int:
-        """When the capture began: at its name's time, or so long before it was last written as its clock says."""
+        """When the capture began: by the UTC in its samples; by its name, or its head; or so long before it was last
+        written as its clock says."""
         name = inertial_logs.log_name(self.path)
+        with closing(self._bytes()) as file:
+            pace = paced(file, self.protocol)
+            seen = 0
+            for pieces in pace.blocks():
+                seen += len(pieces.data)
+                if pace.is_dated or (name is not None and seen > DATE_BYTES):
+                    break
+        if pace.started_ns is not None:
+            return pace.started_ns
         if name is not None:
             return name.started_ns
-        last = 0
-        for pieces in self._pace().blocks():
-            last = int(pieces.due_ns[-1])
-        return max(0, self._files[-1].stat().st_mtime_ns - last)
+        self.guessed = pace.blind
+        return pace.dated_ns or max(0, self._files[-1].stat().st_mtime_ns - pace.lasted_ns)
 
     def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         """Nothing was kept beside the bytes."""
@@ -100,10 +109,15 @@ class IndexedSource(CaptureSource):
 
     timed = True
 
+    def _started(self) -> int:
+        """The index is in the logger's time, as the name is."""
+        name = inertial_logs.log_name(self.path)
+        return name.started_ns if name is not None else super()._started()
+
     @property
     def fits(self) -> bool:
         """Does the index last about as long as the device's own clock says?"""
-        pieces = list(self._pace().blocks())
+        pieces = list(paced(self._bytes(), self.protocol).blocks())
         clock_ms = (int(pieces[-1].due_ns[-1]) - int(pieces[0].due_ns[0])) / 1e6 if pieces else 0.0
         indexes = [inertial_logs.read_index(file) for file in self._files]
         if any(index is None for index in indexes):
@@ -136,6 +150,14 @@ class DatSource(CaptureSource):
     def _packets(self) -> Iterator[bytes]:
         for file in self._files:
             yield from inertial_logs.packets(file.read_bytes(), self._damage)
+
+
+def paced(file: BinaryIO, protocol: str) -> Pace:
+    """The bytes of a capture with their times; "" where nobody knows what they are."""
+    if not protocol:
+        return Pace(file, None)
+    row = PROTOCOLS[protocol]
+    return Pace(file, lenient(protocol), utc=row.utc, dated=row.dated)
 
 
 def open_file(path: Path, protocol: str = "") -> Source:
@@ -227,6 +249,11 @@ class _Joined:
             data = self._open.read(size)
             if data:
                 return data
+            self.close()
+
+    def close(self) -> None:
+        """The file that is open, if one is."""
+        if self._open is not None:
             self._open.close()
             self._open = None
 
@@ -246,3 +273,7 @@ class _Generated:
             self._held = piece
         data, self._held = self._held[:size], self._held[size:]
         return data
+
+    def close(self) -> None:
+        """Make no more of them."""
+        self._pieces = iter(())

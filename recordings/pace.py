@@ -9,10 +9,14 @@ including a frame with a clock is due when that clock stands at that frame's tim
     (a frame is told from its neighbours by where the next one with a clock begins, so what stands between two clocked
     frames leaves with the earlier one)
 
-The busiest kind of frame leads: a GNSS solution may carry a time that is seconds older than the samples around it, and
-two clocks in one stream (a receiver's and a sensor's) need not agree. A clock that starts anew is followed from there;
-one that jumps ahead by more than `LONGEST_PAUSE_NS` (the device was off) is not waited for. Where `BLIND_BYTES` in a
-row hold no clock at all, they are played at `BLIND_RATE`, and it is said so.
+Of each device the busiest kind of frame is followed: a GNSS solution may carry a time that is older than the samples
+around it. Of several devices in one capture each has a clock of its own, which begins where its first frame stands
+among those of the others; from then on what is due is the newest of their times.
+
+A clock that goes on after a pause says how long that was, and the capture is as long as the device's clock says; who
+plays it need not wait (`longest_ns`). A clock that starts anew, is set, or learns the date is followed from there, one
+usual interval later. Where `BLIND_BYTES` in a row hold no clock at all, they are played at `BLIND_RATE`, and it is said
+so.
 
 Pure: no thread, no clock, no sleep. Memory is bounded by one block and one undecided stretch.
 """
@@ -20,21 +24,26 @@ Pure: no thread, no clock, no sleep. Memory is bounded by one block and one unde
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import numpy as np
 
-from protocols.events import Batch, Decoder, Event
+from protocols.dates import UNKNOWN
+from protocols.events import Batch, Decoder, Event, Reply, Step
 from protocols.framing import Ints
 
 BLOCK_BYTES = 1 << 16
 BLIND_BYTES = 1 << 16
 BLIND_RATE = 11_520  # bytes/s: a full line at 115 200 Bd, 8N1
-LONGEST_PAUSE_NS = 5_000_000_000
+LONGEST_PAUSE_NS = 5_000_000_000  # that anybody waits for while a capture is played
+LONGEST_LOG_NS = 30 * 86_400 * 1_000_000_000  # a clock that moved on by more was set, and nothing paused
+MOST_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
+PAUSE_NS = 1_000_000_000  # a device whose clock moved on by more, while another's did not, was set
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
+Sender = tuple[str, bool]  # Batch.device and Batch.verified: what has a clock of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,25 +71,122 @@ class Pieces:
             start = end
 
 
+@dataclass(slots=True)
+class _Clock:
+    """One device's clock.
+
+    Args:
+        shift_ns: what is added to its times: they are when its frames are due then. None before its first frame.
+        newest_ns: the newest time with that added.
+        usual_ns: between two frames of the kind that is followed.
+    """
+
+    frames: Counter[Kind] = field(default_factory=Counter)
+    shift_ns: int | None = None
+    newest_ns: int = 0
+    usual_ns: int = 0
+    waiting: list[Step] = field(default_factory=list)  # steps before a frame that is yet to come
+
+    def due(self, starts: Ints, times: Ints, steps: Sequence[Step], longest_ns: int) -> tuple[Ints, int]:
+        """When the frames of a block are due by this clock alone, and how much of pauses was left out, ns.
+
+        Args:
+            steps: of this clock in the block, as the decoder told them.
+        """
+        assert self.shift_ns is not None
+        due = times + self.shift_ns
+        intervals = np.diff(due)
+        self.usual_ns = int(np.median(intervals[intervals > 0])) if (intervals > 0).any() else self.usual_ns
+        wrong = np.flatnonzero((intervals[:-1] > PAUSE_NS) & (2 * intervals[1:] < -intervals[:-1])) + 1
+        due[wrong] = due[wrong - 1] + self.usual_ns  # one wrong time, and the next is right again
+        self._follow(starts, due, steps, {*wrong.tolist(), *(wrong + 1).tolist()})
+        left_out = 0
+        moved = np.diff(due, prepend=self.newest_ns)
+        for at in np.flatnonzero(moved > min(longest_ns, LONGEST_LOG_NS)).tolist():
+            left_out += int(moved[at]) - self.usual_ns
+            due[at:] -= int(moved[at]) - self.usual_ns
+        self.shift_ns = int(due[-1] - times[-1])
+        self.newest_ns = max(self.newest_ns, int(due.max()))
+        return due, left_out
+
+    def _follow(self, starts: Ints, due: Ints, steps: Sequence[Step], apart: Collection[int]) -> None:
+        """Take steps of the clock out of `due`, but for those at the rows `apart`."""
+        waiting, self.waiting = [*self.waiting, *steps], []
+        for step in waiting:
+            at = int(np.searchsorted(starts, step.offset))
+            if at == len(due):
+                self.waiting.append(step)
+            elif step.kind == "sync" and step.by_ns:
+                due[at:] -= step.by_ns  # the same clock, by another name
+            elif at not in apart and (step.kind != "jump" or step.by_ns < 0):
+                due[at:] += (int(due[at - 1]) if at else self.newest_ns) + self.usual_ns - int(due[at])
+
+    def hold_back(self, newest_ns: int, starts: Ints, due: Ints, others_at: Ints, others: Ints) -> None:
+        """A clock that moved on by a pause which other devices' frames after it know nothing of was set: it is
+        followed from there, a usual interval later.
+
+        Args:
+            newest_ns: before this block.
+            starts, due: of its frames in this block; `due` is changed.
+            others_at, others: of the frames of all others, in the order of the stream.
+        """
+        moved = np.diff(due, prepend=newest_ns)
+        for row in np.flatnonzero(moved > PAUSE_NS).tolist():
+            after = int(np.searchsorted(others_at, starts[row]))
+            if after < len(others) and due[row] > others[after] + PAUSE_NS and self.shift_ns is not None:
+                by = int(moved[row]) - self.usual_ns
+                due[row:] -= by
+                self.shift_ns -= by
+                self.newest_ns = max(newest_ns, int(due.max()))
+
+
 class Pace:
     """Cuts a capture into pieces with their time.
 
     Args:
         decoder: a fresh decoder of the capture's protocol; None when it is not known: then all is played blind.
+        longest_ns: longer pauses are left out.
+        utc, dated: of the protocol (registry.ProtocolInfo).
     Attributes:
-        skipped_ns: sum of the pauses that were not waited for.
+        skipped_ns: sum of the pauses that were left out.
+        blind: whether some of it had no clock to go by.
+        started_ns: when the capture began by the UTC that its samples carry, ns since the Unix epoch; None without.
+        dated_ns: the same by what stands at its head.
     """
 
-    def __init__(self, file: BinaryIO, decoder: Decoder | None) -> None:
+    def __init__(
+        self,
+        file: BinaryIO,
+        decoder: Decoder | None,
+        longest_ns: int = LONGEST_LOG_NS,
+        *,
+        utc: Callable[[Batch], Ints | None] = lambda batch: None,
+        dated: Callable[[Reply], int | None] = lambda reply: None,
+    ) -> None:
         self._file = file
         self._decoder = decoder
+        self._longest_ns = longest_ns
         self._base = 0  # offset in the file of the first byte held back
         self._held = bytearray()
-        self._frames: Counter[Kind] = Counter()  # how many clocked frames of each kind there were so far
-        self._leader: Kind = ()  # the kind whose clock sets the pace
-        self._clock_ns: int | None = None  # device time of its last frame
+        self._clocks: dict[Sender, _Clock] = {}
         self._due_ns = 0
         self.skipped_ns = 0
+        self.blind = False
+        self.started_ns: int | None = None
+        self.dated_ns: int | None = None
+        self._utc = utc
+        self._dated = dated
+        self._dates = 0  # blocks from which the UTC was taken
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether reading on would tell no more of when the capture began."""
+        return self._dates == MOST_DATES
+
+    @property
+    def lasted_ns(self) -> int:
+        """How long what was read so far takes."""
+        return self._due_ns
 
     def __iter__(self) -> Iterator[Piece]:
         for pieces in self.blocks():
@@ -99,35 +205,77 @@ class Pace:
                 yield self._blind(len(self._held) - self._decoder.buffered)
         if self._decoder is not None:
             yield from self._clocked(self._decoder.drain(stalled=True))
-        if self._held and self._clock_ns is None:
+        if self._held and not self._clocks:
             yield self._blind(len(self._held))
         elif self._held:
             yield self._take(np.array([len(self._held)]), np.array([self._due_ns]))
 
     def _clocked(self, events: list[Event]) -> Iterator[Pieces]:
         """Pieces up to the last frame with a clock among `events`; that one waits for the start of the next."""
-        clocked = [event for event in events if isinstance(event, Batch) and event.time_ns is not None and len(event)]
-        for batch in clocked:
-            self._frames[_kind(batch)] += len(batch)
-        if not self._frames:
+        found: dict[Sender, list[Batch]] = {}
+        for event in events:
+            if isinstance(event, Reply) and self.dated_ns is None:
+                self.dated_ns = self._dated(event)
+            if isinstance(event, Batch) and event.time_ns is not None and len(event):
+                found.setdefault((event.device, event.verified), []).append(event)
+        if not found:
             return
-        leader = self._frames.most_common(1)[0][0]
-        if leader != self._leader:
-            self._leader, self._clock_ns = leader, None
-        starts, times = _in_order([batch for batch in clocked if _kind(batch) == leader])
+        unknown = not self._clocks  # then the first frame sets the clock and ends nothing
+        steps = [event for event in events if isinstance(event, Step)]
+        starts, due = self._due(found, steps)
+        if self._dates < MOST_DATES:
+            self._date(found)
         if not len(starts):
             return
-        unknown = self._clock_ns is None  # then the first frame sets the clock and ends nothing
-        steps = np.diff(times, prepend=times[0] if self._clock_ns is None else self._clock_ns)
-        self.skipped_ns += int(steps[steps > LONGEST_PAUSE_NS].sum())
-        due = self._due_ns + np.cumsum(np.where((steps > 0) & (steps <= LONGEST_PAUSE_NS), steps, 0))
         before = np.concatenate(([self._due_ns], due[:-1]))
         ends = starts - self._base
         ended = ends > 0
         ended[0] &= not unknown
-        self._clock_ns, self._due_ns = int(times[-1]), int(due[-1])
+        self._due_ns = int(due[-1])
         if ended.any():
             yield self._take(ends[ended], before[ended])
+
+    def _date(self, found: dict[Sender, list[Batch]]) -> None:
+        """When the capture began, by the newest UTC in a block."""
+        for sender, batches in found.items():
+            shift = self._clocks[sender].shift_ns
+            for batch in batches if shift is not None else ():
+                utc = self._utc(batch)
+                if utc is not None and utc[-1] != UNKNOWN and batch.time_ns is not None and shift is not None:
+                    self.started_ns = int(utc[-1] - batch.time_ns[-1]) - shift
+                    self._dates += 1
+                    return
+
+    def _due(self, found: dict[Sender, list[Batch]], steps: list[Step]) -> tuple[Ints, Ints]:
+        """Where the frames that are followed begin, in stream order, and when each is due."""
+        rows = {sender: self._followed(sender, batches) for sender, batches in found.items()}
+        rows = {sender: (starts, times) for sender, (starts, times) in rows.items() if len(starts)}
+        own: dict[Sender, tuple[Ints, Ints]] = {}
+        newest = {sender: clock.newest_ns for sender, clock in self._clocks.items()}
+        for sender, (starts, times) in sorted(rows.items(), key=lambda one: int(one[1][0][0])):
+            clock = self._clocks[sender]
+            if clock.shift_ns is None:  # it begins where it stands among the others
+                past = [due[: np.searchsorted(at, starts[0])] for at, due in own.values()]
+                clock.newest_ns = max([self._due_ns, *(int(due.max()) for due in past if len(due))])
+                newest[sender], clock.shift_ns = clock.newest_ns, clock.newest_ns - int(times[0])
+            mine = [step for step in steps if step.device == sender[0]]
+            due, left_out = clock.due(starts, times, mine, self._longest_ns)
+            self.skipped_ns += left_out
+            own[sender] = starts, due
+        for sender, (starts, due) in own.items():
+            if len(own) > 1:
+                others_at, others = _merged([one for other, one in own.items() if other != sender])
+                self._clocks[sender].hold_back(newest[sender], starts, due, others_at, others)
+        starts, due = _merged(list(own.values()))
+        return starts, np.maximum.accumulate(np.maximum(due, self._due_ns))
+
+    def _followed(self, sender: Sender, batches: list[Batch]) -> tuple[Ints, Ints]:
+        """Where the frames of a device's busiest kind begin, and what its clock says."""
+        clock = self._clocks.setdefault(sender, _Clock())
+        for batch in batches:
+            clock.frames[_kind(batch)] += len(batch)
+        leader = clock.frames.most_common(1)[0][0]
+        return _in_order([batch for batch in batches if _kind(batch) == leader])
 
     def _take(self, ends: Ints, due_ns: Ints, *, blind: bool = False) -> Pieces:
         size = int(ends[-1])
@@ -141,6 +289,7 @@ class Pace:
         ends = np.append(np.arange(BLIND_RATE // 100, size, BLIND_RATE // 100), size)
         due = self._due_ns + np.round(ends * (1e9 / BLIND_RATE)).astype(np.int64)
         self._due_ns = int(due[-1])
+        self.blind = True
         return self._take(ends, due, blind=True)
 
 
@@ -157,6 +306,15 @@ def _in_order(batches: list[Batch]) -> tuple[Ints, Ints]:
         return np.empty(0, np.int64), np.empty(0, np.int64)
     order = np.argsort(np.concatenate(starts), kind="stable")
     return np.concatenate(starts)[order], np.concatenate(times)[order]
+
+
+def _merged(parts: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+    """Starts and values of several devices in the order of the stream."""
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.concatenate([np.empty(0, np.int64), *(starts for starts, _ in parts)])
+    order = np.argsort(starts, kind="stable")
+    return starts[order], np.concatenate([np.empty(0, np.int64), *(values for _, values in parts)])[order]
 
 
 def play(

@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.clocks import Counter, Unwrap
+from protocols.dates import utc_ns
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
@@ -361,12 +362,7 @@ def _utc_ns(data: bytes, places: Ints) -> Ints:
     ns = (raw[:, 0] << 24) | (raw[:, 1] << 16) | (raw[:, 2] << 8) | raw[:, 3]
     year, month = (raw[:, 4] << 8) | raw[:, 5], raw[:, 6]
     day, hour, minute, second, flags = (raw[:, i] for i in range(7, 12))
-    valid = (flags & 4 != 0) & (year >= 1970) & (year < 2262) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
-    valid &= (hour < 24) & (minute < 60) & (second <= 60) & (ns <= 1_000_000_000)
-    months = (year[valid] - 1970) * 12 + month[valid] - 1
-    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64) + day[valid] - 1
-    seconds = ((days * 24 + hour[valid]) * 60 + minute[valid]) * 60 + second[valid]
-    out[which[valid]] = seconds * 1_000_000_000 + ns[valid]
+    out[which] = utc_ns(year, month, day, hour, minute, second, ns, flags & 4 != 0)
     return out
 
 

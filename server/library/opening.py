@@ -150,6 +150,7 @@ class _Device:
         self.portrait = Portrait(hub, info, speech.title)
         self.senders = Senders(hub, self.portrait, speech.title)
         self._link = info.link
+        self._timed = source.timed
         self._baud = info.baud
         self._reader: Reader | None = None
         self._waiting: list[Part] = []
@@ -160,7 +161,8 @@ class _Device:
             self._begin()
 
     def _begin(self) -> None:
-        line = Line(10e9 / self._baud if self._baud else 0, self._link, self._baud / 10 if self._baud else None)
+        byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
+        line = Line(byte_time_ns, self._link, capacity, timed=self._timed)
         decoder = self._speech.decoder(self.protocol, self._reading, self._link)
         about = self._speech.about(self.protocol)
         self.portrait.set(protocol=self.protocol)

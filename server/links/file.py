@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from protocols.events import Decoder
-from recordings.pace import BLIND_RATE, BLOCK_BYTES, Pace, Piece, play
+from recordings.pace import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, Pace, Piece, play
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.hearing import hear
 from server.links.pump import Inbox, closed
@@ -133,7 +133,7 @@ class FileLink(Link):
 
         decoder: Decoder | None = registry.lenient(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
-            pace = Pace(file, decoder)
+            pace = Pace(file, decoder, LONGEST_PAUSE_NS)
             for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
                 inbox.put(Chunk(piece.data, self.settings.now_ns(), anew))
                 anew = False

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from protocols.captureclock import CaptureClock
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.hostclock import HostClock, Part
 from protocols.pieces import Pieces
@@ -40,6 +41,8 @@ BACK_NS = 1e9  # a clock that jumps back by more began anew: the first frames af
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
 SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
+PAUSE_S = 5.0  # without data, by the clock of a capture, that are worth telling
+NEAR_S = 0.5  # a jump that ends so near the end of a pause is that pause
 ANEW_S = 10.0  # a mapping that cannot settle must not fill the log
 TOLD_ONCE = ("no_key",)  # by server/live/advice.py: that every frame is refused again is no news
 MOST_PROTECTIONS = 8  # named of one device
@@ -119,6 +122,7 @@ class Line:
         capacity: bytes/s that it can carry, None where that is not known.
         holds_ns: for how long an adapter in it is known to keep bytes back, 0 where there is none or nobody knows.
         port: what the kernel calls it, "" where it is no serial port.
+        timed: whether its times of arrival are true; False: they were made from the device's own clock.
     """
 
     byte_time_ns: float = 0
@@ -126,6 +130,7 @@ class Line:
     capacity: float | None = None
     holds_ns: float = 0
     port: str = ""
+    timed: bool = True
 
     @classmethod
     def of(cls, link: Link) -> Line:
@@ -171,7 +176,12 @@ class Intake:
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last frame that was good
         unknown_ns = NETWORK_NS if line.kind in NETWORKS else 0
-        self.clock = HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
+        self.clock = (
+            HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
+            if line.timed
+            else CaptureClock()
+        )
+        self._renamed_ns = 0  # by how much the device's clock was set, while it went on counting
         self._resets: deque[float] = deque(maxlen=RESETS)  # unix s
         self._breaks: list[float] = []  # where the clock's mapping began anew, unix s, as far as not told yet
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
@@ -183,7 +193,8 @@ class Intake:
     def take(self, events: Sequence[Event]) -> None:
         """What the decoder gave of this device, in the order of the stream."""
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
-        times = self._host_times(batches)
+        steps = [event for event in events if isinstance(event, Step)]
+        times = self._host_times(batches, steps)
         texts = [event for event in events if isinstance(event, Text)]
         if self._kinds is not None:
             self._hear(events, self._kinds)
@@ -222,24 +233,27 @@ class Intake:
         """What makes its times uneven."""
         return cause_of(self.clock, self._resets, kind=self._line.kind, port=self._line.port, now=now)
 
-    def _host_times(self, batches: Sequence[Batch]) -> list[NDArray[np.float64]]:
+    def _host_times(self, batches: Sequence[Batch], steps: Sequence[Step]) -> list[NDArray[np.float64]]:
         """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
 
         A drain of a recording may hold many seconds, in which the clock steps and its mapping begins anew: rows are
         mapped a second at a time, by what was known then, as they were live.
         """
         out = [np.full(len(batch), np.nan) for batch in batches]
+        renames = [step for step in steps if step.kind == "sync" and step.by_ns]
+        if isinstance(self.clock, CaptureClock):
+            self.clock.stepped([step.offset for step in steps if step not in renames])
         timed = [i for i, batch in enumerate(batches) if batch.time_ns is not None]
+        whole = {i: self._part(batches[i], renames) for i in timed}
+        self._renamed_ns += sum(step.by_ns for step in renames)
         if not timed:
             return out
         first = min(int(batches[i].arrival_ns[0]) for i in timed)
         last = max(int(batches[i].arrival_ns[-1]) for i in timed)
-        if last - first < SLICE_NS:
-            parts = [self._part(batches[i]) for i in timed]
-            for i, times in zip(timed, self._map(parts), strict=True):
+        if last - first < SLICE_NS or not self._line.timed:
+            for i, times in zip(timed, self._map(list(whole.values())), strict=True):
                 out[i] = times
             return out
-        whole = {i: self._part(batches[i]) for i in timed}
         for edge in range(first + SLICE_NS, last + SLICE_NS + 1, SLICE_NS):
             rows = {i: slice(*np.searchsorted(part.arrival, (edge - SLICE_NS, edge))) for i, part in whole.items()}
             rows = {i: some for i, some in rows.items() if some.start < some.stop}
@@ -247,10 +261,16 @@ class Intake:
                 out[i][rows[i]] = times
         return out
 
-    def _part(self, batch: Batch) -> Part:
+    def _part(self, batch: Batch, renames: Sequence[Step]) -> Part:
+        """The rows of a batch by a clock that goes on counting where the device's learned the date, or was set by a
+        receiver: only its name for the moment changed."""
         assert batch.time_ns is not None
-        message = batch.message
-        return Part(batch.time_ns, batch.arrival_ns, batch.offset, batch.size, id(message))
+        message, device = batch.message, batch.time_ns
+        if self._renamed_ns or renames:
+            device = device - self._renamed_ns
+            for step in renames:
+                device[int(np.searchsorted(batch.offset, step.offset)) :] -= step.by_ns
+        return Part(device, batch.arrival_ns, batch.offset, batch.size, id(message))
 
     def _map(self, parts: list[Part]) -> list[NDArray[np.float64]]:
         if not parts:
@@ -265,6 +285,7 @@ class Intake:
         offsets, hosts = _stream_order(batches, times)
         if self._last_time is not None and len(hosts):
             hosts = np.maximum(hosts, self._last_time)
+        pauses = self._pauses(hosts) if not self._line.timed else ()
         rejects = []
         for event in events:
             if isinstance(event, Batch):
@@ -280,6 +301,8 @@ class Intake:
                 if event.kind == "reset" or (event.kind == "jump" and event.by_ns < -BACK_NS):
                     self._resets.append(event.arrival_ns / 1e9)
                 after = _time_after(event, batches, times)
+                if event.kind == "jump" and any(abs(after - pause) < NEAR_S for pause in pauses):
+                    continue  # it went on meanwhile
                 before = [time for time in self._breaks if after - SETTLED_S < time <= after]
                 self._incidents.step(event, before[0] if before else after)  # the mapping may have noticed it sooner
                 self._quiet_until = max(self._quiet_until, event.arrival_ns / 1e9 + SETTLED_S)
@@ -293,6 +316,19 @@ class Intake:
             self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
         else:
             self._rejects_before += len(rejects)
+
+    def _pauses(self, hosts: NDArray[np.float64]) -> list[float]:
+        """Tell where a capture, by the device's clock, has a hole; when each ended, unix s."""
+        known = (
+            np.concatenate(([hosts[0] if self._last_time is None else self._last_time], hosts)) if len(hosts) else hosts
+        )
+        ends = []
+        for at in np.flatnonzero(np.diff(known) > PAUSE_S).tolist():
+            t0, t1 = float(known[at]), float(known[at + 1])
+            text = f"Nothing was captured for {t1 - t0:.1f} s, by the device's clock."
+            self._incidents.say("clock", "caution", text, time=t1, span=(t0, t1), data={"kind": "pause"})
+            ends.append(t1)
+        return ends
 
     def _refused(self, rejects: list[Reject]) -> None:
         if self._counts_rejects:

@@ -1,0 +1,18 @@
+"""UTC of Inertial Sense data: timeline.py tells it of everything once a receiver has had its first fix."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocols.dates import UNKNOWN, Ints
+from protocols.events import Batch
+from protocols.isb.timeline import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
+
+DATED_NS = (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S  # up-times are far smaller
+
+
+def utc_of(batch: Batch) -> Ints | None:
+    """UTC of each sample, ns since the Unix epoch, UNKNOWN before the first fix; None where none is known."""
+    if batch.time_ns is None or not len(batch) or int(batch.time_ns.max()) < DATED_NS:
+        return None
+    return np.where(batch.time_ns >= DATED_NS, batch.time_ns, UNKNOWN)

@@ -1,0 +1,149 @@
+"""Where nobody noted when bytes came, time is the device's clock: its spacing, its length, its pauses, its date."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from protocols.idtp.frames import build as idtp
+from protocols.isb.frames import DATA
+from protocols.isb.frames import build as isb
+from protocols.xbus.device import XbusDevice
+from protocols.xbus.frames import build as xbus
+from recordings.columns import Columns
+from recordings.importers import open_file
+from server.library.opening import decode
+from server.live import speech
+
+UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
+
+
+def opened(path: Path, data: bytes, modified: float = 1.7e9) -> Columns:
+    path.write_bytes(data)
+    os.utime(path, (modified, modified))
+    return decode(open_file(path), path.with_name(f"{path.name}.store"), speech.speech())
+
+
+def times(store: Columns, name: str, device: str = "") -> np.ndarray:  # type: ignore[type-arg]
+    """Device times of a channel, s after the first."""
+    infos = [one for one in store.manifest["channels"] if one["name"] == name and device in ("", one["device"])]
+    assert len(infos) == 1
+    return store.exact(infos[0]["id"], 0, store.rows(infos[0]["id"])).time
+
+
+def clock_events(store: Columns) -> list[str]:
+    return [event["text"] for event in store.manifest["events"] if event["kind"] == "clock"]
+
+
+def sample(counter: int, fine: int, more: bytes = b"") -> bytes:
+    items = struct.pack(">HBHHBI", 0x1020, 2, counter & 0xFFFF, 0x1060, 4, fine)
+    return xbus(0x36, items + (more or struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.81)))
+
+
+def solution(counter: int, fine: int) -> bytes:
+    pvt = bytearray(94)
+    pvt[20] = 3
+    return sample(counter, fine, struct.pack(">HB", 0x7010, 94) + bytes(pvt))
+
+
+@pytest.mark.parametrize("age_ms", [0, 50, 80, 250])
+def test_an_older_gnss_solution_bends_no_other_time(tmp_path: Path, age_ms: int) -> None:
+    frames = []
+    for i in range(1200):
+        frames.append(sample(len(frames), 70_000 + 100 * i))
+        if i % 25 == 0:
+            frames.append(solution(len(frames), 70_000 + 100 * i - 10 * age_ms))
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    np.testing.assert_allclose(np.diff(times(store, "Acceleration")), 0.01, atol=1e-6)
+    np.testing.assert_allclose(np.diff(times(store, "GnssPvtData")), 0.25, atol=1e-6)
+    late = times(store, "Acceleration")[0] - times(store, "GnssPvtData")[0]
+    assert late == pytest.approx(age_ms / 1e3, abs=1e-6)
+    assert not clock_events(store)
+
+
+@pytest.mark.parametrize("product", ["MTi-680G", "MTi-630"])
+def test_a_capture_of_a_device_lasts_as_long_as_its_clock_says(tmp_path: Path, product: str) -> None:
+    device = XbusDevice(product, start_ns=0)
+    store = opened(tmp_path / "a.bin", b"".join(device.advance(n * 50_000_000) for n in range(1, 161)))
+    (info,) = [one for one in store.manifest["channels"] if one["name"] == "Acceleration"]
+    (clock,) = [one for one in store.manifest["channels"] if one["name"] == "SampleTimeFine"]
+    rows = store.exact(info["id"], 0, store.rows(info["id"])).time
+    np.testing.assert_allclose(np.diff(rows), np.median(np.diff(rows)), atol=2e-4)  # ticks of 0.1 ms
+    told = store.exact(clock["id"], 0, store.rows(clock["id"]))
+    timed = ~np.isnan(told.time)
+    off = told.time[timed] - told.columns[0][timed] / 1e4
+    assert np.ptp(off) < 1e-6
+    assert not [text for text in clock_events(store) if "jump" in text]
+
+
+def inertial(up_s: float) -> bytes:
+    return isb(DATA, 58, struct.pack("<d6fI", up_s, *(0.0,) * 5, 9.8, 0))
+
+
+@pytest.mark.parametrize("suffix", ["raw", "bin"])
+def test_a_pause_in_a_log_is_a_pause(tmp_path: Path, suffix: str) -> None:
+    ups = [*np.arange(10, 20, 0.01), *np.arange(120, 130, 0.01)]
+    store = opened(tmp_path / f"a.{suffix}", b"".join(map(inertial, ups)))
+    (info,) = [one for one in store.manifest["channels"] if one["message"] == "DID_IMU"][:1]
+    rows = store.exact(info["id"], 0, store.rows(info["id"]))
+    np.testing.assert_allclose(rows.time - rows.time[0], np.array(ups) - ups[0], atol=1e-6)
+    np.testing.assert_allclose(rows.arrival, rows.time, atol=1e-6)
+    assert len(np.unique(rows.time)) == len(ups)
+    assert store.manifest["ended"] - store.manifest["started"] == pytest.approx(119.99, abs=0.02)
+    assert clock_events(store) == ["Nothing was captured for 100.0 s, by the device's clock."]
+
+
+def test_two_devices_in_one_capture_keep_a_clock_each(tmp_path: Path) -> None:
+    """Their clocks are five seconds apart: neither's time, nor the arrival, is bent by that."""
+    frames, sequence = [], 0
+    for i in range(1000):
+        for device, offset in ((1, 3_000_000), (2, 8_000_000)):
+            frames.append(idtp(3, bytes(24), timestamp=offset + 10_000 * i, sequence=sequence, device=device))
+            sequence += 1
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    infos = [one for one in store.manifest["channels"] if one["name"] == "Acceleration"]
+    assert len(infos) == 2
+    for info in infos:
+        rows = store.exact(info["id"], 0, store.rows(info["id"]))
+        np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+        np.testing.assert_allclose(np.diff(rows.arrival), 0.01, atol=1e-6)
+    assert store.manifest["ended"] - store.manifest["started"] == pytest.approx(9.99, abs=0.02)
+
+
+def test_one_device_that_was_set_is_no_pause_of_the_other(tmp_path: Path) -> None:
+    frames, sequence = [], 0
+    for i in range(400):
+        for device, jump in ((1, 0), (2, 60_000_000 if i > 200 else 0)):
+            frames.append(idtp(3, bytes(24), timestamp=1_000_000 + jump + 10_000 * i, sequence=sequence, device=device))
+            sequence += 1
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    for device in ("1", "1.2"):
+        infos = [one for one in store.manifest["channels"] if one["name"] == "Acceleration" and one["device"] == device]
+        (info,) = infos
+        np.testing.assert_allclose(np.diff(store.exact(info["id"], 0, store.rows(info["id"])).time), 0.01, atol=2e-3)
+
+
+def dated(counter: int, fine: int, second: int) -> bytes:
+    when = struct.pack(">HBIHBBBBBB", 0x1010, 12, 0, 2026, 1, 1, 0, 0, second, 7)
+    return sample(counter, fine, when + struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.81))
+
+
+@pytest.mark.parametrize("suffix", ["mtb", "bin"])
+def test_a_capture_with_utc_in_its_samples_is_dated_by_it(tmp_path: Path, suffix: str) -> None:
+    frames = [sample(i, 100 * i) for i in range(100)]
+    frames += [dated(100 + i, 10_000 + 10_000 * i, i) for i in range(5)]
+    store = opened(tmp_path / f"a.{suffix}", b"".join(frames))
+    assert times(store, "UtcTime")[0] == pytest.approx(UTC_2026, abs=1e-4)
+    assert store.manifest["started"] == pytest.approx(UTC_2026 - 1, abs=1e-4)
+
+
+def test_an_mtb_without_utc_is_dated_by_its_head(tmp_path: Path) -> None:
+    head = bytearray(118)
+    head[16:32] = b"2025031409265350"
+    frames = [xbus(0x0D, bytes(head)), *(sample(i, 100 * i) for i in range(100))]
+    store = opened(tmp_path / "a.mtb", b"".join(frames))
+    assert store.manifest["started"] == pytest.approx(1741944413.5, abs=1e-3)
