@@ -370,7 +370,7 @@ def test_a_recording_is_played_as_a_live_device(recorded: ServerProcess, open_pa
     page = opened(recorded, open_page)
     before = len(ask(recorded, "GET", "/api/devices"))
     page.get_by_role("button", name="As device").click()
-    until(page, "location.hash === '#/'")
+    until(page, "!location.hash.includes('recordings')")
     until(page, f"window.imuscope.store.devices.value.length > {before}")
     until(page, "document.querySelector('.rail').innerText.length > 0")
     page.context.close()  # it might just be asking about what goes now

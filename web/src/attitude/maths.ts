@@ -2,12 +2,10 @@
  * How is a rotation seen? Pure geometry behind the horizon, the turning body and the heading.
  *
  * A rotation is `R`, frame from body: column j of R is body axis j written in the frame's axes (frames and conversions:
- * data/derive.ts). Everything drawn is the world itself, so it is worked out in one frame (ENU) and does not move when a
- * person asks for another frame's numbers. In ENU and NWU positive pitch is nose down, in NED nose up; the horizon shows
- * which it is.
+ * data/derive.ts, data/frames.ts). Everything drawn is the world itself, so it is worked out in one frame (ENU); the horizon does
+ * not move when a person chooses another frame. In ENU and NWU positive pitch is nose down, in NED nose up; it shows which it is.
  *
- * Body axes are the sensor's own. "Upright" is what the frame the device speaks calls level: z up for a device that sends ENU
- * or NWU, z down for one that sends NED.
+ * Body axes go with the frame: level is z up in ENU and NWU, z down in NED.
  */
 
 import { type Matrix3, type Vector3, type WorldFrame, vectorIn } from "../data/derive";
@@ -30,7 +28,7 @@ export interface Horizon {
   readonly bank: number;
 }
 
-/** The horizon of a device that speaks `native`, from its rotation written in ENU. */
+/** The horizon of a rotation written in ENU whose body axes are those of `native`. */
 export function horizonOf(enu: Matrix3, native: WorldFrame): Horizon {
   const upright = native === "NED" ? -1 : 1;
   return {

@@ -5,6 +5,7 @@
  */
 import { effect } from "@preact/signals";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/derive";
+import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/store";
 import { frame as chosenFrame } from "../data/view";
 import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/deps";
@@ -81,12 +82,15 @@ function writeTrust(node: HTMLElement, deps: Deps, { verified }: Source): void {
   node.title = told?.detail ?? "";
 }
 
-/** The switch of frames; pressing the one the device speaks returns to "as it is sent". */
+const BODY_WORDS = { FLU: "forward, left, up", FRD: "forward, right, down" } as const;
+
+/** The switch of frames, for everything on the page; pressing the one the device speaks returns to "as it is sent". */
 function frameSwitch(native: WorldFrame): { readonly node: HTMLElement; dispose(): void } {
-  const group = el("div", { class: "seg small", role: "group", "aria-label": "Frame of the numbers" });
+  const group = el("div", { class: "seg small", role: "group", "aria-label": "Frame of everything: attitude, body, plots and values" });
   const buttons = FRAMES.map((name) => {
     const button = el("button", { type: "button" }, name);
-    button.title = name === native ? `${name}: as the device sends it` : `${name}: converted from ${native}`;
+    const axes = `${name}, body axes ${BODY_WORDS[bodyOf(name)]}`;
+    button.title = name === native ? `${axes}: as the device sends it` : `${axes}: attitude, plots and values converted from ${native}`;
     button.addEventListener("click", () => {
       chosenFrame.value = name === native ? undefined : name;
     });
@@ -105,13 +109,13 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
   const bodyCanvas = el("canvas", { role: "img", "aria-label": "Sensor body with its x, y and z axes" });
   const [frameName, pitchNote] = [new Live(), new Live()];
   const horizonCell = el("div", { class: "hor" }, horizonCanvas);
-  const cap = el("div", { class: "cap" }, el("span", {}, "Body in ", frameName.node), el("span", {}, "seen from SW"));
+  const cap = el("div", { class: "cap" }, el("span", {}, "Body ", frameName.node), el("span", {}, "seen from SW"));
   const bodyCell = el("div", { class: "body3" }, cap, bodyCanvas);
   const list = el("dl");
   const heading = numeral(list, "Heading", "", "from north");
   const roll = numeral(list, "Roll", "x", "about x");
   const pitch = numeral(list, "Pitch", "y", pitchNote.node);
-  const choice = frameSwitch(source.frame);
+  const choice = frameSwitch(deps.store.nativeFrame(source.channel.info.device) ?? source.frame);
   const trust = el("span", { class: "trustmark" });
   const top = el("div", { class: "frame" }, choice.node, trust, el("span", { class: "from", title: source.detail }, source.words));
   const numsCell = el("div", { class: "nums" }, top, list);
@@ -129,19 +133,20 @@ function mountInstruments(host: HTMLElement, deps: Deps, source: Source): Panel 
       const frame = chosenFrame.value ?? source.frame;
       const { ring } = source.channel;
       const key = `${ring.revision} ${i} ${frame} ${document.documentElement.dataset["theme"]}`;
-      const sent = i < 0 ? undefined : source.at(i);
-      const enu = sent && matrixIn(sent, source.frame, "ENU");
+      const read = i < 0 ? undefined : source.at(i);
+      const told = read && pairIn(read, source.frame, frame);
+      const enu = told && matrixIn(told, frame, "ENU");
       if (key !== drawn) {
         drawn = key;
-        drawHorizon(horizonOn, enu && horizonOf(enu, source.frame));
+        drawHorizon(horizonOn, enu && horizonOf(enu, frame));
         drawBody(bodyOn, enu, frame);
       }
       if (!textDue(now)) return;
-      const angles = sent && eulerOfMatrix(matrixIn(sent, source.frame, frame));
+      const angles = told && eulerOfMatrix(told);
       heading.set(number(enu && headingOf(enu), 1));
       roll.set(number(angles?.[0], 1));
       pitch.set(number(angles?.[1], 1));
-      frameName.set(frame);
+      frameName.set(`${bodyOf(frame)} in ${frame}`);
       writeTrust(trust, deps, source);
       pitchNote.set(`about y, ${pitchSign(frame)}`);
     },

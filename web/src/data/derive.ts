@@ -31,7 +31,7 @@ const GIMBAL = 1 - 1e-11;
 const HALF = Math.SQRT1_2;
 
 /** `to` from `from`, as a quaternion. */
-const BETWEEN: Readonly<Record<WorldFrame, Readonly<Record<WorldFrame, Quaternion>>>> = {
+export const BETWEEN: Readonly<Record<WorldFrame, Readonly<Record<WorldFrame, Quaternion>>>> = {
   ENU: { ENU: [1, 0, 0, 0], NED: [0, HALF, HALF, 0], NWU: [HALF, 0, 0, -HALF] },
   NED: { ENU: [0, HALF, HALF, 0], NED: [1, 0, 0, 0], NWU: [0, 1, 0, 0] },
   NWU: { ENU: [HALF, 0, 0, HALF], NED: [0, 1, 0, 0], NWU: [1, 0, 0, 0] },

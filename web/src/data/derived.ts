@@ -4,6 +4,7 @@
  */
 import type { Column, SampleFrame } from "../wire/codec";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
+import { type Change, valueOf } from "./frames";
 import { eulerColumns, normBounds, normColumn, type Numbers } from "./derive";
 
 /** A position has no length worth showing: its distance from the middle of the earth. */
@@ -87,6 +88,17 @@ export function eulerInfo(source: ChannelInfo): ChannelInfo {
 export function addNorm(frame: SampleFrame, columns: readonly number[], bounds = false): SampleFrame {
   const parts = columns.map((c) => frame.columns[c] as Numbers & Column);
   return { ...frame, columns: [...frame.columns, (bounds ? normBounds : normColumn)(parts, frame.n)] };
+}
+
+/** A frame told in another frame of reference; columns that do not change are the same arrays. */
+export function changedFrame(frame: SampleFrame, change: Change, columns: readonly ColumnInfo[]): SampleFrame {
+  const made = change.map((row, c) => {
+    const out = new Float64Array(frame.n);
+    const period = columns[c]?.period ?? 0;
+    for (let i = 0; i < frame.n; i++) out[i] = valueOf(row, (k) => Number(frame.columns[k]![i]), period);
+    return out;
+  });
+  return { ...frame, columns: frame.columns.map((column, c) => made[c] ?? column) };
 }
 
 /** The frame of Euler angles that belongs to a frame of rotations. */

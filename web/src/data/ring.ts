@@ -19,6 +19,7 @@
 import type { Column, SampleFrame } from "../wire/codec";
 import { DTYPE_SIZE, type Dtype } from "../wire/types";
 import { MinMax, OrAnd, type Extent, type Values } from "./buckets";
+import { type Change, valueOf } from "./frames";
 import { Gaps } from "./gaps";
 import { NO_STATS, type Stats, statsOf } from "./statistics";
 import type { TimeBase } from "./view";
@@ -219,6 +220,20 @@ export class Ring {
     this.#nextSequence = this.#firstSequence = -1;
     this.#newestArrival = NaN;
     this.clocked = false;
+    this.revision += 1;
+    this.generation += 1;
+  }
+
+  /** Tell all rows in another frame: columns become what `change` makes of them. Order, gaps and clocks stay. */
+  transform(change: Change): void {
+    const { mask } = this;
+    const row = new Float64Array(this.columns.length);
+    for (let r = this.first; r < this.end; r++) {
+      const slot = r & mask;
+      for (let c = 0; c < row.length; c++) row[c] = this.columns[c]![slot]!;
+      change.forEach((made, c) => (this.columns[c]![slot] = valueOf(made, (k) => row[k]!, this.#kinds[c]!.period)));
+    }
+    if (this.length > 0) this.#touch(this.first, this.end);
     this.revision += 1;
     this.generation += 1;
   }

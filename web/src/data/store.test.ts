@@ -134,3 +134,36 @@ describe("what is verified and what is not", () => {
     expect(euler()).toBe(true);
   });
 });
+
+describe("the frame that is chosen", () => {
+  const felt = { ...info(4, "RateOfTurn", "vector", [column("x", "x", "°/s"), column("y", "y", "°/s"), column("z", "z", "°/s")]), frame: "" };
+  const row = (name: string): number[] => {
+    const { ring } = store.channel("1", name)!;
+    return ring.columns.map((_, c) => Number(ring.value(c, ring.length - 1).toFixed(4)));
+  };
+
+  it("is that of everything: what is held, what comes, attitude, body and world", () => {
+    store.receive({ kind: "text", text: { op: "channels", channels: [felt] } });
+    send(store, frame(4, 0, 2, [1, 2, 3]), frame(2, 0, 2, [1, 0, 0, 0]));
+    expect(store.nativeFrame("1")).toBe("ENU");
+    store.showIn("NED");
+    expect(row("RateOfTurn")).toEqual([1, -2, -3, 3.7417]);
+    expect(row("EulerAngles").map(Math.abs)).toEqual([0, 0, 90]); // level, to the east, and no roll of 180°
+    send(store, frame(4, 2, 2, [4, 5, 6]), frame(2, 2, 2, [HALF, 0, 0, HALF]));
+    expect(row("RateOfTurn").slice(0, 3)).toEqual([4, -5, -6]);
+    expect(row("EulerAngles").map((v) => Math.abs(v) < 0.001)).toEqual([true, true, true]); // to the north
+    expect(store.channel("1", "RateOfTurn")!.info.frame).toBe("FRD");
+    expect(store.channel("1", "EulerAngles")!.info.frame).toBe("NED from body");
+    store.showIn(undefined);
+    expect(row("RateOfTurn").slice(0, 3)).toEqual([4, 5, 6]);
+    expect(row("EulerAngles")[2]).toBeCloseTo(90, 3);
+    expect(store.channel("1", "RateOfTurn")!.info.frame).toBe("");
+  });
+
+  it("is that of channels, too, that come later", () => {
+    store.showIn("NED");
+    store.receive({ kind: "text", text: { op: "channels", channels: [felt] } });
+    send(store, frame(4, 0, 2, [1, 2, 3]));
+    expect(row("RateOfTurn").slice(0, 3)).toEqual([1, -2, -3]);
+  });
+});

@@ -14,7 +14,9 @@ import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/messages";
 import type { ChannelInfo, ControlState, DeviceHealth, DeviceInfo, EventInfo, ExchangeEntry, ExportJob, RawPayload, RecorderState, ServerText } from "../wire/types";
-import { addNorm, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
+import type { WorldFrame } from "./derive";
+import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
+import { type Change, changeOf, infoIn, worldOf } from "./frames";
 import { LossBook, type Loss } from "./losses";
 import { Budget, Ring } from "./ring";
 
@@ -27,6 +29,12 @@ export interface Channel {
 interface Source extends Channel {
   /** Columns whose norm is added, if any. */
   readonly norm: readonly number[] | undefined;
+  /** As it is sent; `info` is as it is shown. */
+  readonly sent: ChannelInfo;
+  /** The frame in which it is shown; undefined: as it is sent. */
+  readonly world: WorldFrame | undefined;
+  /** From what is sent to what is shown, where that is another frame. */
+  readonly change: Change | undefined;
 }
 
 /** Most seconds of history asked for. The server keeps what it keeps, the rings hold what their budget allows. */
@@ -92,6 +100,8 @@ export class Store {
 
   readonly #sources = new Map<number, Source>();
   readonly #derived = new Map<number, Channel>();
+  /** Frame in which everything is shown; undefined: as each device sends it. */
+  #frame: WorldFrame | undefined;
   readonly #losses = new LossBook();
   readonly #latencies = new Float64Array(LATENCIES_KEPT);
   #measured = 0;
@@ -286,10 +296,50 @@ export class Store {
   #onChannels(infos: readonly ChannelInfo[]): void {
     for (const plain of infos) {
       if (this.#sources.has(plain.id)) continue;
-      const info = withNorm(plain);
-      this.#sources.set(info.id, { info, norm: normOf(plain), ring: this.#ring(info) });
+      const sent = withNorm(plain);
+      this.#sources.set(sent.id, { info: sent, sent, norm: normOf(plain), ring: this.#ring(sent), world: undefined, change: undefined });
     }
     this.#arrange();
+  }
+
+  /** The world that a device speaks: that of its attitude; undefined where it sends none. */
+  nativeFrame(device: string): WorldFrame | undefined {
+    const own = [...this.#sources.values()].map(({ sent }) => sent).filter((sent) => sent.device === device && ["quaternion", "matrix", "euler"].includes(sent.kind));
+    const worlds = own.map(worldOf).filter((world) => world !== undefined);
+    return worlds[0] ?? (own.some(({ frame }) => frame.startsWith("ECEF")) ? "NED" : own.length > 0 ? "ENU" : undefined);
+  }
+
+  /** Show everything in that frame, or as it is sent; what is held is told anew. */
+  showIn(frame: WorldFrame | undefined): void {
+    if (frame === this.#frame) return;
+    this.#frame = frame;
+    this.#arrange();
+  }
+
+  /** What of a channel is another than it is sent; undefined where nothing is. */
+  changeOf(channel: number): Change | undefined {
+    return this.#sources.get(channel)?.change;
+  }
+
+  /** Have every channel in the frame that is chosen: its rows, what comes, and what it is called. */
+  #present(): void {
+    for (const [id, source] of this.#sources) {
+      const { sent, ring, world } = source;
+      const native = worldOf(sent) ?? this.nativeFrame(sent.device);
+      if (native === undefined) continue;
+      const to = this.#frame ?? native;
+      const now = world ?? native;
+      if (now === to) continue;
+      const back = changeOf(sent, now, to);
+      if (back) ring.transform(back);
+      const derived = this.#derived.get(id);
+      if (derived) {
+        const turn = changeOf(derived.info, now, to);
+        if (turn) derived.ring.transform(turn);
+        this.#derived.set(id, { ...derived, info: eulerInfo(infoIn(sent, native, to)) });
+      }
+      this.#sources.set(id, { ...source, info: infoIn(sent, native, to), world: to, change: changeOf(sent, native, to) });
+    }
   }
 
   #ring(info: ChannelInfo): Ring {
@@ -300,8 +350,9 @@ export class Store {
     return ring;
   }
 
-  /** Of channels with one name the newest lives; Euler angles are derived where a device sends none itself. */
+  /** Of channels with one name the newest lives, in the frame that is chosen; Euler angles are derived where a device sends none itself. */
   #arrange(): void {
+    this.#present();
     const living = new Map<string, Channel>();
     for (const source of this.#sources.values()) {
       const key = `${source.info.device} ${source.info.name}`;
@@ -348,9 +399,11 @@ export class Store {
     const source = this.#sources.get(frame.channel);
     if (source === undefined) return;
     const before = source.ring.newest;
-    source.ring.take(source.norm === undefined ? frame : addNorm(frame, source.norm, bounds));
+    const sent = source.norm === undefined ? frame : addNorm(frame, source.norm, bounds);
+    const shown = source.change === undefined ? sent : changedFrame(sent, source.change, source.info.columns);
+    source.ring.take(shown);
     if (frame.dropped > 0) this.#losses.addDrop(source.info, before, frame.arrival[0] ?? before, frame.dropped);
-    this.#derived.get(frame.channel)?.ring.take(eulerFrame(frame));
+    this.#derived.get(frame.channel)?.ring.take(eulerFrame(shown));
   }
 
   /** Put what was held back into the rings: history came newest block first, so it goes in backwards. */

@@ -32,5 +32,8 @@ export const measure = signal<number | undefined>(undefined);
 /** Series hidden by the user, as `${channelName}.${columnName}`. */
 export const hidden = signal<ReadonlySet<string>>(new Set());
 
+/** Norms that were seen, by the same keys: each is hidden once, when first seen, because it is read in the legend and drawn when asked for. */
+export const normsSeen = new Set<string>();
+
 /** Frame in which attitude is shown; undefined: as the device sends it. */
 export const frame = signal<"ENU" | "NED" | "NWU" | undefined>(undefined);

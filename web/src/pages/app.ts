@@ -1,6 +1,6 @@
 /** What the page's components share beyond the store: which sheet is open, the last problem, ports heard, a slow clock. */
 import { computed, effect, signal } from "@preact/signals";
-import { view } from "../data/view";
+import { frame, view } from "../data/view";
 import type { Deps } from "../panels/deps";
 import { api, type Outcome, type Port, type Problem } from "../ui/api";
 import { isHeld, type PageState, pageState } from "../ui/state";
@@ -53,6 +53,7 @@ export function startApp(deps: Deps): App {
   effect(() => {
     for (const health of store.health.value.values()) minute.add(health);
   });
+  effect(() => store.showIn(frame.value));
   effect(() => {
     const id = awaited.value;
     if (id === undefined || !store.devices.value.some((one) => one.id === id)) return;

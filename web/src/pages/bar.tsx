@@ -11,6 +11,7 @@ import { SceneButton } from "../views/viser";
 import { type App, folded, overlay, sheet } from "./app";
 import { Record } from "./record";
 import { href, PAGES, route } from "./route";
+import { Share } from "./share";
 
 /** What the folded panels of each page are called. */
 const PANELS = {
@@ -43,6 +44,7 @@ export function Bar({ app }: { readonly app: App }) {
       <span class="grow desk" />
       {((isLive && showsPlots(app.state.value)) || route.value.recording !== undefined) && <SceneButton />}
       <Record app={app} />
+      {isLive && showsPlots(app.state.value) && <Share />}
       <button type="button" class="btn icon desk" aria-label="Keys" title="Keys (?)" onClick={() => (overlay.value = "help")}>
         <Icon name="help" />
       </button>

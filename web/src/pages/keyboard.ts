@@ -4,6 +4,7 @@ import { cursor, measure, view } from "../data/view";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
 import { type App, overlay, sheet } from "./app";
 import { showsPlots } from "../ui/state";
+import { shareLive } from "./share";
 import { askForRecord, beginNote, mark, toggleRecord } from "./record";
 import { go, PAGES, type PageName, route } from "./route";
 
@@ -77,6 +78,8 @@ function act(action: KeyAction): void {
       return actions.live();
     case "timeBase":
       return actions.toggleTimeBase();
+    case "link":
+      return void shareLive();
     case "series":
       return actions.toggleSeries(action.index, action.alone);
     case "record":

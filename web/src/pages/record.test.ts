@@ -7,6 +7,7 @@ const state = (running: boolean, more: Partial<RecorderState> = {}): RecorderSta
 
 it("a recording that ended is told with what leads to it, whoever ended it", () => {
   expect(endedOf(state(true, { bytes: 900 }), state(false, { id: "" }), 131)).toEqual({ id: "yard", title: "yard", duration: 31, bytes: 900 });
+  expect(endedOf(state(true), state(false), 131, ["MTi-630", "IMX-5", "IMX-5"])?.title).toBe("MTi-630 + IMX-5");
 });
 
 it("one that goes on, failed, or was never there is not", () => {

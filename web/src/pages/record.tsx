@@ -3,7 +3,7 @@
  * wrong while recording stands beside it.
  */
 import { effect, signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useLayoutEffect, useRef } from "preact/hooks";
 import { server } from "../recordings/server";
 import { bytes, length } from "../recordings/listing";
 import { age, clock } from "../ui/format";
@@ -34,9 +34,9 @@ export interface Saved {
 export const saved = signal<Saved | undefined>(undefined);
 
 /** What was recorded, when `now` follows `before`; undefined while it goes on, and where it failed. */
-export function endedOf(before: RecorderState | undefined, now: RecorderState | undefined, at: number): Saved | undefined {
+export function endedOf(before: RecorderState | undefined, now: RecorderState | undefined, at: number, names: readonly string[] = []): Saved | undefined {
   if (!before?.running || !now || now.running || now.message !== "") return undefined;
-  return { id: before.id, title: before.title || before.id, duration: before.started === null ? null : at - before.started, bytes: Math.max(before.bytes, now.bytes) };
+  return { id: before.id, title: before.title || [...new Set(names)].join(" + ") || before.id, duration: before.started === null ? null : at - before.started, bytes: Math.max(before.bytes, now.bytes) };
 }
 
 export const isRecording = (app: App): boolean => app.store.recorder.value?.running === true;
@@ -82,7 +82,8 @@ export function watchRecorder(app: App): void {
   let before: RecorderState | undefined;
   effect(() => {
     const now = app.store.recorder.value;
-    const ended = endedOf(before, now, app.store.serverNow());
+    const heard = app.store.devices.peek().filter(({ id, last_arrival: last }) => before?.devices.includes(id) && last !== null);
+    const ended = endedOf(before, now, app.store.serverNow(), heard.map(({ name }) => name));
     if (ended) saved.value = ended;
     else if (now?.running) saved.value = undefined;
     before = now;
@@ -181,7 +182,7 @@ export function SavedBand() {
 /** The words of a note, in a field under the bar. */
 function Note({ app, time }: { readonly app: App; readonly time: number }) {
   const field = useRef<HTMLInputElement>(null);
-  useEffect(() => field.current?.focus(), []);
+  useLayoutEffect(() => field.current?.focus(), []); // before the next key is pressed: it belongs to the words
   const close = (): void => {
     noteAt.value = undefined;
   };

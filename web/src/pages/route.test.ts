@@ -20,3 +20,8 @@ it("opens a recording where its link says", () => {
   expect(parse(href("recordings"))).toMatchObject({ page: "recordings", recording: undefined });
   expect(parse(`${href("recordings", "a/b ?")}?t0=1.5&cursor=2`)).toMatchObject({ page: "recordings", recording: "a/b ?", query: "t0=1.5&cursor=2" });
 });
+
+it("a link to Live carries the view, which a plain one leaves alone", () => {
+  expect(parse("#/?device=2&span=5")).toMatchObject({ page: "live", query: "device=2&span=5" });
+  expect(parse("#/")?.query).toBeUndefined();
+});

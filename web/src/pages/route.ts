@@ -1,7 +1,7 @@
 /**
  * Which page is on screen? The part of the address after "#": a link opens what was looked at, and Back goes back.
  *
- *     #/                                    Live
+ *     #/?device=…&span=…                    Live, as the link says (pages/live-address.ts)
  *     #/configure/<device>/<place>/<more>   Configure; the place is a group, a setting, a command, or "compare", "corrections" …
  *     #/recordings                          the library
  *     #/recordings/<id>?t0=…&cursor=…       a recording, opened where the link says (recordings/address.ts)
@@ -39,7 +39,7 @@ export function parse(hash: string): Route | undefined {
   const path = cut < 0 ? hash : hash.slice(0, cut);
   const [page, device, place, more] = path.slice(2).split("/").map(decoded);
   if (page === "recordings") return { ...LIVE, page, recording: device || undefined, query: cut < 0 ? "" : hash.slice(cut + 1) };
-  if (page !== "configure") return LIVE;
+  if (page !== "configure") return cut < 0 ? LIVE : { ...LIVE, query: hash.slice(cut + 1) };
   return { page, device: device || undefined, place: place || undefined, more: more || undefined };
 }
 

@@ -39,8 +39,8 @@ export function valueAt(series: Series, t: number, base: TimeBase, reads: Reads 
   return row < 0 ? NaN : ring.columns[series.column]![row & ring.mask]!;
 }
 
-/** Frames of the world: a velocity or a position means nothing without one. */
-const NAMED = new Set(["ENU", "NED", "NWU", "ECEF"]);
+/** Frames of the world: a velocity or a position means nothing without one; and those of the body that were chosen. */
+const NAMED = new Set(["ENU", "NED", "NWU", "ECEF", "FLU", "FRD"]);
 
 interface Row {
   readonly series: Series;

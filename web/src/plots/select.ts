@@ -67,7 +67,7 @@ const MOTION: readonly Family[] = [
   { words: /^(local )?position$/i, units: ["m"], weight: 0.9 },
 ];
 /** Frames in which motion is shown rather, first the best. */
-const MOTION_FRAMES: readonly RegExp[] = [/^(ENU|NED|NWU)/, /^(body)?$/, /^ECEF/];
+const MOTION_FRAMES: readonly RegExp[] = [/^(ENU|NED|NWU)/, /^(body|FLU|FRD)?$/, /^ECEF/];
 /** Families that are one: the second member is offered, not shown. */
 const SAME: readonly number[] = [0, 0, 1, 1, 2];
 const EULER = { tilt: 0.98, yaw: 0.66 };

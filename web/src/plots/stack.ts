@@ -16,7 +16,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { attach, cursorTime, dropPassed } from "../data/actions";
 import type { Channel, Store } from "../data/store";
-import { cursor, hidden, measure, view } from "../data/view";
+import { cursor, hidden, measure, normsSeen, view } from "../data/view";
 import { clock } from "../ui/format";
 import { el, every, unit } from "../ui/dom";
 import { drawAxis } from "./axis";
@@ -45,8 +45,6 @@ export interface StackDeps {
 
 /** Further quantities that a person has asked for, by plot key. Outlives a remount. */
 export const asked = signal<ReadonlySet<string>>(new Set());
-/** Norms are read in the legend and drawn only when asked for: each is hidden once, when first seen. */
-const normsSeen = new Set<string>();
 /** Legends follow live data this often, a moving cursor every frame. */
 const LEGENDS_HZ = 12;
 /** More further quantities than this stand behind the names of their messages. */
@@ -362,9 +360,9 @@ function titleEnd({ legend }: Plot): number {
   return title === null ? 0 : title.offsetLeft + title.offsetWidth;
 }
 
-/** Would a plot of `b` draw the same samples as one of `a`? */
+/** Would a plot of `b` draw the same samples, in the same frame, as one of `a`? */
 function sameSeries(a: PlotSpec, b: PlotSpec): boolean {
-  return a.key === b.key && a.series.length === b.series.length && a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key);
+  return a.key === b.key && a.frame === b.frame && a.series.length === b.series.length && a.series.every(({ channel, key }, k) => channel.ring === b.series[k]!.channel.ring && key === b.series[k]!.key);
 }
 
 /** Put the plots into `host`; call `update` once a frame with the frame's time in ms. */

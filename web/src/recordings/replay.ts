@@ -9,24 +9,24 @@
  *
  * `near` tells of the devices as they were at the head: its clock is the head, its events are those that had happened by then.
  */
-import { computed, type Signal, signal } from "@preact/signals";
+import { computed, effect, type Signal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring";
 import type { Stats } from "../data/statistics";
 import type { Channel } from "../data/store";
-import { cursor, hidden, measure, view } from "../data/view";
+import { cursor, frame, hidden, measure, normsSeen, view } from "../data/view";
 import { Minute } from "../panels/minute";
 import { type Reading, readingAt } from "../panels/reading";
 import { asked } from "../plots/stack";
 import type { App } from "../pages/app";
 import type { Problem } from "../ui/api";
 import type { PageState } from "../ui/state";
-import type { Place } from "./address";
+import { type Place, seriesOf, takeSeries } from "./address";
 import { FaredFeed, minuteAt } from "./fared";
 import { healthAt, lostAfter, until } from "./figures";
 import { advance, begin, followed, type Playing } from "./player";
 import { ReplayStore } from "./replay-store";
 import { Screen, type Shown } from "./screen";
-import { StatisticsFeed } from "./statistics-feed";
+import { changedStats, StatisticsFeed } from "./statistics-feed";
 import type { Bounds } from "./stretch";
 import type { Marker, RecordingDetail } from "./types";
 import { Vicinity } from "./vicinity";
@@ -60,6 +60,7 @@ export class Replay {
   readonly #read: Vicinity;
   readonly #measured: Vicinity;
   #frame = NaN;
+  readonly #unframe: () => void;
   #told = "";
   readonly #before = { view: view.peek(), cursor: cursor.peek(), measure: measure.peek(), hidden: hidden.peek(), asked: asked.peek() };
 
@@ -81,6 +82,7 @@ export class Replay {
     const told = (problem: Problem): void => void (this.problem.value = problem);
     this.#read = new Vicinity(detail, this.near, this.bounds, told);
     this.#measured = new Vicinity(detail, this.far, this.bounds, told);
+    this.#unframe = effect(() => [this.drawn, this.near, this.far].forEach((store) => store.showIn(frame.value)));
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
     this.app = { ...appOf(this.near, this.#minute), statistics: (channel, column, at) => this.#statisticsOf(channel, column, at), lostLater: (of) => lostAfter(detail.events, of, this.head) };
@@ -110,9 +112,10 @@ export class Replay {
     const device = known ? place.device : this.detail.devices[0]?.id;
     const [t0, t1] = [place.t0 ?? first, place.t1 ?? last];
     if (place.loop) [this.loop.value, this.looping.value] = [place.loop, true];
-    if (place.hide.length > 0) hidden.value = new Set(place.hide);
+    if (place.hide.length + place.show.length > 0) hidden.value = takeSeries(place, normsSeen);
     if (place.panels.length > 0) asked.value = new Set(place.panels);
-    measure.value = undefined;
+    if (place.frame) frame.value = place.frame;
+    measure.value = place.measure;
     view.value = { device, live: false, end: t1, span: Math.max(t1 - t0, 0.005), timeBase: place.base ?? "device" };
     this.#put(Math.min(Math.max(place.cursor ?? t0, first), last));
   }
@@ -146,8 +149,11 @@ export class Replay {
       t0: end - span, t1: end, cursor: this.head,
       ...(loop && this.looping.peek() ? { loop } : {}),
       ...(device !== undefined ? { device } : {}),
+      ...(measure.peek() === undefined ? {} : { measure: measure.peek()! }),
+      ...(frame.peek() === undefined ? {} : { frame: frame.peek()! }),
       base: timeBase,
-      hide: [...hidden.peek()], panels: [...asked.peek()],
+      ...seriesOf(hidden.peek(), normsSeen),
+      panels: [...asked.peek()],
     };
   }
 
@@ -204,6 +210,7 @@ export class Replay {
   }
 
   dispose(): void {
+    this.#unframe();
     this.#screen.dispose();
     for (const one of [this.#read, this.#measured, this.#fared, this.#statistics]) one.dispose();
     view.value = this.#before.view;
@@ -246,7 +253,7 @@ export class Replay {
     const { device } = channel.info;
     const told = this.detail.channels.filter((info) => info.device === device && COUNTED.has(info.kind)).map(({ id }) => id);
     this.#statistics.want({ channels: told, from: Math.max(from, this.bounds.first), to: Math.min(to, this.bounds.last), base });
-    return this.#statistics.of(channel.info.id, column);
+    return changedStats(this.near.changeOf(channel.info.id)?.[column], column, channel.info.columns[column]?.period ?? 0, (k) => this.#statistics.of(channel.info.id, k));
   }
 
   /** Where a channel's samples of the window are all there: what is drawn, when that is not summarised, or what is read. */

@@ -2,6 +2,7 @@
  * What do the samples of a window amount to, when the page holds a summary of them? The server counts them all (recordings/statistics.py);
  * one answer is held, for all channels of the device that is looked at, and is good for windows that hardly differ from its own.
  */
+import { type Row, valueOf } from "../data/frames";
 import type { Stats } from "../data/statistics";
 import type { TimeBase } from "../data/view";
 import { fetchStatistics } from "./server";
@@ -95,4 +96,20 @@ export class StatisticsFeed {
       this.#busy = false;
     }
   }
+}
+
+/**
+ * Those of a column as it is shown: in another frame it is made of others. A mean follows any linear change, a spread and extremes only
+ * where the column is one of the others, perhaps with another sign or counted from another direction.
+ */
+export function changedStats(row: Row | undefined, column: number, period: number, of: (column: number) => Stats | undefined): Stats | undefined {
+  if (row === undefined) return of(column);
+  const parts = row.terms.map(([from]) => of(from));
+  if (!parts.every((part) => part !== undefined)) return undefined;
+  const mean = valueOf(row, (from) => of(from)!.mean, period);
+  const [only] = parts;
+  const factor = row.terms[0]?.[1] ?? 1;
+  if (parts.length !== 1 || only === undefined) return { n: parts[0]?.n ?? 0, mean, sigma: NaN, min: NaN, max: NaN };
+  const ends = [only.min, only.max].map((v) => factor * v + row.offset).sort((a, b) => a - b);
+  return { n: only.n, mean, sigma: only.sigma * Math.abs(factor), min: ends[0]!, max: ends[1]! };
 }

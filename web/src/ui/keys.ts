@@ -7,7 +7,7 @@
  */
 
 export type KeyAction =
-  | { readonly do: "record" | "askRecord" | "mark" | "note" | "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
+  | { readonly do: "record" | "askRecord" | "link" | "mark" | "note" | "playPause" | "fit" | "start" | "now" | "timeBase" | "help" | "close" }
   | { readonly do: "pan"; readonly windows: number }
   | { readonly do: "step"; readonly samples: number }
   | { readonly do: "span"; readonly longer: boolean }
@@ -48,7 +48,7 @@ export const KEY_LINES: readonly KeyLine[] = [
   { keys: ["Shift R"], what: "Record, or end the recording" },
   { keys: ["M", "Shift M"], what: "Drop a marker, a note into the recording" },
   { keys: ["L"], what: "Loop what is on screen, in a recording" },
-  { keys: ["C"], what: "Copy the link to what is on screen, in a recording" },
+  { keys: ["C"], what: "Copy the link to what is on screen" },
   { keys: ["G L", "G C", "G R"], what: "Live, Configure, Recordings" },
   { keys: ["/"], what: "Search, on Configure" },
   { keys: ["?"], what: "This list" },
@@ -69,6 +69,7 @@ const SIMPLE: Readonly<Record<string, KeyAction>> = {
   home: { do: "start" },
   end: { do: "now" },
   t: { do: "timeBase" },
+  c: { do: "link" },
   "?": { do: "help" },
   escape: { do: "close" },
 };

@@ -4,6 +4,7 @@ import { view } from "../../data/view";
 import { placeHref } from "../../recordings/address";
 import type { Replay } from "../../recordings/replay";
 import { server } from "../../recordings/server";
+import { copyText } from "../../ui/copy";
 import { Icon } from "../../ui/icons";
 import { run, select } from "../app";
 import { go } from "../route";
@@ -16,25 +17,9 @@ const SAID_MS = 2500;
 
 export async function copyLink(replay: Replay): Promise<void> {
   const link = new URL(placeHref(replay.detail.info.id, replay.place()), location.href).href;
-  said.value = (await copy(link)) ? "Link copied" : "The browser does not let the page copy: the address above is the link";
+  said.value = (await copyText(link)) ? "Link copied" : "The browser does not let the page copy: the address above is the link";
   history.replaceState(null, "", placeHref(replay.detail.info.id, replay.place()));
   setTimeout(() => (said.value = ""), SAID_MS);
-}
-
-/** Over plain HTTP to another host a browser has no clipboard for pages, but it copies a selection. */
-async function copy(text: string): Promise<boolean> {
-  try {
-    await navigator.clipboard.writeText(text);
-    return true;
-  } catch {
-    const field = document.createElement("textarea");
-    field.value = text;
-    document.body.append(field);
-    field.select();
-    const done = document.execCommand("copy");
-    field.remove();
-    return done;
-  }
 }
 
 /** What is chosen of a recording, to be exported. */

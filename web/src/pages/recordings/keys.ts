@@ -20,7 +20,6 @@ export function listenForKeys(replay: Replay): () => void {
     chord = key === "g" ? event.timeStamp : -Infinity;
     if (waits || event.ctrlKey || event.metaKey || event.altKey) return;
     if (key === "l") replay.toggleLoop();
-    else if (key === "c") void copyLink(replay);
     else {
       const action = actionFor(event);
       if (!action || !act(replay, action)) return;
@@ -68,6 +67,9 @@ function act(replay: Replay, action: KeyAction): boolean {
       return true;
     case "series":
       actions.toggleSeries(action.index, action.alone);
+      return true;
+    case "link":
+      void copyLink(replay);
       return true;
     case "close":
       if (sheet.peek()) sheet.value = undefined;
