@@ -24,11 +24,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from protocols.isb.frames import GET_DATA
+from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
 from protocols.isb.manual import noted
 from protocols.isb.messages import COMMANDS, ROWS, SET_PREFIX, places
 from protocols.isb.streams import PRESETS, STREAMS
-from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES
+from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, as_written
+from protocols.labels import spoken
 from protocols.schema import Caution, Command, Field, Setting
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
@@ -110,7 +111,7 @@ class _Kept:
 
 _KEPT: Mapping[int, _Kept] = {
     12: _Kept(
-        "Configuration, kept over a restart",
+        "Flash configuration",
         G_CONFIG,
         "What the device keeps over a restart; single fields are written by their offset.",
         True,
@@ -145,12 +146,12 @@ _KEPT: Mapping[int, _Kept] = {
 
 @lru_cache(maxsize=1024)
 def fields_of(did: int, version: str = CURRENT) -> tuple[Field, ...]:
-    """The fields of a data set in firmware `version`, with what the manual says of each."""
+    """The fields of a data set in firmware `version`, with what the manual says of each, in the units of the wire."""
     row = SETS.get(did)
     if row is None or row.struct is None:
         return ()
     size = row.sizes.get(version, row.struct.size)
-    return tuple(noted(did, field) for field, _ in places(did, 0, size, version=version))
+    return tuple(as_written(noted(did, field)) for field, _ in places(did, 0, size, version=version))
 
 
 def _select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2", default: int | None = None) -> Field:
@@ -225,7 +226,15 @@ def _packets() -> list[Command]:
             doc="Nothing answers it.",
         ),
         _harmed(
-            Command("STOP_BROADCASTS_CURRENT_PORT", (), "do", G_STREAMS, stop, title="Stop all streams of this port"),
+            Command(
+                "STOP_BROADCASTS_CURRENT_PORT",
+                (),
+                "do",
+                G_STREAMS,
+                stop,
+                title="Stop all streams of this port",
+                doc=COMMANDS[STOP_CURRENT_PORT].doc,
+            ),
             _STOPS,
         ),
         _harmed(
@@ -237,6 +246,7 @@ def _packets() -> list[Command]:
                 stop,
                 simple=False,
                 title="Stop all streams of all ports",
+                doc=COMMANDS[STOP_ALL_PORTS].doc,
             ),
             _STOPS_ALL,
         ),
@@ -259,6 +269,9 @@ def _nmea() -> list[Command]:
         _harmed(Command("STPC", (), "do", G_NMEA, title="Stop this port, by text"), _STOPS),
     )
     docs = {
+        "ASCE": "Chooses sentences and their periods; without any, the device tells those it has.",
+        "INFO": "The device tells its serial number and versions as a sentence.",
+        "SRST": "Restarts the device.",
         "STPB": "Stops binary and text on every port; understood by every version of the protocol.",
         "STPC": "Stops binary and text on this port; understood by every version of the protocol.",
         "PERS": "Keeps what streams now over a restart.",
@@ -274,7 +287,6 @@ def _system() -> list[Command]:
             harm = _BRIDGE
         if harm is None:
             harm = _MAKER if name.startswith("MANF_") else _FAULT if name.startswith("FAULT_") else None
-        title = name.replace("_", " ").capitalize()
         row = Command(
             f"DID_SYS_CMD.{name}",
             (),
@@ -282,12 +294,21 @@ def _system() -> list[Command]:
             G_SYSTEM,
             "ACK",
             simple=name in _SIMPLE_COMMANDS,
-            title=title,
-            doc="Sent with its bitwise inverse.",
+            title=spoken(name),
+            doc=_does(name),
             source=SOURCE,
         )
         commands.append(_harmed(row, harm))
     return commands
+
+
+def _does(name: str) -> str:
+    """What a system command does."""
+    said = TABLES.help.get(("eSystemCommand", name), ("", ""))[1]
+    if not said and "_BRIDGE_" in name:
+        ends = spoken(name.partition("_BRIDGE_")[2]).replace(" to ", " and ")
+        said = f"Passes bytes between two ports: {ends}."
+    return f"{said} Sent with its bitwise inverse.".strip()
 
 
 def _presets() -> list[Command]:
@@ -322,7 +343,9 @@ def _calibrations() -> list[Command]:
             caution="" if name == "ABORT" else "moves-frame",
             consequence="" if name == "ABORT" else "The calibration of the magnetometers is replaced.",
             title=f"Magnetometers: {how}",
-            doc="" if name == "ABORT" else "Turn the device slowly until the progress is 100 %.",
+            doc="Ends the calibration; nothing of it is kept."
+            if name == "ABORT"
+            else "Turn the device slowly until the progress is 100 %.",
             source=SOURCE,
         )
         for name, how in words.items()
@@ -337,7 +360,17 @@ def _asks() -> list[Command]:
     get = COMMANDS[GET_DATA].fields
     arguments = tuple(replace(field, default=0, simple=False) for field in get[1:])
     return [
-        Command(f"{GET_PREFIX}{name}", arguments, "ask", G_READ, name, simple=False, title=_title(did), source=SOURCE)
+        Command(
+            f"{GET_PREFIX}{name}",
+            arguments,
+            "ask",
+            G_READ,
+            name,
+            simple=False,
+            title=_title(did),
+            doc=ROWS[did].doc,
+            source=SOURCE,
+        )
         for did, name in DATA_SETS.items()
     ]
 
@@ -354,7 +387,9 @@ def _sets() -> list[Command]:
             "ACK",
             simple=False,
             title=_title(did),
-            doc=kept.doc if kept and kept.write else "A device refuses what it does not let be written.",
+            doc=kept.doc
+            if kept and kept.write
+            else f"{ROWS[did].doc} A device refuses what it does not let be written.",
             source=SOURCE,
         )
         commands.append(command)

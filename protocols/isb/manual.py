@@ -24,9 +24,11 @@ from dataclasses import dataclass, replace
 
 from protocols.schema import Field
 
-BAUD_RATES = (9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000, 3_000_000)
+BAUD_RATES = (9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 10_000_000)  # SDK: baud_rate_t
+CAN_RATES = (20, 33, 50, 83, 100, 125, 200, 250, 500, 1000)  # SDK: can_baudrate_t
 _BAUD = {rate: f"{rate:_} Bd".replace("_", " ") for rate in BAUD_RATES}
-_TURN = math.pi
+_CAN = {rate: f"{rate} kbit/s" for rate in CAN_RATES}
+_TURN = 2 * math.pi
 _FAR_M = 1e4
 
 
@@ -61,7 +63,7 @@ _GENERAL: Mapping[str, Note] = {
     "ser0BaudRate": Note("Rate of serial port 0, in effect after a reset.", simple=True, choices=_BAUD),
     "ser1BaudRate": Note("Rate of serial port 1, in effect after a reset.", simple=True, choices=_BAUD),
     "ser2BaudRate": Note("Rate of serial port 2, in effect after a reset.", simple=True, choices=_BAUD),
-    "startupGPSDtMs": _note("Period of GNSS solutions, in effect after a reset; 200 is 5 Hz.", 50, 10_000),
+    "startupGPSDtMs": _note("Period of GNSS solutions, in effect after a reset; 200 is 5 Hz, the fastest.", 200),
     "gps1AntOffset": _note("Where the first antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
     "gps2AntOffset": _note("Where the second antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
     "dynamicModel": _note("How the sensor is moved: sets what the navigation filter believes."),
@@ -70,20 +72,20 @@ _GENERAL: Mapping[str, Note] = {
     "sysCfgBits": _note("What the navigation filter uses and estimates."),
     "refLla": _note("Origin of north, east and down."),
     "gpsMinimumElevation": _note("Satellites lower than this are not used.", 0, math.pi / 2),
-    "gnssCn0Minimum": Note("Satellites weaker than this are not used.", 0, 60),
-    "gnssCn0DynMinOffset": Note("How far below the strongest satellites one may be.", 0, 60),
-    "gpsTimeSyncPeriodMs": Note("Period of the time synchronisation pulse.", 0, 60_000),
-    "gpsTimeUserDelay": Note("Added to the GNSS time, to make up for a delay.", -1, 1),
+    "gnssCn0Minimum": Note("Satellites weaker than this are not used."),
+    "gnssCn0DynMinOffset": Note("How far below the strongest satellites one may be; 0 switches this off."),
+    "gpsTimeSyncPeriodMs": Note("Period of the time synchronisation pulse, in effect after a reset."),
+    "gpsTimeUserDelay": Note("Added to the GNSS time, to make up for the delay of an antenna cable."),
     "debug": Note("For the maker."),
     "declination": Note("Magnetic declination as estimated; east is positive.", -_TURN, _TURN),
 }
 
 _OF_SET: Mapping[tuple[int, str], Note] = {
     (12, "startupImuDtMs"): _note(
-        "Sampling period of the sensors, in effect after a reset; 0 switches them off.", 0, 50
+        "Sampling period of the sensors, in effect after a reset; not above startupNavDtMs. 0 switches them off."
     ),
     (12, "startupNavDtMs"): _note(
-        "Period of the navigation filter, in effect after a reset; 0 switches it off.", 0, 100
+        "Period of navigation, in effect after a reset; an IMX-5 with GNSS updates every 7 ms at the fastest.", 1
     ),
     (12, "insRotation"): _note("From the sensor to what is put out: how it is mounted.", -_TURN, _TURN),
     (12, "insOffset"): _note("From the turned sensor to the point that is put out.", -_FAR_M, _FAR_M),
@@ -102,9 +104,13 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
     (12, "wheelConfig.track_width"): Note("Between the left and the right wheel.", 0, 100),
     (12, "wheelConfig.radius"): Note("Of a wheel.", 0, 10),
     (12, "magInterferenceThreshold"): Note(
-        "How much the field may differ from the expected before it is ignored.", 0, 100
+        "How much the field may differ from the expected: usually 2 to 10, 3 at the factory; 1000 switches this off.",
+        0,
+        1000,
     ),
-    (12, "magCalibrationQualityThreshold"): Note("How good a magnetic calibration must be to be taken.", 0, 100),
+    (12, "magCalibrationQualityThreshold"): Note(
+        "How good a magnetic calibration must be: usually 10 to 20, 10 at the factory; 1000 takes every one.", 0, 1000
+    ),
     (19, "state"): _note("Starts or aborts a calibration of the magnetometers."),
     (19, "progress"): _told("How far the calibration is."),
     (19, "declination"): _told("Magnetic declination as estimated."),
@@ -126,7 +132,7 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
         "Period of each CAN message, a multiple of its source's; 0 switches it off.", 0, 65_535
     ),
     (90, "can_transmit_address"): Note("CAN identifier of each message."),
-    (90, "can_baudrate_kbps"): _note("Rate of the CAN bus.", 20, 1000),
+    (90, "can_baudrate_kbps"): Note("Rate of the CAN bus.", simple=True, choices=_CAN),
     (90, "can_receive_address"): Note("CAN identifier that it listens to."),
     (94, "state"): _note("Starts, samples and saves a calibration in the field."),
     (94, "status"): _told("What has been sampled."),

@@ -102,6 +102,7 @@ def _row(did: int) -> Message:
         return Message(did, f"DID_{did}", (OPAQUE,), kind="reply", title=f"Data set {did}", doc="Not in the table.")
     fields = tuple(field for field, _ in dataset.struct.places) if dataset.struct else (OPAQUE,)
     clock = clock_of(dataset)
+    said = TABLES.help.get(("sets", dataset.name), ("", ""))[1]
     return Message(
         did,
         dataset.name,
@@ -110,7 +111,7 @@ def _row(did: int) -> Message:
         tick_ns=_TICKS.get(clock, 0),
         kind=dataset.kind,  # type: ignore[arg-type]
         title=title_of(dataset.name),
-        doc=_UTC if clock in (WEEK_TOW, FIX, TOW) else "",
+        doc=" ".join(filter(None, (said, _UTC if clock in (WEEK_TOW, FIX, TOW) else ""))),
         source=SOURCE,
     )
 

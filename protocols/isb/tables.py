@@ -4,7 +4,7 @@ The file is the source: a data set, a field or a flag is added there, in the for
 Reading it takes a few milliseconds, once.
 
     words, choices  ─> Bits, {value: name}      struct ─> Struct: fields with their offsets
-    titles          ─> Field.title, where a struct gives none
+    titles, help    ─> Field.title, where a struct gives none; Field.doc
     sets            ─> DataSet                  versions ─> which firmware has which structure
 
 Units: `unit=rad>°` says that the wire has radians and that degrees are shown; CONVERSIONS knows the factor. The
@@ -90,13 +90,16 @@ class Tables:
         self.choices: dict[str, dict[int, str]] = {}
         self.prefixes: dict[str, str] = {}  # of the vendor's constants, by word and enumeration
         self.titles: dict[str, str] = {}
+        self.help: dict[tuple[str, str], tuple[str, str]] = {}  # structure and field → title ("" for none), sentence
         self.structs: dict[str, Struct] = {}
         self.sets: dict[int, DataSet] = {}
         self.versions: tuple[str, ...] = ()
         readers = {
             "words": self._read_words,
             "choices": self._read_choices,
+            "meanings": self._read_meanings,
             "titles": self._read_titles,
+            "help": self._read_help,
             "struct": self._read_struct,
             "sets": self._read_sets,
             "versions": self._read_versions,
@@ -116,6 +119,15 @@ class Tables:
         rows = (line.split() for line in lines)
         self.choices[head[0]] = {int(value): name for value, name in rows}
 
+    def _read_meanings(self, head: list[str], lines: list[str]) -> None:
+        rows = (line.split() for line in lines)
+        self.choices[head[0]] = {int(value): name for value, name in rows}
+
+    def _read_help(self, head: list[str], lines: list[str]) -> None:
+        for line in lines:
+            name, *title, text = (part.strip() for part in line.split("|"))
+            self.help[head[0], name] = (title[0] if title else "", text)
+
     def _read_titles(self, head: list[str], lines: list[str]) -> None:
         self.titles = dict(line.split(maxsplit=1) for line in lines)
 
@@ -125,7 +137,9 @@ class Tables:
         for line in lines:
             offset, kind, name, *rest = line.split(maxsplit=3)
             attributes = {key or "decimals": (value or digits).strip('"') for key, value, digits in _found(rest)}
-            places.append((self._field(kind, name, attributes), int(offset)))
+            row = self._field(kind, name, attributes)
+            title, text = self.help.get((head[0], name), ("", ""))
+            places.append((replace(row, title=title or row.title, doc=text), int(offset)))
             if "count" in attributes:
                 counts[name] = attributes["count"]
         self.structs[head[0]] = Struct(int(head[1]), tuple(places), counts)
@@ -187,6 +201,16 @@ def title_of(name: str) -> str:
     words = name.removeprefix("DID_").split("_")
     text = " ".join(word if _NAMES.match(word) else _SHORT.get(word, word.lower()) for word in words)
     return text[:1].upper() + text[1:]
+
+
+def as_written(row: Field) -> Field:
+    """A field in the unit of the wire, in which it is typed, written and read back."""
+    parts = tuple(as_written(part) for part in row.fields)
+    if row.scale == 1:
+        return replace(row, fields=parts) if parts else row
+    unit = next(wire for (wire, shown), scale in CONVERSIONS.items() if (shown, scale) == (row.unit, row.scale))
+    turn = f" 1° is {math.pi / 180:.6f} rad." if (row.unit, unit) == ("°", "rad") else ""
+    return replace(row, unit=unit, scale=1.0, decimals=-1, period=0.0, doc=row.doc + turn)
 
 
 def _found(rest: list[str]) -> list[tuple[str, str, str]]:

@@ -5,6 +5,7 @@
     imuscope inspect FILE --format jsonl | imuscope compose --jsonl -        the frames again, one hex line each
 
 FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names of flags (DisableAutoStore|EnableAhs)
+               an angle in degrees where the unit is rad (90deg, [0,0,90°])
                a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
                a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named
@@ -18,8 +19,10 @@ Lines of JSON are read one at a time and their frames written at once, so that t
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from protocols.dialogues import Driver, Known
@@ -39,6 +42,8 @@ from protocols.xbus.strings import EM1000, EM1000_HEAD
 from server.live.reading import Reading
 
 Record = Mapping[str, Any]
+_DEGREES = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?:°|deg)(?:/s)?\Z", re.IGNORECASE)
+_DEGREES_IN = re.compile(r"\d\s*(°|deg)", re.IGNORECASE)
 FOREIGN = ("nmea", "ubx", "rtcm3", "tss2", "em1000")
 """Messages that pass through any port; they are kept as they came."""
 
@@ -212,7 +217,7 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
 
 def _one(field: Field) -> Field:
     """One element of a list."""
-    return Field(field.name, field.dtype, choices=field.choices, bits=field.bits, fields=field.fields)
+    return replace(field, shape=())
 
 
 def value_of(text: str, field: Field, path: str) -> Any:
@@ -229,6 +234,8 @@ def value_of(text: str, field: Field, path: str) -> Any:
             return bytes.fromhex(digits).hex()
         except ValueError:
             raise ComposeError(f"{path} is hex, given {text!r}") from None
+    if text[:1] == "[" and text[-1:] == "]" and _DEGREES_IN.search(text) and field.shape:
+        return [_number(part.strip(), field, path) for part in text[1:-1].split(",")]
     if text[:1] in ("[", "{"):
         try:
             return _named(json.loads(text), field, path)
@@ -262,6 +269,9 @@ def _number(text: str, field: Field, path: str) -> int | float:
             return read(text)
         except ValueError:
             continue
+    turned = _DEGREES.match(text)
+    if turned and field.unit.startswith("rad") and not field.unit.startswith("rad²"):
+        return math.radians(float(turned[1]))
     words = {meaning.casefold(): number for number, meaning in field.choices.items()}
     if text.casefold() in words:
         return words[text.casefold()]

@@ -83,7 +83,7 @@ def _entry(protocol: str, row: Row) -> Iterator[str]:
 def _fields(fields: Iterable[Field], margin: str) -> Iterator[str]:
     for field in fields:
         parts = [_type(field), field.unit, _range(field)]
-        parts += [f"usually {field.default}"] * (field.default is not None) + ["told, not written"] * field.read_only
+        parts += [f"usually {field.default}"] * (field.default is not None) + ["read-only"] * field.read_only
         yield f"{margin}{field.name}  " + ", ".join(part for part in parts if part)
         yield from _wrapped(field.doc, margin + "    ")
         meanings = [f"{number} {meaning}" for number, meaning in field.choices.items()]
@@ -113,7 +113,7 @@ def _range(field: Field) -> str:
     if field.fields or field.dtype in ("bytes", "ascii") or field.choices or field.bits:
         return ""
     low, high = bounds(field) if is_whole(field) else (field.low, field.high)
-    shown = [("" if limit is None else f"{limit:.17g}") for limit in (low, high)]
+    shown = ["" if limit is None else str(limit) if isinstance(limit, int) else f"{limit:.7g}" for limit in (low, high)]
     return f"{shown[0]} to {shown[1]}" if all(shown) else ""
 
 

@@ -21,6 +21,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from protocols.dialogues import Driver, Known
+from protocols.labels import spoken
 from protocols.layouts import is_open
 from protocols.limits import bounds, is_whole
 from protocols.schema import Command, Field, Setting
@@ -114,7 +115,7 @@ def field_form(field: Field) -> FieldForm:
         length=_length(field),
         most=field.most,
         axes=list(field.axes),
-        choices={str(number): meaning for number, meaning in field.choices.items()},
+        choices={str(number): spoken(meaning) for number, meaning in field.choices.items()},
         bits=_bits(field),
         fields=field_forms(field.fields),
         simple=field.simple,
@@ -169,7 +170,7 @@ def _bits(field: Field) -> list[BitsInfo]:
             bits.name,
             bits.low,
             bits.width,
-            {str(number): meaning for number, meaning in bits.choices.items()},
+            {str(number): spoken(meaning) for number, meaning in bits.choices.items()},
             bits.severity,
             bits.normal_set,
             bits.doc,

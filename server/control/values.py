@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from protocols.labels import spoken
 from protocols.schema import Field
 
 LONGEST = 120
@@ -47,7 +48,7 @@ def _one(field: Field, value: Any) -> str:
             else f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
         )
     if field.choices:
-        return field.choices.get(int(value), str(value))
+        return spoken(field.choices.get(int(value), str(value)))
     if field.bits:
         return flags(field, int(value))
     if field.base == 16 and isinstance(value, int):
@@ -69,9 +70,9 @@ def flags(field: Field, word: int) -> str:
     for bits in field.bits:
         part = bits.of(word)
         if bits.width > 1:
-            names.append(f"{bits.name}: {bits.choices.get(part, part)}")
+            names.append(f"{spoken(bits.name)}: {spoken(str(bits.choices.get(part, part)))}")
         elif part:
-            names.append(bits.name)
+            names.append(spoken(bits.name))
     return ", ".join(names) or "none"
 
 

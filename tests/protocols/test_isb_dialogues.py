@@ -377,7 +377,7 @@ def test_no_streams_at_all_is_said() -> None:
 @pytest.mark.parametrize(
     ("setting", "values", "path"),
     [
-        ("DID_FLASH_CONFIG", {"startupNavDtMs": 1000}, "startupNavDtMs"),
+        ("DID_FLASH_CONFIG", {"startupGPSDtMs": 100}, "startupGPSDtMs"),
         ("DID_FLASH_CONFIG", {"refLla": [1, 2]}, "refLla"),
         ("DID_FLASH_CONFIG", {"refLla": [1, 2, "x"]}, "refLla.2"),
         ("DID_FLASH_CONFIG", {"nonsense": 1}, "nonsense"),

@@ -210,6 +210,14 @@ def test_names_that_no_group_has_are_refused_with_those_it_has(field: str, words
     assert said in str(refused.value)
 
 
+def test_angles_may_be_typed_in_degrees_where_they_say_so() -> None:
+    radians = composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,1.5707963267948966]")
+    assert composed("SET_DID_FLASH_CONFIG", "insRotation=[0,0,90deg]") == radians
+    assert composed("SET_DID_FLASH_CONFIG", "insRotation=0, 0, 90°") == radians
+    with pytest.raises(ComposeError, match="startupNavDtMs is a number"):
+        composed("SET_DID_FLASH_CONFIG", "startupNavDtMs=90deg")
+
+
 def test_paths_lead_into_lists() -> None:
     pairs = ("outputs.0.data_identifier=0x1020", "outputs.0.output_frequency=65535")
     whole = composed("SetOutputConfiguration", 'outputs=[{"data_identifier": 4128, "output_frequency": 65535}]')
@@ -222,7 +230,7 @@ def test_paths_lead_into_lists() -> None:
         (["SetOutputConfigurationn"], "nearest are: SetOutputConfiguration"),
         (["SET_DID_FLASH_CONFIG", "startupNavDt=1"], "nearest are: startupNavDtMs"),
         (["SET_DID_FLASH_CONFIG", "dynamicModel=AIRBORNE"], "nearest are: AIRBORNE_"),
-        (["SET_DID_FLASH_CONFIG", "startupNavDtMs=500"], "lies between 0 and 100 ms, given 500"),
+        (["SET_DID_FLASH_CONFIG", "startupGPSDtMs=100"], "lies between 200 and 4294967295 ms, given 100"),
         (["SET_DID_FLASH_CONFIG", "startupNavDtMs"], "is no FIELD=VALUE"),
         (["GET_DATA", "id=no"], "none of its choices"),
         (["SetOutputConfiguration", "outputs.1.data_identifier=1"], "the next is outputs.0"),

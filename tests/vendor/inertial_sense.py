@@ -173,6 +173,8 @@ def _of_group(word: str, row: Bits, pool: Mapping[str, int], named: set[str]) ->
 
 def _enumerations(vendor: Constants) -> Iterator[str]:
     for name, choices in TABLES.choices.items():
+        if name not in TABLES.prefixes:
+            continue  # meanings that the header gives in words only
         pool, prefix = vendor.get(name, {}), TABLES.prefixes[name]
         named = set()
         for value, meaning in choices.items():

@@ -1,0 +1,42 @@
+"""Vendors' constants as words for a person: GROUND_VEHICLE → "Ground vehicle", ZERO_MOTION → "Zero motion".
+
+Only what is shouted is spoken: capitals and digits with underscores, or a single plain English word of `WORDS`. Names
+that people know as they are (GNGGA, PIMU, DID_INS_1, kRun) stay.
+"""
+
+from __future__ import annotations
+
+import re
+
+_KEPT = """
+AHRS BIT BLE CAN CNO CPU DGPS DMA DOP EKF EVB EVB2 GNSS GPS GPX GPIO IMU IMX INS I2C LED LLA NMEA NVR OTP PPD PPS RMC
+ROM ROS RTCM3 RTK RTOS RUG3 SBAS SPI SWO TTL UART UBLOX UBX UDP UINS USB UTC VRS WMM XBEE
+"""
+_WORDS = """
+ABORT ALL CANCEL CONTINUOUS DEFAULT DETECTED DISABLE DISABLED DONE ENABLE FAILED FAILURE FAULT FINISHED FINISHING FIX
+FLOAT FULL GOOD IDLE INDOOR INVALID MANUFACTURING MARINE NO NONE OFF ON PASSED PEDESTRIAN PORTABLE REPORT RUNNING
+SAMPLING SEARCHING STANDBY STATIONARY STOP UNCHANGED UNKNOWN UNUSED WRIST
+"""
+_MEANT = """
+ACC accelerometer, BARO barometer, CAL calibration, CFG configuration, CUR current, DECL declination, EST estimation,
+GYR gyroscope, HDW hardware, INIT initialise, LEDS LEDs, MAG magnetic, MANF manufacturer, NAV navigation, POS position,
+RCVR receiver, RECAL recalibration, REF reference, RX receive, STATS statistics, TRIG trigger, TX transmit, WIFI Wi-Fi
+"""
+KEPT = frozenset(_KEPT.split())
+WORDS = frozenset(_WORDS.split())
+MEANT = dict(entry.split() for entry in _MEANT.replace("\n", " ").split(","))
+_CONSTANT = re.compile(r"[A-Z0-9]+(_[A-Z0-9]+)*\Z")
+
+
+def spoken(name: str) -> str:
+    """A constant as words, beginning with a capital; any other name as it is."""
+    if not _CONSTANT.match(name) or name.startswith("DID_") or ("_" not in name and name not in WORDS):
+        return name
+    text = " ".join(_part(part) for part in name.removeprefix("CMD_").removeprefix("MODE_").split("_"))
+    return text[:1].upper() + text[1:]
+
+
+def _part(part: str) -> str:
+    if part in MEANT:
+        return MEANT[part]
+    return part if part in KEPT or any(sign.isdigit() for sign in part) else part.lower()

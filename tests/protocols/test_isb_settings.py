@@ -1,0 +1,89 @@
+"""Settings and commands of ISB: units as on the wire, the vendor's ranges, words for a person."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+
+import pytest
+
+from protocols import limits
+from protocols.isb.commands import COMMAND_ROWS, fields_of, settings_of
+from protocols.isb.manual import BAUD_RATES, CAN_RATES
+from protocols.isb.tables import VERSIONS
+from protocols.schema import Field
+from server.control.forms_of import field_form
+from tests.vendor.inertial_sense import KEPT
+
+FLASH = 12
+
+
+def flat(fields: Iterable[Field]) -> Iterator[Field]:
+    for field in fields:
+        yield field
+        yield from flat(field.fields)
+
+
+def flash(name: str) -> Field:
+    return next(field for field in fields_of(FLASH) if field.name == name)
+
+
+@pytest.mark.parametrize("version", VERSIONS[:-1])
+def test_what_is_typed_has_the_unit_of_the_wire(version: str) -> None:
+    """magDeclination=2.5 was listed in degrees and stored 143: it was taken as radians."""
+    rows = [*settings_of(version).values()]
+    for field in (field for row in rows for field in flat(row.fields)):
+        assert (field.scale, field.bias) == (1, 0), field.name
+    for field in (field for row in COMMAND_ROWS.values() for field in flat(row.arguments)):
+        assert (field.scale, field.bias) == (1, 0), field.name
+
+
+@pytest.mark.parametrize("name", ["insRotation", "zeroVelRotation", "magDeclination", "gpsMinimumElevation"])
+def test_angles_are_radians_in_list_and_form_alike(name: str) -> None:
+    field = flash(name)
+    form = field_form(field)
+    assert field.unit == form.unit == "rad"
+    assert (form.scale, form.low, form.high) == (1, field.low, field.high)
+    assert "1° is 0.017453 rad" in form.doc
+
+
+def test_ranges_are_the_vendors() -> None:
+    constants = json.loads(KEPT.read_text(encoding="utf-8"))["constants"]
+    rates = {value for name, value in constants["baud_rate_t"].items() if name.rpartition("_")[2].isdigit()}
+    assert set(BAUD_RATES) == set(flash("ser0BaudRate").choices) == rates  # 10 MBd too, and not 1, 2 or 3 MBd
+    kilobits = {value for name, value in constants["can_baudrate_t"].items() if name.endswith("_KBPS")}
+    assert set(CAN_RATES) == kilobits
+    fields = fields_of(FLASH)
+    for good in (
+        {"magInterferenceThreshold": 1000.0},  # switches the detection off
+        {"magCalibrationQualityThreshold": 1000.0},
+        {"startupGPSDtMs": 200},
+        {"startupNavDtMs": 500},
+        {"insRotation": [-math.pi, math.pi, 4.7]},
+    ):
+        limits.check(fields, good, partial=True)
+    with pytest.raises(ValueError, match="startupGPSDtMs lies between 200 and"):
+        limits.check(fields, {"startupGPSDtMs": 100}, partial=True)
+
+
+def test_every_field_and_command_says_what_it_means() -> None:
+    for row in settings_of().values():
+        for field in row.fields:
+            assert field.doc, f"{row.name}.{field.name}"
+            assert field.title, f"{row.name}.{field.name}"
+            assert field.title.lower() not in ("nf", "gpsmodear", "cbf", "ru", "rb"), field.title
+    assert [row.name for row in COMMAND_ROWS.values() if not row.doc or not row.title] == []
+
+
+def test_choices_of_forms_do_not_shout() -> None:
+    """Names stay as they are for the command line; a form has GROUND_VEHICLE as "Ground vehicle"."""
+    assert flash("dynamicModel").choices[4] == "GROUND_VEHICLE"
+    assert field_form(flash("dynamicModel")).choices["4"] == "Ground vehicle"
+    source = next(bits for bits in field_form(flash("ioConfig")).bits if bits.name == "GPS1_TYPE")
+    assert source.choices == {"0": "Unused", "1": "UBX F9P", "2": "NMEA", "3": "GPX"}
+    for row in settings_of().values():
+        for field in flat(row.fields):
+            form = field_form(field)
+            words = [*form.choices.values(), *(text for bits in form.bits for text in bits.choices.values())]
+            assert not [text for text in words if "_" in text and text.isupper() and not text.startswith("DID_")]
