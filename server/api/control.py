@@ -15,6 +15,8 @@ from server.api.errors import ApiError, responses
 from server.control.desk import Desk
 from server.control.desks import Desks
 from server.control.forms import Apply, Raw, ReadWish, Run
+from server.control.products import mismatch
+from server.control.values import numbers
 from server.control.wishes import Danger, Wish, changes_of, command_of, discarded
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
@@ -67,7 +69,9 @@ async def read_settings(body: ReadWish, desk: OneDesk, desks: AllDesks) -> wire.
         raise ApiError(409, "no-settings", f"{desk.session.info.name} has no settings.", "It only sends.")
     unknown = [name for name in body.settings or () if name not in desk.rows]
     if unknown:
-        raise ApiError(404, "not-found", f"There is no setting {unknown[0]!r:.80}.", "GET …/forms lists them.")
+        raise ApiError(
+            404, "not-found", f"There is no setting {unknown[0]!r:.80}.", "Choose one of the list of settings."
+        )
     confirmed(discarded(desk), body.confirmed)
     return desk.add("Read all settings", desks.jobs.read(desk, body.settings, body.reason)).job
 
@@ -79,9 +83,12 @@ async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
     if not body.changes:
         raise ApiError(422, "bad-request", "`changes` holds nothing to write.", "Name a setting and its values.")
     wishes: list[Wish] = [changes_of(one, body.changes) for one in targets]
-    confirmed([danger for wish in wishes for danger in wish.dangers], body.confirmed)
+    product = body.product or (desk.known.product if len(targets) > 1 else "")
+    others = [Danger("loses-settings", words) for one in targets if (words := mismatch(product, one.known.product))]
+    confirmed([*others, *(danger for wish in wishes for danger in wish.dangers)], body.confirmed)
+    base = {name: numbers(row.fields, body.base[name]) for name, row in desk.rows.items() if name in body.base}
     tasks = [
-        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason))
+        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason, base if one is desk else None))
         for one, wish in zip(targets, wishes, strict=True)
     ]
     return tasks[0].job

@@ -49,10 +49,15 @@ async def make_it_fit(body: Fit, desk: OneDesk) -> FitAnswer:
     except KeyError:
         raise _unknown(desk, body.setting) from None
     except EncodeError as error:
-        raise ApiError(422, "bad-value", f"{error}.", "POST …/preview tells all that is wrong.") from None
+        raise ApiError(422, "bad-value", f"{error}.", "Correct the value that is marked, then try again.") from None
     except ValueError as error:
         raise ApiError(409, "no-rate", str(error), "A network or a file carries what it carries.") from None
 
 
 def _unknown(desk: Desk, name: str) -> ApiError:
-    return ApiError(404, "not-found", f"{desk.session.info.name} has no {name!r:.80}.", "GET …/forms lists them.")
+    return ApiError(
+        404,
+        "not-found",
+        f"{desk.session.info.name} has no {name!r:.80}.",
+        "Choose one of the list of settings and commands.",
+    )

@@ -13,17 +13,20 @@ from protocols.dialogues import Known
 from server.api.control import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
 from server.codec import plain
+from server.control.budget import overload
 from server.control.compare import NO_DEFAULT, SideValues, compare
 from server.control.desk import Desk
 from server.control.desks import Desks
 from server.control.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
 from server.control.jobs import plain_values
+from server.control.products import mismatch
 from server.control.snapshots import Snapshot, SnapshotError, from_text
+from server.control.wishes import dangers_of
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 
 NOT_READ = "The device has not been read yet."
-READ_FIRST = "POST …/read reads its settings."
+READ_FIRST = "Read its settings first."
 
 
 def _who(desk: Desk) -> tuple[str, str]:
@@ -96,10 +99,8 @@ async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotI
         raise ApiError(422, "bad-request", "A snapshot needs a name.", "For example: New mast fitted.")
     protocol, serial_number = _who(desk)
     if body.text:
-        snapshot = replace(await _parsed(body.text), title=title, pinned=True, taken=desk.hub.now())
-        if snapshot.protocol not in ("", protocol):
-            hint = f"This device speaks {protocol}."
-            raise ApiError(422, "bad-snapshot", f"This file is of a device that speaks {snapshot.protocol}.", hint)
+        parsed = _of_protocol(desk, await _parsed(body.text))
+        snapshot = replace(parsed, title=title, pinned=True, taken=desk.hub.now())
         reason = f"From a file of {snapshot.product or 'a device'} {snapshot.serial_number}".strip()
         snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason)
     elif desk.values:
@@ -127,8 +128,18 @@ async def compare_sides(body: Compare, desk: OneDesk, desks: AllDesks) -> Differ
     """Two sides, field by field, and what to write to make the left one what the right one is."""
     left, right = await _side(body.left, desk, desks), await _side(body.right, desk, desks)
     found = compare(desk.driver, desk.known, left, right)
+    if found.changes and body.left.side == "device":
+        found = replace(found, dangers=_dangers(desk, found), blocked=overload(desk.present, found.changes))
     rows = [replace(row, left_value=plain(row.left_value), right_value=plain(row.right_value)) for row in found.rows]
-    return replace(found, rows=rows, changes=plain(found.changes))
+    return replace(found, rows=rows, changes=plain(found.changes), profile=plain(found.profile))
+
+
+def _dangers(desk: Desk, found: Difference) -> list[str]:
+    """What writing the right side to this device could cost, in words."""
+    words = [mismatch(found.product, desk.known.product)]
+    for name, values in found.changes.items():
+        words += [danger.consequence for danger in dangers_of(desk, desk.rows[name], values)]
+    return [one for one in dict.fromkeys(words) if one]
 
 
 async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
@@ -136,25 +147,43 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
         case "device":
             return _device(desk, "Device, as last read")
         case "other":
-            other = desk_of(ref.device, desks)
-            if other.session.info.protocol != desk.session.info.protocol:
-                message = f"{other.session.info.name} speaks another protocol."
-                raise ApiError(409, "not-alike", message, "Compare with a device of the same family.")
+            other = _alike(desk, desk_of(ref.device, desks))
             return _device(other, other.session.info.name)
         case "factory":
-            return SideValues("Factory default", desk.driver.factory(_certain(desk)), otherwise=NO_DEFAULT)
+            certain = _certain(desk)
+            defaults = desk.driver.factory(certain)
+            return SideValues("Factory default", defaults, otherwise=NO_DEFAULT, product=certain.product)
         case "snapshot":
-            snapshot = await _load(desk, desks, ref.snapshot)
-            return SideValues(snapshot.title or ref.snapshot, snapshot.values, snapshot.missing)
+            owner = _alike(desk, desk_of(ref.device, desks)) if ref.device else desk
+            snapshot = await _load(owner, desks, ref.snapshot)
+            title = snapshot.title or ref.snapshot
+            return SideValues(title, snapshot.values, snapshot.missing, product=snapshot.product)
         case "text":
-            snapshot = await _parsed(ref.text)
-            return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing)
+            snapshot = _of_protocol(desk, await _parsed(ref.text))
+            return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)
 
 
 def _device(desk: Desk, title: str) -> SideValues:
     if not desk.values:
         raise ApiError(409, "not-read", f"{desk.session.info.name} has not been read yet.", READ_FIRST)
-    return SideValues(title, desk.values, desk.missing, "could not be read")
+    return SideValues(title, desk.values, desk.missing, "could not be read", desk.known.product)
+
+
+def _alike(desk: Desk, other: Desk) -> Desk:
+    """Another device of the same family."""
+    if other.session.info.protocol != desk.session.info.protocol:
+        message = f"{other.session.info.name} speaks another protocol."
+        raise ApiError(409, "not-alike", message, "Compare with a device of the same family.")
+    return other
+
+
+def _of_protocol(desk: Desk, snapshot: Snapshot) -> Snapshot:
+    """A file of a device of the same family; one that does not say whose it is may be of any."""
+    protocol = desk.session.info.protocol
+    if snapshot.protocol not in ("", protocol):
+        hint = f"This device speaks {protocol}."
+        raise ApiError(422, "bad-snapshot", f"This file is of a device that speaks {snapshot.protocol}.", hint)
+    return snapshot
 
 
 def _certain(desk: Desk) -> Known:
@@ -180,4 +209,9 @@ async def _parsed(text: str) -> Snapshot:
 
 
 def _none(name: str) -> ApiError:
-    return ApiError(404, "not-found", f"There is no snapshot {name!r:.80}.", "GET …/snapshots lists them.")
+    return ApiError(
+        404,
+        "not-found",
+        f"There is no snapshot {name!r:.80}.",
+        "Choose one of the list of snapshots; it may have been deleted.",
+    )

@@ -12,12 +12,14 @@ their order.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Any
 
 from protocols.dialogues import Driver, Known, Values
 from protocols.schema import Field, Setting
-from server.control.forms import Difference, DifferenceRow
+from server.control.checks import problems_of
+from server.control.forms import Difference, DifferenceRow, FieldProblem
 from server.control.forms_of import flat
 from server.control.values import head_of, output_title, output_words, words
 
@@ -32,12 +34,14 @@ class SideValues:
         title: what it is, for a person.
         missing: setting → why this side does not have it.
         otherwise: why it does not have a setting that is not in `missing`.
+        product: whose settings they are, where that is known.
     """
 
     title: str
     values: Mapping[str, Values]
     missing: Mapping[str, str] = field(default_factory=dict)
     otherwise: str = "not in it"
+    product: str = ""
 
     def lacks(self, name: str) -> str:
         return self.missing.get(name, self.otherwise)
@@ -45,8 +49,10 @@ class SideValues:
 
 def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -> Difference:
     """All that differs, and what to write to the left side to make it the same."""
-    found = Difference(left.title, right.title, [], 0)
-    for row in driver.settings(known):
+    found = Difference(left.title, right.title, [], 0, product=right.product)
+    rows = {row.name: row for row in driver.settings(known)}
+    _strangers(driver, known, rows, right, found)
+    for row in rows.values():
         if row.name not in left.values and row.name not in right.values:
             if row.name in left.missing or row.name in right.missing:
                 found.missing[row.name] = f"{left.title}: {left.lacks(row.name)}"
@@ -59,16 +65,50 @@ def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -
     return found
 
 
+def _strangers(driver: Driver, known: Known, rows: Mapping[str, Setting], right: SideValues, found: Difference) -> None:
+    """Settings that this device does not have: of another product, or of nobody, and then misspelt."""
+    family = {row.name for row in driver.settings(Known())}
+    for name in right.values:
+        if name in rows:
+            continue
+        if name in family:
+            found.missing[name] = f"{known.product or 'This device'} has no such setting"
+        else:
+            meant = get_close_matches(name, list(rows), 1)
+            hint = f"Did you mean {meant[0]}?" if meant else "Leave it out."
+            found.problems.append(FieldProblem(name, f"No device of this family has a setting {name!r:.80}.", hint))
+
+
+def _wrong(row: Setting, values: Values, found: Difference) -> None:
+    """Fields of the right side that are misspelt, out of range or of another type."""
+    told = {one.name for one in row.fields if one.read_only}
+    given = {name: value for name, value in values.items() if name not in told}
+    for problem in problems_of(row.fields, given, partial=True):
+        found.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_meant(row, problem.path)))
+
+
+def _meant(row: Setting, path: str) -> str:
+    names = [one.name for one in row.fields]
+    meant = [] if path.partition(".")[0] in names else get_close_matches(path, names, 1)
+    return f"Did you mean {meant[0]}?" if meant else ""
+
+
 def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: Difference) -> None:
+    if row.write and any(left.get(name) != value for name, value in right.items()):
+        _wrong(row, right, found)
     common = {name for name in left if name in right}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
+    if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):
+        return  # what cannot be written cannot be compared value by value either
     rows, same = _rows(driver, row, left, right)
     found.rows += rows
     found.same += same
-    if not rows or not row.write:
-        return
     told = {one.name for one in row.fields if one.read_only}
     writable = {name: value for name, value in right.items() if name not in told}
+    if row.write and writable:
+        found.profile[row.name] = writable
+    if not rows or not row.write:
+        return
     if row.partial:
         paths = {head_of(one.path, writable)[0] for one in rows}
         writable = {name: value for name, value in writable.items() if name in paths}

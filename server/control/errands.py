@@ -111,6 +111,29 @@ def wanted(
     return result
 
 
+def changed_elsewhere(
+    driver: Driver,
+    rows: Mapping[str, Setting],
+    present: Mapping[str, Values],
+    base: Mapping[str, Mapping[str, Any]] | None,
+    todo: Mapping[str, Mapping[str, Any]],
+) -> str:
+    """The title of the first setting to write that is not any more what it was when the change was made; "" for none.
+
+    Args:
+        base: settings as they were then; those that are not in it are not compared.
+    """
+    for name in todo:
+        seen, now = (base or {}).get(name), present.get(name)
+        if seen is None or now is None:
+            continue
+        told = {one.name for one in rows[name].fields if one.read_only}
+        keys = [key for key in (todo[name] if rows[name].partial else seen) if key in seen and key not in told]
+        if driver.same(name, {key: seen[key] for key in keys}, {key: now.get(key) for key in keys}):
+            return rows[name].title or name
+    return ""
+
+
 def _differ(driver: Driver, setting: str, key: str, old: Values, new: Values) -> bool:
     return bool(driver.same(setting, {key: old[key]}, {key: new[key]}))
 

@@ -25,7 +25,8 @@
 harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
 that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
 could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "full" (the queue),
-"not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "bad-snapshot"; 404 "not-found"; 507 "disk".
+"not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "too-much" (for the line), "bad-snapshot";
+404 "not-found"; 507 "disk".
 
 A job comes back at once (202); how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result
 is in `ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints
@@ -235,6 +236,9 @@ class Apply:
     reason: str = ""
     confirmed: bool = False  # the person has read the consequence; without it a dangerous change is refused (409)
     devices: list[str] = field(default_factory=list)  # further devices of the same protocol that get the same
+    product: str = ""  # whose settings these are (a profile's); a device of another product asks once more (409)
+    base: dict[str, dict[str, Any]] = field(default_factory=dict)  # what the settings were when they were edited: where
+    # the device has another value by now, nothing is written
 
 
 @dataclass(slots=True)
@@ -262,7 +266,7 @@ class SideRef:
 
     side: Side
     snapshot: str = ""  # SnapshotInfo.name, for "snapshot"
-    device: str = ""  # DeviceInfo.id, for "other"
+    device: str = ""  # DeviceInfo.id, for "other"; for "snapshot" whose it is, "" for this device's
     text: str = ""  # YAML, for "text"
 
 
@@ -293,6 +297,11 @@ class Difference:
     same: int  # fields that agree
     missing: dict[str, str] = field(default_factory=dict)  # setting → why it could not be compared
     changes: dict[str, dict[str, Any]] = field(default_factory=dict)  # as Apply takes them, to make left what right is
+    profile: dict[str, dict[str, Any]] = field(default_factory=dict)  # all of the right side that can be written
+    product: str = ""  # of the right side; "" where it is not known
+    problems: list[FieldProblem] = field(default_factory=list)  # what is wrong with the right side, at its path
+    dangers: list[str] = field(default_factory=list)  # what writing the right side to the device could cost
+    blocked: str = ""  # why it cannot be written: more than the line carries
 
 
 @dataclass(slots=True)
@@ -336,7 +345,8 @@ class Corrections:
     """A stream of RTCM 3 forwarded to the device in whole messages."""
 
     source: str  # ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; the password is never told again
-    running: bool = False
+    running: bool = False  # it goes on by itself, and is tried again where it broke
+    forwarding: bool = False  # the last message reached the device; false while the source or the link refuses
     message: str = ""
     hint: str = ""
     age_s: float | None = None  # since the last message that was forwarded

@@ -19,6 +19,7 @@ from protocols.dialogues import Driver, InState, Known, LineChange, RefusedError
 from protocols.schema import Setting
 from server.codec import plain
 from server.control import errands
+from server.control.budget import OVER_HINT, overload
 from server.control.desk import Desk, JobError, Task
 from server.control.runner import group
 from server.control.snapshots import Snapshot, SnapshotError, Snapshots
@@ -31,6 +32,9 @@ REOPEN_S = 0.05  # a device hears the call for a moment only after it has got po
 LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
 MOST_WORDS = 12  # changes that a trial lists
 FIRST = "First contact"
+CHANGED_HINT = (
+    "Nothing was written. Look at the edits again, which are now based on what the device has, then apply them."
+)
 
 
 class Jobs:
@@ -93,9 +97,18 @@ class Jobs:
     # ── apply ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def apply(
-        self, desk: Desk, changes: Mapping[str, Mapping[str, Any]], reason: str
+        self,
+        desk: Desk,
+        changes: Mapping[str, Mapping[str, Any]],
+        reason: str,
+        base: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Callable[[Task], Awaitable[None]]:
-        """Write settings, with a way back."""
+        """Write settings, with a way back.
+
+        Args:
+            base: what the device had when the changes were made. Where it has something else by now, nothing is
+                written: somebody else's change would be undone without a word.
+        """
 
         async def work(task: Task) -> None:
             found = await self._survey(desk, task, None)
@@ -107,6 +120,12 @@ class Jobs:
             if not todo:
                 task.job.message = "Nothing to change: the device has these settings already."
                 return
+            changed = errands.changed_elsewhere(desk.driver, rows, found.values, base, todo)
+            if changed:
+                raise JobError(f"{changed} was changed elsewhere since it was last shown.", CHANGED_HINT)
+            why = overload(replace(desk.present, values=found.values), todo)
+            if why:
+                raise JobError(why, f"Nothing was written. {OVER_HINT}")
             titles = ", ".join(rows[name].title or name for name in todo)
             task.job.snapshot = await self._keep(
                 desk, found, "Before this change", reason or f"Before writing {titles}."
@@ -274,6 +293,8 @@ class Jobs:
                 raise JobError("The device did not answer.", "Was its power switched off and on while this ran?")
             rate = f" at {group(desk.session.baud)} Bd" if desk.session.baud else ""
             task.job.message = f"The device answers again{rate}, with the factory's communication settings."
+            if desk.trial is not None and desk.trial.state == "unreachable":
+                desk.trial = None
             if record is not None:
                 hand = Hand(desk, driver, self._trials, record, task)
                 try:

@@ -10,15 +10,15 @@ Nothing is sent. What the device has now (as far as it has been read) fills in w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from protocols.dialogues import Driver, Known, Load, Values
 from protocols.layouts import EncodeError
-from protocols.limits import problems
-from protocols.schema import Field, Setting
+from protocols.schema import Setting
 from server.codec import plain
+from server.control.checks import problems_of, sentence
 from server.control.compare import SideValues, compare
 from server.control.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
 from server.control.values import numbers
@@ -75,7 +75,7 @@ def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> P
         try:
             frames = driver.setting_frames(name, values, known)
         except EncodeError as error:
-            found = [FieldProblem(error.path, _sentence(error))]
+            found = [FieldProblem(error.path, sentence(error))]
     if found:
         return PreviewAnswer(frames=[], problems=found)
     change = driver.line_change(name, present.values.get(name), values, known)
@@ -97,14 +97,8 @@ def preview_command(present: Present, name: str, values: Mapping[str, Any]) -> P
     try:
         frame = b"" if found else present.driver.frame(name, values, present.known)
     except EncodeError as error:
-        found, frame = [FieldProblem(error.path, _sentence(error))], b""
+        found, frame = [FieldProblem(error.path, sentence(error))], b""
     return PreviewAnswer(frames=[frame_info(present.driver, frame)] if frame else [], problems=found)
-
-
-def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
-    """Everything that is wrong with values, each at its path."""
-    found = problems(tuple(fields), values, partial=partial)
-    return [FieldProblem(problem.path, _full(problem.message)) for problem in found]
 
 
 def frame_info(driver: Driver, frame: bytes) -> FrameInfo:
@@ -158,12 +152,3 @@ def _lowered(present: Present, row: Setting, before: Values, after: Values) -> l
 def _info(load: Load, line: Line, baud: int | None) -> LoadInfo:
     parts = [PartInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
     return LoadInfo(parts, load.total, line.at(baud), baud, list(load.limits), line.measured)
-
-
-def _sentence(error: EncodeError) -> str:
-    return _full(str(error))
-
-
-def _full(text: str) -> str:
-    """With a capital and a full stop, unless it begins with a field's name."""
-    return text if text.endswith((".", "!", "?")) else text + "."

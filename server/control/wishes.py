@@ -14,11 +14,13 @@ from protocols.dialogues import InState
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
 from server.api.errors import ApiError
+from server.control.budget import OVER_HINT, overload
+from server.control.checks import problems_of
 from server.control.desk import Desk
-from server.control.preview import problems_of
 from server.control.values import numbers
 
 UNASKED = ("", "wears-flash")
+WRONG_HINT = "Correct this value, then apply again; nothing was written."
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,8 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
     """Settings to write.
 
     Raises:
-        ApiError: a setting that there is not or that cannot be written, or a value that cannot be sent.
+        ApiError: a setting that there is not or that cannot be written, a value that cannot be sent, or outputs that
+            the line cannot carry.
     """
     rows = desk.rows
     dangers: list[Danger] = []
@@ -66,11 +69,17 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
         if row is None or not row.write:
             what = "has no setting" if row is None else "tells, and does not take,"
             raise ApiError(
-                404, "not-found", f"{desk.session.info.name} {what} {name!r:.80}.", "GET …/forms lists them."
+                404,
+                "not-found",
+                f"{desk.session.info.name} {what} {name!r:.80}.",
+                "Leave it out, or choose one of the list of settings.",
             )
         values = wanted[name] = numbers(row.fields, given)
         _check(desk, row, values)
-        dangers += _dangers(desk, row, values)
+        dangers += dangers_of(desk, row, values)
+    why = overload(desk.present, wanted)
+    if why:
+        raise ApiError(422, "too-much", why, OVER_HINT)
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
     return Wish(title, dangers + discarded(desk), wanted, changes=True)
@@ -86,16 +95,15 @@ def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
     whole = not row.partial and row.name not in desk.values
     found = problems_of(fields, given, partial=not whole)
     if found:
-        raise ApiError(
-            422, "bad-value", f"{row.title or row.name}: {found[0].message}", "POST …/preview tells them all."
-        )
+        raise ApiError(422, "bad-value", f"{row.title or row.name}: {found[0].message}", WRONG_HINT)
 
 
 def _told(row: Setting) -> set[str]:
     return {one.name for one in row.fields if one.read_only}
 
 
-def _dangers(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
+def dangers_of(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
+    """What writing these values of a setting could cost; nothing where the device has them already."""
     old = desk.values.get(row.name)
     new = dict(values) if row.partial or old is None else {**old, **values}
     if old is not None and not desk.driver.same(row.name, {name: old.get(name) for name in new}, new):
@@ -121,15 +129,23 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
     rows = {row.name: row for row in desk.driver.commands(desk.known)}
     row = rows.get(name)
     if row is None:
-        raise ApiError(404, "not-found", f"{desk.session.info.name} has no command {name!r:.80}.", "GET …/forms.")
+        raise ApiError(
+            404,
+            "not-found",
+            f"{desk.session.info.name} has no command {name!r:.80}.",
+            "Choose one of the list of commands.",
+        )
     values = numbers(row.arguments, values)
     found = problems_of(row.arguments, values)
     if found:
-        raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", "POST …/preview tells them all.")
+        raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)
     setting = _written_by(desk, name, values)
     if setting is not None:
+        why = overload(desk.present, {setting.name: values})
+        if why:
+            raise ApiError(422, "too-much", why, OVER_HINT)
         title = f"Write {setting.title or setting.name}"
-        dangers = _dangers(desk, setting, values) + discarded(desk)
+        dangers = dangers_of(desk, setting, values) + discarded(desk)
         return Wish(title, dangers, {setting.name: dict(values)}, setting.name, True)
     dangers = [Danger(row.caution, row.consequence)] if row.harms(values) and row.caution not in UNASKED else []
     try:

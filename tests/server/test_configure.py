@@ -201,6 +201,34 @@ def test_the_same_profile_goes_to_two_devices(http: Client) -> None:
         assert read(http, device) == old
 
 
+def test_every_door_checks_the_budget_the_product_and_the_family(http: Client) -> None:
+    """A profile was once written as it was, to any product, filling the line more than twice."""
+    read(http, 1)
+    over = {"OutputConfiguration": outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)}
+    answer = post(http, "apply", {"changes": over, "confirmed": True})
+    assert (answer.status_code, answer.json()["kind"]) == (422, "too-much")
+    command = {"command": "SetOutputConfiguration", "values": over["OutputConfiguration"], "confirmed": True}
+    assert post(http, "run", command).json()["kind"] == "too-much"
+    changes = {"LocationID": {"location_id": 42}}
+    answer = post(http, "apply", {"changes": changes, "product": "MTi-300-2A8G4"})
+    assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
+    assert "MTi-300" in answer.json()["message"]
+    text = "imuscope: 1\nprotocol: isb\nsettings: {}\n"
+    answer = post(http, "compare", {"left": {"side": "device"}, "right": {"side": "text", "text": text}})
+    assert (answer.status_code, answer.json()["kind"]) == (422, "bad-snapshot")
+
+
+def test_a_snapshot_of_one_device_is_compared_with_another(http: Client) -> None:
+    read(http, 1)
+    read(http, 2)
+    name = http.get("/api/devices/1/snapshots").json()[-1]["name"]
+    right = {"side": "snapshot", "snapshot": name, "device": "1"}
+    found = post(http, "compare", {"left": {"side": "device"}, "right": right}, 2).json()
+    assert found["product"].startswith("MTi-630")
+    assert set(found["changes"]) <= set(found["profile"])
+    assert (found["blocked"], found["problems"]) == ("", [])
+
+
 def test_a_snapshot_is_a_file_that_can_be_sent_and_compared(http: Client) -> None:
     read(http)
     kept = post(http, "snapshots", {"title": "New mast fitted"}).json()

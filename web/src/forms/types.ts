@@ -205,6 +205,10 @@ export interface Apply {
   readonly confirmed: boolean;
   /** further devices of the same protocol that get the same */
   readonly devices: readonly string[];
+  /** whose settings these are (a profile's); a device of another product asks once more (409) */
+  readonly product: string;
+  /** what the settings were when they were edited: where */
+  readonly base: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
 }
 
 export interface Run {
@@ -229,7 +233,7 @@ export interface SideRef {
   readonly side: Side;
   /** SnapshotInfo.name, for "snapshot" */
   readonly snapshot: string;
-  /** DeviceInfo.id, for "other" */
+  /** DeviceInfo.id, for "other"; for "snapshot" whose it is, "" for this device's */
   readonly device: string;
   /** YAML, for "text" */
   readonly text: string;
@@ -265,6 +269,16 @@ export interface Difference {
   readonly missing: Readonly<Record<string, string>>;
   /** as Apply takes them, to make left what right is */
   readonly changes: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
+  /** all of the right side that can be written */
+  readonly profile: Readonly<Record<string, Readonly<Record<string, unknown>>>>;
+  /** of the right side; "" where it is not known */
+  readonly product: string;
+  /** what is wrong with the right side, at its path */
+  readonly problems: readonly FieldProblem[];
+  /** what writing the right side to the device could cost */
+  readonly dangers: readonly string[];
+  /** why it cannot be written: more than the line carries */
+  readonly blocked: string;
 }
 
 export interface Fit {
@@ -310,7 +324,10 @@ export interface SnapshotBody {
 export interface Corrections {
   /** ntrip://user:password@host:2101/MOUNT, tcp://host:port, a file; the password is never told again */
   readonly source: string;
+  /** it goes on by itself, and is tried again where it broke */
   readonly running: boolean;
+  /** the last message reached the device; false while the source or the link refuses */
+  readonly forwarding: boolean;
   readonly message: string;
   readonly hint: string;
   /** since the last message that was forwarded */

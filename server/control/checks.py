@@ -1,0 +1,26 @@
+"""Check of values against the rows of a table, each problem in words at its path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from protocols.layouts import EncodeError
+from protocols.limits import problems
+from protocols.schema import Field
+from server.control.forms import FieldProblem
+
+
+def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
+    """Everything that is wrong with values, each at its path."""
+    found = problems(tuple(fields), values, partial=partial)
+    return [FieldProblem(problem.path, full(problem.message)) for problem in found]
+
+
+def sentence(error: EncodeError) -> str:
+    return full(str(error))
+
+
+def full(text: str) -> str:
+    """With a capital and a full stop, unless it begins with a field's name."""
+    return text if text.endswith((".", "!", "?")) else text + "."

@@ -1,0 +1,120 @@
+"""Profiles for other devices, and the check of the link budget that every way of changing settings passes."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known
+from protocols.isb.dialogues import IsbDriver
+from protocols.xbus.dialogues import XbusDriver
+from protocols.xbus.products import MODELS
+from server.control.budget import overload
+from server.control.compare import SideValues, compare
+from server.control.preview import Line, Present
+from server.control.products import alike, base_name, mismatch
+from tests.server.desk import house, outputs
+
+LINE = Line(115_200, 11_520.0)
+OVER = outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)
+
+
+def mti(values: dict[str, Any]) -> Present:
+    return Present(XbusDriver(), Known(product="MTi-630", baud=115_200), LINE, values)
+
+
+def test_what_the_line_cannot_carry_is_refused_by_the_job_too(tmp_path: Path) -> None:
+    """A profile of 400 Hz once filled a line of 115 200 Bd more than twice, because only the form looked."""
+
+    async def play() -> None:
+        async with house(tmp_path) as there:
+            desk = await there.add("twin:xbus")
+            job = await there.apply(desk, {"OutputConfiguration": OVER, "LocationID": {"location_id": 7}})
+            assert job.state == "failed"
+            assert "% of the link (115 200 Bd)" in job.message
+            assert "Nothing was written" in job.hint
+            assert desk.values["LocationID"] == {"location_id": 0}
+
+    asyncio.run(play())
+
+
+def test_more_than_the_line_carries_is_told_and_less_than_now_is_not() -> None:
+    low, high = outputs(50), OVER
+    assert overload(mti({"OutputConfiguration": low}), {"OutputConfiguration": low}) == ""
+    assert "% of the link" in overload(mti({"OutputConfiguration": low}), {"OutputConfiguration": high})
+    over_already = mti({"OutputConfiguration": high, "LocationID": {"location_id": 0}})
+    assert overload(over_already, {"LocationID": {"location_id": 7}}) == ""
+    assert overload(over_already, {"OutputConfiguration": outputs(300, 0x2010, 0x4020, 0x8020, 0xC020)}) == ""
+    assert overload(replace(mti({}), line=Line()), {"OutputConfiguration": high}) == "", "a network has no such limit"
+
+
+def test_somebody_elses_change_is_not_undone_without_a_word(tmp_path: Path) -> None:
+    """Two people had the form open; what the first one wrote was written over by the second one's whole setting."""
+
+    async def play() -> None:
+        async with house(tmp_path) as there:
+            desk = await there.add("twin:xbus")
+            await there.read(desk)
+            seen = {"OutputConfiguration": desk.values["OutputConfiguration"]}
+            assert (await there.apply(desk, {"OutputConfiguration": outputs(50)})).state == "done"
+            late = there.desks.jobs.apply(desk, {"OutputConfiguration": outputs(10)}, "", seen)
+            task = desk.add("Write", late)
+            await task.over.wait()
+            assert task.job.state == "failed"
+            assert "was changed elsewhere" in task.job.message
+            assert desk.values["OutputConfiguration"] == outputs(50)
+
+    asyncio.run(play())
+
+
+@pytest.mark.parametrize("model", MODELS.values(), ids=lambda model: model.name)
+def test_every_product_is_itself_whatever_the_version_of_its_hardware(model: Any) -> None:
+    assert base_name(f"{model.name}-8A1G6") == model.name
+    assert alike(f"{model.name}-8A1G6", f"{model.name}-2A8G4")
+    assert [other.name for other in MODELS.values() if alike(other.name, model.name)] == [model.name]
+
+
+def test_a_profile_of_another_product_is_told() -> None:
+    """A profile of an MTi-300 once took position and velocity from an MTi-680G without a word."""
+    assert "“MTi-680G” has" in mismatch("MTi-300-2A8G4", "MTi-680G-8A1G6")
+    assert mismatch("", "MTi-680G-8A1G6") == ""
+    assert alike("IMX-5.0.4", "IMX-5.0.6")
+    assert not alike("IMX-5.0.4", "uINS-4.0.0")
+
+
+def test_what_is_wrong_with_a_file_is_told_before_it_is_applied() -> None:
+    """Misspelt names once stood among what "could not be compared", and wrong values were met at Apply only."""
+    position = {"latitude": 51.0, "longitude": 6.0, "altitude": 30.0}
+    present = {"LocationID": {"location_id": 0}, "LatLonAlt": position}
+    wrong = {
+        "LocationId": {"location_id": 1},
+        "LocationID": {"location": 1},
+        "LatLonAlt": {**position, "latitude": 99.0},
+    }
+    found = compare(XbusDriver(), Known(product="MTi-630"), SideValues("Now", present), SideValues("File", wrong))
+    said = {problem.path: problem.hint for problem in found.problems}
+    assert said["LocationId"] == "Did you mean LocationID?"
+    assert said["LocationID.location"] == "Did you mean location_id?"
+    assert "LatLonAlt.latitude" in said
+    assert found.changes == found.profile == {}
+
+
+def test_a_profile_holds_all_that_can_be_written_not_only_what_differs() -> None:
+    """Only what differed on the selected device was sent to the others, so they kept the rest of what they had."""
+    left = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(50)}
+    right = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(100)}
+    found = compare(XbusDriver(), Known(product="MTi-630"), SideValues("Now", left), SideValues("Profile", right))
+    assert set(found.changes) == {"OutputConfiguration"}
+    assert found.profile == right
+
+
+def test_a_setting_of_another_product_is_no_mistake() -> None:
+    sides = SideValues("Now", {}), SideValues("File", {"LatLonAlt": {"latitude": 1.0}})
+    known = Known(product="MTi-610")
+    if "LatLonAlt" not in {row.name for row in XbusDriver().settings(known)}:
+        assert compare(XbusDriver(), known, *sides).problems == []
+    assert compare(IsbDriver(), Known(), SideValues("", {}), SideValues("", {"Nonsense": {}})).problems
