@@ -85,14 +85,21 @@ class Desks:
         """KeyError when there is no such device. One that shares a link is commanded with the link's first."""
         return self._desks[device.partition(".")[0]]
 
+    def _desk_at(self, source: str) -> Desk:
+        """The desk of a source, which is opened where it is not; it may be written otherwise than before, or be open
+        at another rate."""
+        same = next((one for one in self._desks.values() if one.session.info.source == source), None)
+        if same is not None:
+            return same
+        session = self._sessions.at(source) or self._sessions.add(source)
+        return self._desks[session.info.id]
+
     async def resume(self) -> None:
         """Take up what the server before this one left on trial."""
         for record in await asyncio.to_thread(self.trials.all):
-            desk = next((one for one in self._desks.values() if one.session.info.source == record.source), None)
-            if desk is None:
-                try:
-                    desk = self._desks[self._sessions.add(record.source).info.id]
-                except LinkError as error:
-                    log.error("%s is on trial and cannot be opened: %s", record.source, error)
-                    continue
+            try:
+                desk = self._desk_at(record.source)
+            except LinkError as error:
+                log.error("%s is on trial and cannot be opened: %s", record.source, error)
+                continue
             desk.add("Go back to the settings before the trial", self.jobs.resume(desk, record), stoppable=False)

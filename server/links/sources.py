@@ -94,6 +94,14 @@ class Source:
             raise bad(text, f"nothing follows {kind!r}")
         return cls(text, cast(LinkKind, kind), unquote(place), options)
 
+    def same_place(self, other: Source) -> bool:
+        """Would both open the same thing? A port is one port, however it is written and at whatever rate."""
+        if self.text == other.text:
+            return self.kind != "twin"
+        if self.kind != "serial" or other.kind != "serial":
+            return False
+        return os.path.realpath(self.place) == os.path.realpath(other.place)
+
     def allow(self, names: Sequence[str]) -> None:
         """Refuse options that are not among `names`: a misspelt one must not be ignored in silence."""
         for name in self.options:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from server import wire
 from server.links.base import Link, LinkError, LinkSettings
 from server.links.replay import expanded
+from server.links.sources import Source
 from server.listeners import Listeners
 from server.live.hub import Hub
 from server.live.reading import OPTIONS, Reading, ReadingError, taken_from
@@ -81,11 +82,9 @@ class Sessions:
         except ReadingError as error:
             place = source.partition("?")[0]
             raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", OPTIONS_HINT) from None
-        for session in self._sessions.values():
-            if session.info.source == source and not source.startswith("twin:"):
-                raise LinkError(
-                    "busy", f"{source} is open already, as device {session.info.id}.", "Retry or remove it."
-                )
+        session = self.at(source)
+        if session is not None:
+            raise LinkError("busy", f"{source} is open already, as device {session.info.id}.", "Retry or remove it.")
         if len(self._sessions) >= MOST_DEVICES:
             raise LinkError("full", f"{MOST_DEVICES} devices are open, and that is the most.", "Remove one first.")
         link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
@@ -95,6 +94,16 @@ class Sessions:
         self._added.tell(session)
         session.start()
         return session
+
+    def at(self, source: str) -> Session | None:
+        """The session that has this source open, however it is written; simulators are never the same.
+
+        Raises:
+            LinkError: kind "bad-source".
+        """
+        wanted = Source.parse(source)
+        found = (one for one in self._sessions.values() if Source.parse(one.info.source).same_place(wanted))
+        return next(found, None)
 
     def add_all(self, source: str, reading: Reading = Reading()) -> list[Session]:  # noqa: B008 - frozen
         """Open a source; of a recording with several devices, each. As `add`; at least one."""

@@ -16,7 +16,9 @@ from recordings import durable
 from server.control import trials
 from server.control.desk import Desk, DeskError
 from server.control.trials import Record, Trials
+from server.links.base import LinkError
 from server.links.twin import Bench, TwinLink
+from server.wire import Trial
 from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.desk import House, at_rate, bench, house, over, until
@@ -288,5 +290,41 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
             assert desk.trial.state == "reverted"
             assert files(tmp_path) == []
             await until(lambda: desk.session.info.status == "live", "it streams")
+
+    run(check())
+
+
+def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(tmp_path: Path) -> None:
+    """A server that was started with another text for the same port opened it once more, which failed as "in use"."""
+
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            there.hold()
+            desk = await here.add(str(there.slave))
+            await here.read(desk)
+            old = {"PortConfig": dict(desk.values["PortConfig"])}
+            source = f"serial://{there.slave}?baud=115200"
+            here.desks.trials.keep(Record(source, "xbus", "MTi-630", "00800001", "", old, old, 115_200, 115_200, False))
+            await here.desks.resume()
+            assert [one.info.id for one in here.sessions.all] == [desk.device]
+            await until(lambda: desk.trial is not None and desk.trial.state == "reverted", "it went back")
+            with pytest.raises(LinkError, match="open already"):
+                here.sessions.add(source)
+
+    run(check())
+
+
+def test_what_was_unreachable_is_not_called_so_once_it_answers(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            desk = await here.add(f"serial://{there.slave}?baud=115200")
+            desk.trial = Trial(desk.device, "unreachable", [], "gone")
+            task = desk.add("Restore communication", here.desks.jobs.restore(desk))
+            await until(lambda: desk.control.running is not None, "it waits for power")
+            await asyncio.sleep(0.3)
+            cycle(there)
+            await over(task)
+            assert task.job.state == "done", task.job.message
+            assert desk.control.trial is None
 
     run(check())
