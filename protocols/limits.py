@@ -83,7 +83,8 @@ def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
         if is_open(field) and field.most and len(value) > field.most:
             yield Problem(path, f"{field.name} has at most {field.most} entries, given {len(value)}")
         elif not is_open(field) and len(value) != count:
-            yield Problem(path, f"{field.name} has {count} values, given {len(value)}")
+            which = f" ({', '.join(field.axes)})" if field.axes else ""
+            yield Problem(path, f"{field.name} has {count} values{which}, given {len(value)}")
         for place, one in enumerate(value):
             yield from _of_element(field, one, _join(path, place))
 

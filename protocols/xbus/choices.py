@@ -86,6 +86,10 @@ LABELS: Mapping[int, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Filter profiles of the 600-series: labels, and the heading behaviours that go with them after a slash."""
 
 
+PORT_NAMES = ("RS-232", "UART", "RTCM input")
+"""Ports of the 600-series, in the order of the words of SetPortConfig."""
+
+
 def fitted(message: str, field: Field, model: Model | None) -> Field:
     """A field of a message as one product has it; as the document has it while the product is not known."""
     if message == "SetOptionFlags":
@@ -94,6 +98,8 @@ def fitted(message: str, field: Field, model: Model | None) -> Field:
         return replace(field, fields=tuple(_sync(part, model) for part in field.fields))
     if message == "SetFilterProfile":
         return _profile(field, model)
+    if message == "SetPortConfig":
+        return replace(field, shape=(len(PORT_NAMES),), axes=PORT_NAMES)
     if message == "SetBaudrate":
         return replace(field, choices={code: name for code, name in BAUD_CODES.items() if code != 0xFF}, default=2)
     if message == "ResetOrientation":
@@ -145,8 +151,6 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
             yield Problem("q0", f"q0 to q3 make a unit quaternion, given one of length {norm:.4g} (0.99 to 1.01)")
     elif message == "AdjustUTCTime" and values["correction"] == 0:
         yield Problem("correction", "correction lies between -10000 and 10000 and is not 0, given 0")
-    elif message == "SetPortConfig" and len(values["words"]) != 3:
-        yield Problem("words", f"words has 3 entries, one a port, given {len(values['words'])}")
     elif message == "SetPortConfig":
         yield from _of_ports(values["words"])
     elif message == "SetCanOutputConfig" and not values["outputs"]:
@@ -188,8 +192,8 @@ def _of_ports(words: list[int]) -> Iterator[Problem]:
     for place, word in enumerate(words):
         if word & 0xFF not in BAUD_CODES or word & 0xFF == 0xFF:
             yield Problem(
-                f"words.{place}", f"words {place}: the low byte is a baud code of table 7, given {word & 0xFF}"
+                f"words.{place}", f"{PORT_NAMES[place]}: choose one of the baud rates, given code {word & 0xFF}"
             )
         elif place < 2 and word >> 16 & 0xF not in (0, 1, 5):
             allowed = "0 (none), 1 (Xbus) or 5 (NMEA)"
-            yield Problem(f"words.{place}", f"words {place}: the protocol is {allowed}, given {word >> 16 & 0xF}")
+            yield Problem(f"words.{place}", f"{PORT_NAMES[place]}: the protocol is {allowed}, given {word >> 16 & 0xF}")

@@ -79,6 +79,22 @@ BAUD_CODES = {  # Table 7, with 0x0E and 0x03 as the devices mean them
     0xFF: "invalid",
 }
 
+CAN_BAUD_CODES = {  # as in xspublic, XsCanBaudCode; the document has no table of them
+    0x0C: "1 Mbit/s",
+    0x0B: "800 kbit/s",
+    0x0A: "500 kbit/s",
+    0x00: "250 kbit/s",
+    0x01: "125 kbit/s",
+    0x02: "100 kbit/s",
+    0x03: "83.3 kbit/s",
+    0x04: "62.5 kbit/s",
+    0x05: "50 kbit/s",
+    0x06: "33.3 kbit/s",
+    0x07: "20 kbit/s",
+    0x08: "10 kbit/s",
+    0x09: "5 kbit/s",
+}
+
 SYNC_FUNCTIONS = {  # Table 11; the others from the device's own list
     0: "StartRecordingIn",
     1: "StopRecordingIn",
@@ -330,7 +346,7 @@ PORT_WORD = (  # Figure 2
 )
 
 CAN_WORD = (
-    Bits("Baud", 0, width=8, doc="Baud code of the CAN bus."),
+    Bits("Baud", 0, width=8, choices=CAN_BAUD_CODES, doc="Baud rate of the CAN bus."),
     Bits("Enable", 8, doc="The CAN transceiver is on."),
 )
 

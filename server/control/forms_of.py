@@ -133,7 +133,7 @@ def editor_of(field: Field) -> Editor:
     if field.dtype in ("bytes", "ascii"):
         return "hex" if field.dtype == "bytes" else "text"
     if field.shape:
-        return "list" if is_open(field) else "vector"
+        return "list" if is_open(field) or field.bits or field.choices else "vector"
     if field.choices:
         return "choice"
     if field.bits:

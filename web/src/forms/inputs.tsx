@@ -4,7 +4,7 @@ import { Icon } from "../ui/icons";
 import { words as named } from "../ui/words";
 import { idOf, type Sheet } from "./sheet";
 import type { FieldForm } from "./types";
-import { at, big, bitsOf, type Path, read, type Reading, small, textProblem, typed, withBits } from "./values";
+import { at, big, bitsOf, isReserved, offered, type Path, read, type Reading, small, textProblem, typed, withBits } from "./values";
 
 export interface InputProps {
   readonly sheet: Sheet;
@@ -24,6 +24,11 @@ function useTyped(props: InputProps, shown: string, take: (text: string) => Read
   const [text, setText] = useState<string>();
   const [why, setWhy] = useState<string>();
   useEffect(() => () => sheet.wrong(path, undefined), []);
+  useEffect(() => {
+    setText(undefined);
+    setWhy(undefined);
+    sheet.wrong(path, undefined);
+  }, [sheet.epoch]);
   const onInput = (event: { currentTarget: HTMLInputElement | HTMLTextAreaElement }): void => {
     const now = event.currentTarget.value;
     const reading = take(now);
@@ -91,7 +96,7 @@ export function ChoiceInput({ sheet, field, path, label, describedBy }: InputPro
       >
         {value === undefined && <option value="">not read</option>}
         {!known && <option value={String(value)}>{String(value)} (not in the document)</option>}
-        {inOrder(field.choices).map(([number, words]) => (
+        {inOrder(offered(field.choices, value)).map(([number, words]) => (
           <option key={number} value={number}>
             {words}
           </option>
@@ -134,7 +139,7 @@ export function FlagsInput({ sheet, field, path, describedBy }: InputProps) {
   const off = locked(sheet, field);
   return (
     <div class="flags" role="group" aria-label={field.title} aria-describedby={describedBy}>
-      {field.bits.map((bits) => {
+      {field.bits.filter((bits) => !isReserved(bits) || bitsOf(word, bits) !== 0n).map((bits) => {
         const part = bitsOf(word, bits);
         const set = (to: bigint): void => sheet.set(path, small(withBits(word, bits, to)));
         const id = `${idOf(sheet, path)}-${bits.low}-${bits.width}`;
@@ -188,7 +193,7 @@ function BitGroup({ id, bits, part, off, set }: GroupProps) {
     <span class="select">
       <select id={id} value={String(part)} disabled={off} onChange={(event) => set(big(event.currentTarget.value))}>
         {!(String(part) in bits.choices) && <option value={String(part)}>{String(part)}</option>}
-        {inOrder(bits.choices).map(([number, text]) => (
+        {inOrder(offered(bits.choices, part)).map(([number, text]) => (
           <option key={number} value={number}>
             {text}
           </option>

@@ -2,8 +2,10 @@
 import { Icon } from "../ui/icons";
 import { Editor, Fields } from "./field";
 import type { InputProps } from "./inputs";
+import type { Sheet } from "./sheet";
+import { isSync, signedSheet, syncFields } from "./sync";
 import type { FieldForm } from "./types";
-import { at, initialElement, words } from "./values";
+import { at, initialElement, type Path, type Values, words } from "./values";
 
 /** Longer lists show their entries closed. */
 const OPEN_UP_TO = 4;
@@ -24,14 +26,14 @@ export function ListInput({ sheet, field, path }: InputProps) {
           <li key={place}>
             <details open={entries.length <= OPEN_UP_TO}>
               <summary>
-                <b>{place + 1}</b>
+                <b>{field.axes[place] ?? place + 1}</b>
                 <span class="dim ell">{summary(field, entry)}</span>
               </summary>
               {field.fields.length > 0 ? (
-                <Fields sheet={sheet} fields={field.fields} root={[...path, place]} />
+                <Entry sheet={sheet} fields={field.fields} root={[...path, place]} />
               ) : (
                 <div class="element">
-                  <Editor sheet={sheet} field={elementOf(field, place)} path={[...path, place]} label={`${field.title}, entry ${place + 1}`} />
+                  <Editor sheet={sheet} field={elementOf(field, place)} path={[...path, place]} label={`${field.title}, ${field.axes[place] ?? `entry ${place + 1}`}`} />
                 </div>
               )}
             </details>
@@ -59,6 +61,13 @@ export function ListInput({ sheet, field, path }: InputProps) {
       )}
     </div>
   );
+}
+
+/** One record of a list; of a sync setting what its function means. */
+function Entry({ sheet, fields, root }: { readonly sheet: Sheet; readonly fields: readonly FieldForm[]; readonly root: Path }) {
+  if (!isSync(fields)) return <Fields sheet={sheet} fields={fields} root={root} />;
+  const entry = at(sheet.values, root) as Values | undefined;
+  return <Fields sheet={signedSheet(sheet, root)} fields={syncFields(fields, entry)} root={root} />;
 }
 
 /** One element of a list of plain values, as a field of its own. */

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { field } from "./fixtures";
-import { at, big, bitsOf, initial, put, rangeWords, read, same, small, textProblem, typed, withBits, words } from "./values";
+import { field, setting } from "./fixtures";
+import { at, big, bitsOf, initial, offered, put, rangeWords, read, same, small, textProblem, typed, whereOf, withBits, words } from "./values";
 
 const angle = field({ name: "roll", editor: "number", unit: "°", scale: 180 / Math.PI, low: -Math.PI, high: Math.PI });
 const rate = field({ name: "rate", editor: "integer", unit: "Hz", low: 1, high: 2000, step: 1 });
@@ -87,3 +87,22 @@ describe("words", () => {
 function bit(name: string, low: number) {
   return { name, low, width: 1, choices: {}, severity: "" as const, normal_set: false, doc: "" };
 }
+
+describe("choices that are offered", () => {
+  const rates = { "10": "921 600 Bd", "128": "921 600 Bd", "2": "115 200 Bd", "255": "invalid", "7": "Reserved" };
+  it("have each meaning once, and none that is invalid", () => {
+    expect(Object.values(offered(rates, 2)).sort()).toEqual(["115 200 Bd", "921 600 Bd"]);
+  });
+  it("keep what the device has", () => {
+    expect(offered(rates, 128)).toEqual({ "128": "921 600 Bd", "2": "115 200 Bd" });
+    expect(offered(rates, 255)["255"]).toBe("invalid");
+  });
+});
+
+it("says where a value stands, for a person", () => {
+  const ports = setting({ name: "PortConfig", title: "Ports", fields: [field({ name: "words", title: "Ports", editor: "list" })] });
+  expect(whereOf(ports, "words.1")).toBe("Ports 2");
+  const place = setting({ title: "Position", fields: [field({ name: "lat", title: "Latitude" })] });
+  expect(whereOf(place, "lat")).toBe("Position, Latitude");
+  expect(whereOf(place, "nothing")).toBe("Position");
+});

@@ -119,6 +119,25 @@ function plainNumber(value: number): string {
   return text.includes("e") ? text : number(value, text.split(".")[1]?.length ?? 0);
 }
 
+/** A place in a setting for a person: "Position, Latitude"; of a list the place, counted from one. */
+export function whereOf(form: { readonly title: string; readonly fields: readonly FieldForm[] }, path: string): string {
+  const found = [form.title];
+  let [fields, rest] = [form.fields, path];
+  while (rest !== "") {
+    const place = /^(\d+)(?:\.|$)/.exec(rest);
+    if (place) {
+      found.push(`${found.pop() ?? ""} ${Number(place[1]) + 1}`);
+      rest = rest.slice(place[0].length);
+      continue;
+    }
+    const field = fields.filter(({ name }) => rest === name || rest.startsWith(`${name}.`)).sort((a, b) => b.name.length - a.name.length)[0];
+    if (field === undefined) break;
+    if (field.title !== form.title) found.push(field.title);
+    [fields, rest] = [field.fields, rest.slice(field.name.length + 1)];
+  }
+  return found.join(", ");
+}
+
 /** What a form starts with where neither the device nor the table says anything. */
 export function initial(field: FieldForm): unknown {
   if (field.default !== null && field.default !== undefined) return field.default;
@@ -174,6 +193,25 @@ function oneWord(field: FieldForm, value: unknown): string {
   if (field.bits.length > 0) return bitWords(field, value);
   if (typeof value === "number" || field.base === 16) return typed(field, value).replace("-", "\u2212");
   return value === "" ? "empty" : String(value);
+}
+
+/** What the document reserves is offered to nobody; where the device has it, it is shown. */
+export const isReserved = ({ name, doc }: { readonly name: string; readonly doc: string }): boolean => /^reserved/i.test(name) || /^reserved/i.test(doc);
+
+/** Choices to offer: each meaning once, none that is reserved or invalid, but what is chosen now always. */
+export function offered(choices: Readonly<Record<string, string>>, now: unknown): Readonly<Record<string, string>> {
+  const all = Object.entries(choices);
+  const isNow = (number: string): boolean => now !== undefined && number === String(now);
+  const held = all.find(([number]) => isNow(number))?.[1];
+  const seen = new Set<string>();
+  return Object.fromEntries(
+    all.filter(([number, words]) => {
+      if (isNow(number)) return true;
+      if (words === held || seen.has(words) || /^(invalid|reserved)/i.test(words)) return false;
+      seen.add(words);
+      return true;
+    }),
+  );
 }
 
 /** The set bits of a word by name. */
