@@ -67,7 +67,7 @@ class CorrectionDesk:
             return Corrections(source="")
         state = stream.state()
         await stream.close()
-        return replace(state, running=False, message="Stopped.", hint="")
+        return replace(state, running=False, forwarding=False, message="Stopped.", hint="")
 
     async def close(self) -> None:
         """End all."""

@@ -260,6 +260,7 @@ class Forwarding:
         self._recent: deque[tuple[float, int]] = deque()
         self._message, self._hint = f"Opening {self._told}.", ""
         self._running = True
+        self._is_forwarding = False
         self._splitter = Splitter()
         self._off = session.listen(self._hear)
         self._task = asyncio.get_running_loop().create_task(self._run(), name=f"corrections {session.info.id}")
@@ -275,6 +276,7 @@ class Forwarding:
         return Corrections(
             source=self._told,
             running=self._running,
+            forwarding=self._running and self._is_forwarding,
             message=self._message,
             hint=self._hint,
             age_s=None if at is None else max(now - at, 0.0),
@@ -300,11 +302,13 @@ class Forwarding:
             try:
                 await self._once()
             except CorrectionError as error:
+                self._is_forwarding = False
                 self._message, self._hint = error.message, error.hint
                 self._running = not error.over
                 (self._diary.ended if error.over else self._diary.stopped)(error.message)
             except Exception:  # the top of this task: a fault must not become silence
                 log.exception("corrections of %s failed", self._session.info.source)
+                self._is_forwarding = False
                 self._message, self._hint = "A fault in imuscope ended the stream.", "The log has details."
                 self._diary.stopped(self._message)
             finally:
@@ -319,6 +323,7 @@ class Forwarding:
         self._counts.rejected += self._splitter.rejected
         self._splitter = Splitter()
         await self._source.open(self._gga())
+        self._is_forwarding = False
         self._message, self._hint = f"Open, no message yet from {self._told}.", ""
         reporting = asyncio.get_running_loop().create_task(self._report())
         try:
@@ -349,6 +354,7 @@ class Forwarding:
         try:
             await self._session.send(frame)
         except LinkError as error:
+            self._is_forwarding = False
             self._message, self._hint = f"Not forwarded: {error.message}", error.hint
             self._counts.refused += 1
             self._diary.stopped(error.message)
@@ -358,6 +364,7 @@ class Forwarding:
         self._counts.forwarded_at = now
         self._recent.append((now, len(message)))
         self._diary.forwarded(name, frame, len(message))
+        self._is_forwarding = True
         self._message, self._hint = f"Forwarding from {self._told}.", ""
 
     # -- the device ----------------------------------------------------------------------------------------------------

@@ -35,9 +35,9 @@ RATE = """name => {
 ACCELERATION = 'tr[data-id="0x4020"]'
 
 
-def asked(server: ServerProcess, path: str) -> Any:
+def asked(server: ServerProcess, path: str, device: str = "1") -> Any:
     """What the server answers to a GET."""
-    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/1/{path}", timeout=PATIENCE_S) as answer:
+    with urllib.request.urlopen(f"{server.url.rstrip('/')}/api/devices/{device}/{path}", timeout=PATIENCE_S) as answer:
         return json.load(answer)
 
 
@@ -118,7 +118,7 @@ def test_a_write_that_the_device_does_not_take_is_told_field_by_field(serve: Ser
     until(page, "document.querySelector('.outcomes li') !== null")
     assert "Output configuration" in page.inner_text(".outcomes")
     picture(page, "rejected-1440")
-    page.get_by_role("button", name="Back to the changes").click()
+    page.get_by_role("button", name="Edit again").click()
     until(page, "document.querySelector('.applybar')?.innerText.includes('1 change')")
 
 
@@ -310,7 +310,7 @@ def test_who_may_only_look_sees_everything_and_touches_nothing(
     page = configured(server, open_page)
     until(page, "document.querySelector('.bb') !== null")
     page.goto(f"{server.url.rstrip('/')}/?token=only-looking#/configure/1")
-    until(page, "document.querySelector('.band')?.innerText.includes('Look, do not touch')")
+    until(page, "document.querySelector('.band')?.innerText.includes('View only')")
     until(page, "document.querySelectorAll('.hx').length > 5")  # bytes and load are for looking
     until(page, "document.querySelector('.bb') !== null")
     assert page.get_by_role("button", name="Read again").is_disabled()
@@ -346,3 +346,48 @@ def test_nothing_moves_while_the_device_measures(serve: Serve, open_page: OpenPa
     page.wait_for_timeout(3000)
     assert page.evaluate("window.shift") < 0.01
     assert page.evaluate("document.getAnimations().filter(a => a.playState === 'running').length") == 0
+
+
+def test_a_profile_goes_to_two_devices_each_with_its_own_differences(serve: Serve, open_page: OpenPage) -> None:
+    """It once wrote only what differed on the selected device, to any product, and told what came of that one only."""
+    server = serve("twin:xbus?seed=1", "twin:xbus?seed=2", "twin:xbus?product=MTi-680G&seed=3")
+    page = configured(server, open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    page.get_by_role("button", name="Apply", exact=True).click()
+    until(page, "/written and read back/.test(document.querySelector('.applybar')?.innerText)")
+    page.goto(f"{server.url.rstrip('/')}/#/configure/1/compare/~factory")
+    until(page, "document.querySelectorAll('.rollout tbody tr').length === 3")
+    for device in ("2", "3"):
+        page.locator(f'.rollout tr[data-device="{device}"]').get_by_role("button", name="Read").click()
+        until(page, f"document.querySelector('.rollout tr[data-device=\"{device}\"] button') === null")
+    page.get_by_role("navigation", name="Snapshots").get_by_role("link", name="First contact").click()
+    until(page, "document.querySelector('.rollout tr[data-device=\"3\"]')?.innerText.includes('“MTi-680G”')")
+    assert "Nothing" in page.inner_text('.rollout tr[data-device="2"]')
+    page.goto(f"{server.url.rstrip('/')}/#/configure/1/compare/device")
+    until(page, "document.querySelector('.rollout tr[data-device=\"2\"] summary') !== null")
+    page.locator('.rollout tr[data-device="2"] input').check()
+    page.get_by_role("button", name="Apply this profile").click()
+    until(page, "/settings? written and read back/.test(document.querySelector('.rollout')?.innerText)")
+    entries = asked(server, "values", "2")["values"]["OutputConfiguration"]["outputs"]
+    assert {"data_identifier": 0x4020, "output_frequency": 50} in entries
+
+
+def test_what_somebody_else_writes_is_told_and_edits_stay_edits(serve: Serve, open_page: OpenPage) -> None:
+    """One change became three, which undid the other person's without a word; Esc left the question open."""
+    server = serve("twin:xbus")
+    page, other = configured(server, open_page), configured(server, open_page)
+    page.locator(f"{ACCELERATION} select").first.select_option("50")
+    other.locator('tr[data-id="0x2010"] select').first.select_option("20")
+    other.get_by_role("button", name="Apply", exact=True).click()
+    until(other, "/written and read back/.test(document.querySelector('.applybar')?.innerText)")
+    until(page, "document.querySelector('.band')?.innerText.includes('Changed elsewhere')")
+    assert "Quaternion: 100 Hz → 20 Hz" in page.inner_text(".band")
+    assert "1 change" in page.inner_text(".applybar")
+    page.goto(f"{server.url.rstrip('/')}/#/configure/1/RestoreFactoryDef")
+    page.get_by_role("button", name="Send", exact=True).click()
+    until(page, "document.querySelector('dialog[open]') !== null")
+    page.keyboard.press("g")
+    page.keyboard.press("l")
+    page.keyboard.press("Escape")
+    until(page, "document.querySelector('dialog') === null")
+    assert "#/configure" in page.url

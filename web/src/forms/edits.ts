@@ -17,37 +17,78 @@ export interface Change {
   readonly after: unknown;
 }
 
-/** Every value in which two states of a setting differ. A list that became longer or shorter is one change. */
+/** Of a list that is a set: what makes two entries the same thing, whatever their order. */
+export type KeyOf = (entry: Values) => number;
+
+/** The list of a setting that is a set (outputs by quantity, streams by data set), and the key of its entries. */
+export function keyedList(form: SettingForm): { readonly list: FieldForm; readonly key: KeyOf } | undefined {
+  const list = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
+  if (list === undefined) return undefined;
+  return { list, key: form.editor === "outputs" ? (entry) => Number(entry.data_identifier) & 0xfff0 : (entry) => Number(entry.did) & 0xffff };
+}
+
+const entriesOf = (list: unknown): readonly Values[] => (Array.isArray(list) ? (list as Values[]) : []);
+
+/**
+ * Every value in which two states of fields differ, each at its own path: of a list or a vector the places that differ, not the whole. What is
+ * gone has the place that it had, beyond the end of what is there.
+ */
 export function changes(fields: readonly FieldForm[], before: Values | undefined, after: Values | undefined, root: Path = []): readonly Change[] {
   if (after === undefined) return [];
   return fields.flatMap((field) => {
     const [was, is] = [before?.[field.name], after[field.name]];
     if (field.read_only || is === undefined || same(was, is)) return [];
     const path = [...root, field.name];
-    const whole: readonly Change[] = [{ path, field, before: was, after: is }];
-    if (field.fields.length === 0) return whole;
-    if (!Array.isArray(is)) return changes(field.fields, was as Values | undefined, is as Values, path);
-    if (!Array.isArray(was) || was.length !== is.length) return whole;
-    return is.flatMap((one: Values, place) => changes(field.fields, was[place] as Values, one, [...path, place]));
+    if (!Array.isArray(is)) {
+      return field.fields.length > 0 ? changes(field.fields, was as Values | undefined, is as Values, path) : [{ path, field, before: was, after: is }];
+    }
+    if (!Array.isArray(was)) return [{ path, field, before: was, after: is }];
+    return places(field, was, is, path);
   });
 }
 
-/** How many changes a setting has for a person: rows of the lists that have an editor of their own, else single values. */
-export function countOf(form: SettingForm, before: Values | undefined, after: Values | undefined): number {
-  if (after === undefined || same(before, after)) return 0;
-  const key = form.editor === "outputs" ? "data_identifier" : form.editor === "streams" ? "did" : "";
-  const list = form.fields.find(({ editor }) => editor === "list");
-  if (!key || !list) return changes(form.fields, before, after).length;
-  const rest = form.fields.filter((field) => field !== list);
-  return rowsChanged(before?.[list.name], after[list.name], key) + changes(rest, before, after).length;
+function places(field: FieldForm, was: readonly unknown[], is: readonly unknown[], path: Path): readonly Change[] {
+  return Array.from({ length: Math.max(was.length, is.length) }, (_, place) => place).flatMap((place) => {
+    const [one, other] = [was[place], is[place]];
+    if (same(one, other)) return [];
+    const here = [...path, place];
+    if (field.fields.length > 0 && one !== undefined && other !== undefined) return changes(field.fields, one as Values, other as Values, here);
+    return [{ path: here, field, before: one, after: other }];
+  });
 }
 
-function rowsChanged(before: unknown, after: unknown, key: string): number {
-  const rows = (list: unknown): Map<number, Values> =>
-    new Map((Array.isArray(list) ? (list as Values[]) : []).map((one) => [Number(one[key]) & (key === "data_identifier" ? 0xfff0 : 0xffff), one]));
-  const [was, is] = [rows(before), rows(after)];
-  const changed = [...is].filter(([id, one]) => !same(was.get(id), one)).length;
-  return changed + [...was.keys()].filter((id) => !is.has(id)).length;
+/** Every value in which two states of a setting differ; a list that is a set is compared entry by entry, whatever the order. */
+export function changesOf(form: SettingForm, before: Values | undefined, after: Values | undefined): readonly Change[] {
+  const keyed = keyedList(form);
+  if (keyed === undefined || after === undefined || before === undefined) return changes(form.fields, before, after);
+  const { list, key } = keyed;
+  const rest = form.fields.filter((field) => field !== list);
+  return [...keyedChanges(list, key, entriesOf(before[list.name]), entriesOf(after[list.name])), ...changes(rest, before, after)];
+}
+
+function keyedChanges(list: FieldForm, key: KeyOf, before: readonly Values[], after: readonly Values[]): readonly Change[] {
+  const was = new Map(before.map((entry) => [key(entry), entry]));
+  const kept = new Set(after.map(key));
+  const found = after.flatMap((entry, place): readonly Change[] => {
+    const old = was.get(key(entry));
+    const path = [list.name, place];
+    return old === undefined ? [{ path, field: list, before: undefined, after: entry }] : changes(list.fields, old, entry, path);
+  });
+  const gone = before.filter((entry) => !kept.has(key(entry)));
+  return [...found, ...gone.map((entry, k) => ({ path: [list.name, after.length + k], field: list, before: entry, after: undefined }))];
+}
+
+/** Is there nothing to write between two states of a setting? What the device only tells does not count, nor the order of a set. */
+export function sameSetting(form: SettingForm, before: Values | undefined, after: Values | undefined): boolean {
+  return before !== undefined && after !== undefined && changesOf(form, before, after).length === 0;
+}
+
+/** How many changes a setting has for a person: entries of a set, else single values. */
+export function countOf(form: SettingForm, before: Values | undefined, after: Values | undefined): number {
+  const found = changesOf(form, before, after);
+  const keyed = keyedList(form);
+  const inSet = found.filter(({ path }) => path[0] === keyed?.list.name);
+  return found.length - inSet.length + new Set(inSet.map(({ path }) => path[1])).size;
 }
 
 /** What is sent to make the device what the drafts say: single fields where a setting allows it, else whole settings. */
@@ -55,9 +96,10 @@ export function toApply(forms: Forms, present: Present, drafts: Drafts): Apply["
   const found: Record<string, Values> = {};
   for (const form of forms.settings) {
     const draft = drafts[form.name];
-    if (!form.writable || draft === undefined || same(present[form.name], draft)) continue;
+    if (!form.writable || draft === undefined || sameSetting(form, present[form.name], draft)) continue;
     const own = form.fields.filter((field) => !field.read_only && draft[field.name] !== undefined);
-    const sent = form.partial ? own.filter(({ name }) => !same(present[form.name]?.[name], draft[name])) : own;
+    const differing = new Set(changesOf(form, present[form.name], draft).map(({ path }) => path[0]));
+    const sent = form.partial ? own.filter(({ name }) => differing.has(name)) : own;
     if (sent.length > 0) found[form.name] = Object.fromEntries(sent.map(({ name }) => [name, draft[name]]));
   }
   return found;

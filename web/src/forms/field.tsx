@@ -12,7 +12,7 @@ export function shownFields(fields: readonly FieldForm[], sheet: Sheet, root: Pa
   if (sheet.all || fields.every(({ simple }) => !simple)) return fields;
   return fields.filter((field) => {
     const path = [...root, field.name];
-    return field.simple || wasAt(sheet.before, sheet.values, path) !== undefined || problemAt(sheet, path) !== undefined;
+    return field.simple || (root.length === 0 && field.name === sheet.sought) || wasAt(sheet.before, sheet.values, path) !== undefined || problemAt(sheet, path) !== undefined;
   });
 }
 
@@ -53,7 +53,7 @@ export function Field({ sheet, field, path }: InputProps) {
     >
       <div class="fname">
         {SINGLE.has(field.editor) ? <label for={id}>{title}</label> : <span>{title}</span>}
-        {field.read_only && <span class="tag">told by the device</span>}
+        {field.read_only && <span class="tag">read-only</span>}
         {field.doc !== "" && (
           <p class="fdoc" id={`${id}-doc`}>
             {field.doc}

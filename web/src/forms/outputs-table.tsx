@@ -22,7 +22,7 @@ export function OutputsTable({ sheet, field, choices, load, hot }: Props) {
   const path = [field.name];
   const entries = (at(sheet.values, path) ?? []) as readonly Entry[];
   const before = sheet.before === undefined ? undefined : ((at(sheet.before, path) ?? []) as readonly Entry[]);
-  const rows = outputRows(choices, entries, before).filter((row) => sheet.all || row.choice?.simple !== false || row.place >= 0 || row.was !== "");
+  const rows = outputRows(choices, entries, before).filter((row) => sheet.all || row.choice?.simple !== false || idWords(baseOf(row.id)).toLowerCase() === sheet.sought || row.place >= 0 || row.was !== "");
   const full = field.most > 0 && entries.length >= field.most;
   const set = (next: readonly Entry[]): void => sheet.set(path, next);
   return (

@@ -30,3 +30,24 @@ it("wants every word", () => {
 it("takes names apart", () => {
   expect(names("port config")).toContain("PortConfig");
 });
+
+it("finds quantities by identifier, and what people call otherwise", () => {
+  const outputs = [{ data_identifier: 0x2010, title: "Quaternion", group: "", rates: [], formats: [], frames: [], size: 16, unit: "", simple: true, doc: "" }];
+  const more = indexOf(
+    forms({
+      outputs,
+      settings: [
+        setting({ name: "OutputConfiguration", title: "Output configuration", editor: "outputs" }),
+        setting({ name: "DID_FLASH_CONFIG", title: "Flash configuration", fields: [field({ name: "gps1AntOffset", title: "GNSS 1 antenna offset", simple: false })] }),
+      ],
+    }),
+  );
+  expect(search(more, "0x2010")[0]).toMatchObject({ name: "OutputConfiguration", field: "Quaternion", at: "0x2010" });
+  expect(search(more, "lever arm")[0]).toMatchObject({ name: "DID_FLASH_CONFIG", at: "gps1AntOffset" });
+});
+
+it("says where in the form a field is, also one inside another", () => {
+  const nested = field({ name: "wheelConfig", title: "Wheel", editor: "record", fields: [field({ name: "radius", title: "Radius" })] });
+  const more = indexOf(forms({ settings: [setting({ name: "S", fields: [nested] })] }));
+  expect(search(more, "radius")[0]).toMatchObject({ field: "Radius", at: "wheelConfig" });
+});

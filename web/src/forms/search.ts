@@ -1,17 +1,19 @@
 /** Which settings and commands does a person mean by a few letters? Pure; names before titles before what is written about them. */
-import type { FieldForm, Forms } from "./types";
+import type { FieldForm, Forms, SettingForm } from "./types";
 
 export interface Found {
   readonly kind: "setting" | "command";
   readonly name: string;
   readonly title: string;
   readonly group: string;
-  /** What matched, where that was a field: "ser0BaudRate". */
+  /** What matched, where that was a field or an entry of a table: "ser0BaudRate", "Quaternion". */
   readonly field: string;
+  /** Where it is in the form: the name of a field, the number of a data set or quantity; "" for the form itself. */
+  readonly at: string;
 }
 
 interface Entry extends Found {
-  readonly texts: readonly (readonly [weight: number, text: string, field: string])[];
+  readonly texts: readonly (readonly [weight: number, text: string, field: string, at: string])[];
 }
 
 export type Index = readonly Entry[];
@@ -21,19 +23,53 @@ const MOST_FOUND = 60;
 /** Everything that can be searched, once for the forms of a device. */
 export function indexOf(forms: Forms): Index {
   const entry = (kind: Found["kind"], row: { name: string; title: string; group: string; doc: string }, fields: readonly FieldForm[]): Entry => ({
-    kind, name: row.name, title: row.title, group: row.group, field: "",
-    texts: [[8, fold(row.title), ""], [7, fold(row.name), ""], [3, fold(row.group), ""], [2, fold(row.doc), ""], ...fields.flatMap(fieldTexts)],
+    kind, name: row.name, title: row.title, group: row.group, field: "", at: "",
+    texts: [[8, fold(row.title), "", ""], [7, fold(row.name), "", ""], [3, fold(row.group), "", ""], [2, fold(row.doc), "", ""], ...fields.flatMap((field) => fieldTexts(field))],
   });
+  const tables = (row: SettingForm): Entry["texts"] => (row.editor === "outputs" ? outputTexts(forms) : row.editor === "streams" ? streamTexts(forms) : []);
   return [
-    ...forms.settings.map((row) => entry("setting", row, row.fields)),
+    ...forms.settings.map((row) => {
+      const own = entry("setting", row, row.fields);
+      return { ...own, texts: [...own.texts, ...tables(row)] };
+    }),
     ...forms.commands.map((row) => entry("command", row, row.arguments)),
   ];
 }
 
-function fieldTexts(field: FieldForm): Entry["texts"] {
+/** What the table of outputs has, by name and by identifier: "Quaternion", "0x2010". */
+function outputTexts({ outputs }: Forms): Entry["texts"] {
+  return outputs.flatMap(({ data_identifier, title, doc }) => {
+    const id = `0x${data_identifier.toString(16).padStart(4, "0")}`;
+    return [[5, fold(`${title} ${id}`), title, id], [2, fold(doc), title, id]] as const;
+  });
+}
+
+function streamTexts({ streams }: Forms): Entry["texts"] {
+  return streams.flatMap(({ did, name, title, doc }) => [[5, fold(`${title} ${name} ${did} 0x${did.toString(16).padStart(4, "0")}`), title, String(did)], [2, fold(doc), title, String(did)]] as const);
+}
+
+/** A field lies where its outermost field stands: that is what a form can scroll to. */
+function fieldTexts(field: FieldForm, at = field.name): Entry["texts"] {
   const words = [...Object.values(field.choices), ...field.bits.flatMap(({ name, doc, choices }) => [name, doc, ...Object.values(choices)])].join(" ");
-  const own: Entry["texts"] = [[5, fold(`${field.title} ${field.name}`), field.title], [2, fold(field.doc), field.title], [2, fold(words), field.title]];
-  return [...own, ...field.fields.flatMap(fieldTexts)];
+  const own: Entry["texts"] = [[5, fold(`${field.title} ${field.name}`), field.title, at], [2, fold(field.doc), field.title, at], [2, fold(words), field.title, at]];
+  return [...own, ...field.fields.flatMap((inner) => fieldTexts(inner, at))];
+}
+
+/** Words that people use for a thing, and the words that the documents have for it; each finds the other. */
+const MEANT: readonly (readonly [said: string, written: readonly string[]])[] = [
+  ["lever arm", ["lever arm", "gnss lever", "antenna offset", "ant offset", "antenna, place", "antenna", "insoffset", "output point"]],
+  ["mounting", ["alignment", "insrotation", "sensor rotation", "mounting"]],
+  ["sampling rate", ["output configuration", "nav dt", "imu dt", "period"]],
+  ["bias", ["bias", "no-rotation", "no rotation"]],
+  ["serial port", ["port", "ser0", "ser1", "ser2", "uart"]],
+  ["compass", ["magnet", "heading"]],
+];
+
+/** The texts that would do for a query: itself, or what the documents call it. */
+export function meanings(query: string): readonly string[] {
+  const wanted = fold(query).trim();
+  const found = MEANT.filter(([said]) => wanted.includes(said)).flatMap(([, written]) => written);
+  return [query, ...found];
 }
 
 /** Letters as they are typed: no case, no accents, names by their words. */
@@ -42,29 +78,49 @@ function fold(text: string): string {
   return `${text} ${spread}`.normalize("NFKD").replace(/\p{M}/gu, "").replace(/(\d)[\s\u2009](?=\d{3}\b)/gu, "$1").toLowerCase();
 }
 
-/** The best first. Every word must be there; a setting is worth more than the command that writes it. */
+/** The best first. Every word must be there, or what the documents say for it; a setting is worth more than the command that writes it. */
 export function search(index: Index, query: string): readonly Found[] {
-  const wanted = fold(query).split(/\s+/).filter(Boolean);
-  const words = [...new Set(query.trim() === "" ? [] : wanted)];
+  const [own = "", ...others] = meanings(query);
+  const found = new Map<string, readonly [Found, number]>();
+  [own, ...others].forEach((one, place) => {
+    for (const [entry, score] of scored(index, one)) {
+      const key = `${entry.kind} ${entry.name}`;
+      const weighed = score - (place > 0 ? OTHER_WORDS : 0);
+      if ((found.get(key)?.[1] ?? -Infinity) < weighed) found.set(key, [entry, weighed]);
+    }
+  });
+  return [...found.values()].sort((a, b) => b[1] - a[1]).slice(0, MOST_FOUND).map(([one]) => one);
+}
+
+/** What is found by other words than those typed stands behind. */
+const OTHER_WORDS = 4;
+
+function scored(index: Index, query: string): readonly (readonly [Found, number])[] {
+  const words = [...new Set(query.trim() === "" ? [] : typedWords(query))];
   if (words.length === 0) return [];
-  const scored = index.flatMap((entry) => {
+  return index.flatMap((entry) => {
     const hits = words.map((word) => best(entry, word));
     if (hits.some((hit) => hit === undefined)) return [];
     const score = hits.reduce((sum, hit) => sum + (hit?.score ?? 0), 0) + (entry.kind === "setting" ? 4 : 0);
     const { kind, name, title, group } = entry;
-    return [{ found: { kind, name, title, group, field: hits.find((hit) => hit?.field)?.field ?? "" }, score }];
+    const inside = hits.find((hit) => hit?.field);
+    return [[{ kind, name, title, group, field: inside?.field ?? "", at: inside?.at ?? "" }, score] as const];
   });
-  return scored.sort((a, b) => b.score - a.score).slice(0, MOST_FOUND).map(({ found }) => found);
 }
 
-function best({ texts }: Entry, word: string): { readonly score: number; readonly field: string } | undefined {
-  let found: { score: number; field: string } | undefined;
-  for (const [weight, text, field] of texts) {
+/** An identifier is one word: "0x2010" is not taken apart. */
+function typedWords(query: string): readonly string[] {
+  return query.split(/\s+/).filter(Boolean).flatMap((word) => (/^0x[0-9a-f]+$/i.test(word) ? [word.toLowerCase()] : fold(word).trim().split(/\s+/)));
+}
+
+function best({ texts }: Entry, word: string): { readonly score: number; readonly field: string; readonly at: string } | undefined {
+  let found: { score: number; field: string; at: string } | undefined;
+  for (const [weight, text, field, at] of texts) {
     const place = text.indexOf(word);
     if (place < 0) continue;
     const begins = place === 0 || text[place - 1] === " ";
     const score = weight + (begins ? 3 : 0);
-    if (found === undefined || score > found.score) found = { score, field };
+    if (found === undefined || score > found.score) found = { score, field, at };
   }
   return found;
 }

@@ -17,6 +17,10 @@ export interface Sheet {
   readonly wrong: (path: Path, why: string | undefined) => void;
   /** The row under the pointer or the focus; "" when it leaves. */
   readonly hover: (path: string) => void;
+  /** What a search or a link asked for, shown also where it is not simple: the name of a field, the number of a table's row; "" for nothing. */
+  readonly sought: string;
+  /** Another number: edits were discarded, and what was typed is forgotten with them. */
+  readonly epoch: number;
 }
 
 /** What the server says of a path, or of anything inside it. */

@@ -19,7 +19,7 @@ export function StreamsTable({ sheet, field, choices, load, hot }: Props) {
   const path = [field.name];
   const entries = (at(sheet.values, path) ?? []) as readonly StreamEntry[];
   const before = sheet.before === undefined ? undefined : ((at(sheet.before, path) ?? []) as readonly StreamEntry[]);
-  const rows = streamRows(choices, entries, before).filter((row) => sheet.all || row.choice?.simple !== false || row.place >= 0 || row.was !== "");
+  const rows = streamRows(choices, entries, before).filter((row) => sheet.all || row.choice?.simple !== false || String(row.did) === sheet.sought || row.place >= 0 || row.was !== "");
   const blank = initialElement(field) as StreamEntry;
   const set = (row: StreamRow, period: number | undefined): void => sheet.set(path, streamed(entries, row, period, blank));
   return (

@@ -11,7 +11,7 @@ import { go, PAGES, type PageName, route } from "./route";
 export function startKeyboard(app: App): () => void {
   const onKey = (event: KeyboardEvent): void => {
     // A dialog has its own keys, and closes on Esc by itself.
-    if (event.defaultPrevented || overlay.value !== undefined) return;
+    if (event.defaultPrevented || overlay.value !== undefined || document.querySelector("dialog[open]") !== null) return;
     const target = event.target instanceof HTMLElement ? event.target : document.body;
     const type = target instanceof HTMLInputElement ? target.type : "";
     if (belongsToControl(target.tagName, type, target.isContentEditable, event)) return;

@@ -1,5 +1,5 @@
 /** The bar at the foot: what will be written, why it cannot be, how it goes, what came of it. */
-import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { count } from "../../ui/format";
 import type { Job } from "../../wire/types";
 import { Icon } from "../../ui/icons";
@@ -8,14 +8,10 @@ import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { question, unfinishedOf } from "./view";
 
-const reason = signal("");
-/** The job that was made of the last Apply, by device, until it is dismissed. */
-export const applied = signal<Readonly<Record<string, number>>>({});
-
 export function ApplyBar({ model }: { readonly model: Model }) {
   const changes = model.changes.value;
   const names = Object.keys(changes);
-  const last = applied.value[model.id];
+  const last = model.applied.value;
   const job = last === undefined ? undefined : jobOf(model, last);
   const running = model.control.value?.running;
   // What the device did not take is read first; the changes are still there behind it.
@@ -51,13 +47,13 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
       </div>
       <label class="field reason">
         <span class="vh">Reason, kept with the snapshot</span>
-        <input type="text" placeholder="Reason, if you like" value={reason.value} onInput={(event) => (reason.value = event.currentTarget.value)} />
+        <input type="text" placeholder="Reason, if you like" value={model.reason.value} onInput={(event) => (model.reason.value = event.currentTarget.value)} />
       </label>
       <button type="button" class="btn icon" aria-label="Undo the last edit" title="Undo (Ctrl Z)" onClick={() => model.undo()}>
         <Icon name="undo" />
       </button>
       <button type="button" class="btn edge" onClick={() => model.discard()}>
-        Take all back
+        Discard all
       </button>
       <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => apply(model, names)}>
         Apply
@@ -68,18 +64,23 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
 
 function Progress({ model, id }: { readonly model: Model; readonly id: number }) {
   const job = jobOf(model, id);
+  const bar = useRef<HTMLDivElement>(null);
+  // "Apply" is gone with the bar it stood on: the focus stays where it was, for who works by keyboard.
+  useEffect(() => {
+    if (document.activeElement === document.body || document.activeElement === null) bar.current?.focus();
+  }, [id]);
   const dismiss = (): void => {
-    const { [model.id]: _, ...others } = applied.value;
-    applied.value = others;
+    model.applied.value = undefined;
+    document.getElementById("form")?.focus();
   };
   return (
-    <div class="applybar" role="region" aria-label="What was written">
+    <div class="applybar" role="region" aria-label="What was written" tabIndex={-1} ref={bar}>
       <div class="grow">
         <JobLine model={model} id={id} />
       </div>
       {job && isOver(job) && (
         <button type="button" class="btn edge" onClick={dismiss}>
-          {tookAll(job) ? "Good" : "Back to the changes"}
+          {tookAll(job) ? "OK" : "Edit again"}
         </button>
       )}
     </div>
@@ -91,12 +92,13 @@ const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.leng
 /** Writes what was changed; what could harm is asked once more. */
 function apply(model: Model, names: readonly string[]): void {
   if (viewOnly.value) return;
-  const body = { changes: model.changes.value, reason: reason.value, confirmed: true, devices: [] };
+  const body = { changes: model.changes.value, reason: model.reason.value, confirmed: true, devices: [], product: "", base: model.basesOf(names) };
   const act = async (): Promise<void> => {
     const job = await model.run(server.apply(model.id, body));
     if (job === undefined) return;
-    applied.value = { ...applied.value, [model.id]: job.id };
-    reason.value = "";
+    model.applied.value = job.id;
+    model.reason.value = "";
+    model.elsewhere.value = [];
   };
   const risky = names.flatMap((name) => {
     const form = model.setting(name);

@@ -1,20 +1,16 @@
 /** One command as a form: what it does, its arguments, its bytes, Send, and what came of it. */
 import { useEffect } from "preact/hooks";
-import { signal } from "@preact/signals";
 import { BytesView } from "../../forms/bytes-view";
 import { Fields } from "../../forms/field";
 import type { Sheet } from "../../forms/sheet";
 import type { CommandForm } from "../../forms/types";
 import type { Path } from "../../forms/values";
 import { Icon } from "../../ui/icons";
-import { hot, type Model, viewOnly } from "./model";
+import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { Words } from "./setting";
 import { JobLine } from "./jobs";
-import { all, question, unfinishedOf } from "./view";
-
-/** The job that a command of this page became, by device and command. */
-const sent = signal<Readonly<Record<string, number>>>({});
+import { all, here, question, unfinishedOf } from "./view";
 
 export function Command({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
   const key = `!${form.name}`;
@@ -33,11 +29,13 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     all: all.value,
     set: (path: Path, value: unknown) => model.fill(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
-    hover: (path: string) => (hot.value = path),
+    hover: (path: string) => (model.hot.value = path),
+    sought: here.value.place === form.name ? (here.value.more ?? "") : "",
+    epoch: 0,
   };
   const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
-  const blocked = viewOnly.value ? "This page may look, not send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : "";
-  const job = sent.value[`${model.id} ${form.name}`];
+  const blocked = viewOnly.value ? "View only: open this page with a control token to send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : "";
+  const job = model.sent.value[form.name];
   const loose = problems.filter(({ path }) => !form.arguments.some(({ name }) => path === name || path.startsWith(`${name}.`)));
   return (
     <section class="setting" aria-label={form.title} data-command={form.name}>
@@ -56,7 +54,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
         <span class="dim">{blocked || (form.reply ? `Answered by ${form.reply}.` : "Nothing answers it.")}</span>
       </div>
       {job !== undefined && <JobLine model={model} id={job} />}
-      {preview && <BytesView frames={preview.frames} changed={() => false} hot={hot.value} hover={(path) => (hot.value = path)} />}
+      {preview && <BytesView frames={preview.frames} changed={() => false} hot={model.hot.value} hover={(path) => (model.hot.value = path)} />}
     </section>
   );
 }
@@ -78,5 +76,5 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const outcome = await server.run(model.id, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));
-  if (job) sent.value = { ...sent.value, [`${model.id} ${form.name}`]: job.id };
+  if (job) model.sent.value = { ...model.sent.value, [form.name]: job.id };
 }

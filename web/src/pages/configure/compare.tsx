@@ -1,43 +1,34 @@
-/** Two states side by side: device, snapshot, file, another device, factory; and writing one to the other. */
-import { type Signal, signal } from "@preact/signals";
+/** Two states side by side: device, snapshot, file, another device, factory; and writing one to devices. */
+import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
-import type { Difference, SideRef, SnapshotInfo } from "../../forms/types";
+import type { Difference } from "../../forms/types";
 import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import type { DeviceInfo } from "../../wire/types";
-import { applied } from "./apply";
-import { type Model, viewOnly } from "./model";
+import type { Model } from "./model";
+import { Rollout } from "./rollout";
 import { server } from "./server";
+import { refOf, type Side, titleOf } from "./sides";
 import { SnapshotActs } from "./snapshot";
-import { goTo, here, question } from "./view";
-
-/** A side as the menus name it: "device", "~factory", "~file", "~other:<id>", or a snapshot's name. */
-const left = signal("device");
-const file = signal<{ readonly name: string; readonly text: string } | undefined>(undefined);
-const difference = signal<Difference | undefined>(undefined);
-const why = signal("");
-const targets = signal<ReadonlySet<string>>(new Set());
-
-function refOf(side: string): SideRef {
-  const blank = { snapshot: "", device: "", text: "" };
-  if (side === "device" || side === "~factory") return { ...blank, side: side === "device" ? "device" : "factory" };
-  if (side === "~file") return { ...blank, side: "text", text: file.value?.text ?? "" };
-  if (side.startsWith("~other:")) return { ...blank, side: "other", device: side.slice("~other:".length) };
-  return { ...blank, side: "snapshot", snapshot: side };
-}
+import { goTo, here } from "./view";
 
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
+  const difference = useSignal<Difference | undefined>(undefined);
+  const why = useSignal("");
+  const left = model.left.value;
   const right = here.value.more ?? model.snapshots.value[0]?.name ?? "~factory";
+  const file = model.file.value;
   const taken = model.body.value?.info.taken;
   useEffect(() => {
     let stale = false;
     difference.value = undefined;
     why.value = "";
-    if (right === "~file" && !file.value) why.value = "Choose a file: a snapshot as it was downloaded here or elsewhere.";
-    else if ((left.value === "device" || right === "device") && !model.isRead.value) why.value = "The device was not read yet.";
+    if (right === "~file" && !file) why.value = "Choose a file: a snapshot as it was downloaded here or elsewhere.";
+    else if ((left === "device" || right === "device") && !model.isRead.value) why.value = "The device was not read yet.";
     else {
-      void server.compare(model.id, { left: refOf(left.value), right: refOf(right) }).then((answer) => {
+      const sides = { left: refOf(left, file?.text ?? ""), right: refOf(right, file?.text ?? "") };
+      void server.compare(model.id, sides).then((answer) => {
         if (stale) return;
         if (answer.ok) difference.value = answer.value;
         else why.value = `${answer.problem.message} ${answer.problem.hint}`;
@@ -46,29 +37,54 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
     return () => {
       stale = true;
     };
-  }, [model, left.value, right, taken, file.value]);
+  }, [model, left, right, taken, file]);
   const others = store.devices.value.filter(({ id, protocol }) => id !== model.id && protocol === model.device.value?.protocol);
   return (
     <section class="setting compare" aria-label="Compare">
       <div class="sides">
-        <SidePicker label="Left" model={model} others={others} side={left.value} choose={(side) => (left.value = side)} />
+        <SidePicker label="Left" model={model} others={others} side={left} choose={(side) => (model.left.value = side)} />
         <button type="button" class="btn icon" aria-label="Swap the sides" onClick={() => swap(model, right)}>
           <Icon name="left" />
         </button>
         <SidePicker label="Right" model={model} others={others} side={right} choose={(side) => goTo(model, "compare", side)} />
-        <FilePicker model={model} />
+        <FilePicker model={model} refuse={(words) => (why.value = words)} />
       </div>
       {model.snapshots.value.some(({ name }) => name === right) && <SnapshotActs model={model} name={right} />}
-      {why.value && <p class="hint inset">{why.value}</p>}
+      {why.value && <p class="hint inset" role="status">{why.value}</p>}
+      {difference.value && <Problems found={difference.value} />}
       {difference.value && <Table found={difference.value} />}
-      {difference.value && left.value === "device" && <Adopt model={model} found={difference.value} others={others} />}
+      {difference.value && <Rollout key={`${model.id} ${right} ${file?.name ?? ""}`} model={model} store={store} others={others} side={right} title={titleHere(model, right) ?? difference.value.right} />}
     </section>
   );
 }
 
+const titleHere = (model: Model, side: Side): string | undefined => {
+  const snapshot = model.snapshots.value.find(({ name }) => name === side);
+  return snapshot && titleOf(snapshot);
+};
+
+/** What is wrong with the right side: misspelt, out of range. Told before anything is written. */
+function Problems({ found }: { readonly found: Difference }) {
+  if (found.problems.length === 0) return null;
+  return (
+    <div class="inset problem" role="alert">
+      <b>
+        {found.right}: {count(found.problems.length, "value")} cannot be written
+      </b>
+      <ul>
+        {found.problems.map(({ path, message, hint }) => (
+          <li key={path}>
+            <span class="mono">{path}</span>: {message} {hint}
+          </li>
+        ))}
+      </ul>
+    </div>
+  );
+}
+
 function swap(model: Model, right: string): void {
-  const was = left.value;
-  left.value = right;
+  const was = model.left.value;
+  model.left.value = right;
   goTo(model, "compare", was);
 }
 
@@ -76,12 +92,13 @@ interface PickerProps {
   readonly label: string;
   readonly model: Model;
   readonly others: readonly DeviceInfo[];
-  readonly side: string;
-  readonly choose: (side: string) => void;
+  readonly side: Side;
+  readonly choose: (side: Side) => void;
 }
 
 function SidePicker({ label, model, others, side, choose }: PickerProps) {
-  const stamp = (snapshot: SnapshotInfo): string => new Date(snapshot.taken * 1000).toISOString().slice(0, 16).replace("T", " ");
+  const stamp = (taken: number): string => new Date(taken * 1000).toISOString().slice(0, 19).replace("T", " ");
+  const file = model.file.value;
   return (
     <label class="select">
       <span class="vh">{label} side</span>
@@ -90,7 +107,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
         <option value="~factory">Factory default</option>
         {model.snapshots.value.map((snapshot) => (
           <option key={snapshot.name} value={snapshot.name}>
-            {snapshot.title} · {stamp(snapshot)}
+            {titleOf(snapshot)} · {stamp(snapshot.taken)}
           </option>
         ))}
         {others.map((device) => (
@@ -98,7 +115,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
             {device.name} {device.serial_number}
           </option>
         ))}
-        <option value="~file">{file.value ? `File ${file.value.name}` : "A file …"}</option>
+        <option value="~file">{file ? `File ${file.name}` : "A file …"}</option>
       </select>
       <Icon name="down" />
     </label>
@@ -107,14 +124,14 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
 
 const MOST_FILE = 1 << 20;
 
-function FilePicker({ model }: { readonly model: Model }) {
+function FilePicker({ model, refuse }: { readonly model: Model; readonly refuse: (words: string) => void }) {
   const take = async (chosen: File | undefined): Promise<void> => {
     if (!chosen) return;
     if (chosen.size > MOST_FILE) {
-      why.value = "This file is too large for a snapshot.";
+      refuse("This file is too large for a snapshot: choose one that was downloaded here.");
       return;
     }
-    file.value = { name: chosen.name, text: await chosen.text() };
+    model.file.value = { name: chosen.name, text: await chosen.text() };
     goTo(model, "compare", "~file");
   };
   return (
@@ -146,7 +163,7 @@ function Table({ found }: { readonly found: Difference }) {
               {found.rows.map((row) => (
                 <tr key={`${row.setting} ${row.path}`}>
                   <th scope="row">
-                    {row.title} {!row.writable && <span class="tag">told by the device</span>}
+                    {row.title} {!row.writable && <span class="tag">read-only</span>}
                     <small class="dim mono">{row.setting}</small>
                   </th>
                   <td data-side={found.left}>{row.left || <span class="dim">not there</span>}</td>
@@ -172,67 +189,5 @@ function Table({ found }: { readonly found: Difference }) {
         </details>
       )}
     </>
-  );
-}
-
-interface AdoptProps {
-  readonly model: Model;
-  readonly found: Difference;
-  readonly others: readonly DeviceInfo[];
-}
-
-/** Write the right side to the device, and to others of its kind. */
-function Adopt({ model, found, others }: AdoptProps) {
-  const settings = Object.keys(found.changes);
-  if (settings.length === 0) return null;
-  const cautions = settings.flatMap((name) => model.setting(name) ?? []).filter(({ caution }) => caution !== "");
-  const act = async (): Promise<void> => {
-    const devices = others.map(({ id }) => id).filter((id) => targets.value.has(id));
-    const job = await model.run(server.apply(model.id, { changes: found.changes, reason: `Profile “${found.right}”`, confirmed: true, devices }));
-    if (job) applied.value = { ...applied.value, [model.id]: job.id };
-  };
-  const ask = (): void => {
-    if (cautions.length === 0) return void act();
-    question.value = {
-      title: `Write “${found.right}”?`,
-      words: [...new Set(cautions.map(({ consequence, title }) => consequence || title))],
-      caution: cautions[0]?.caution ?? "",
-      go: "Write it",
-      act: () => void act(),
-    };
-  };
-  return (
-    <div class="adopt">
-      <Others others={others} />
-      <button type="button" class="btn main" disabled={viewOnly.value} onClick={ask}>
-        Apply this profile
-      </button>
-      <span class="dim">
-        Writes {count(settings.length, "setting")} of “{found.right}”, reads them back and tells what came out otherwise.
-      </span>
-    </div>
-  );
-}
-
-const toggled = (set: Signal<ReadonlySet<string>>, id: string): void => {
-  const next = new Set(set.value);
-  if (!next.delete(id)) next.add(id);
-  set.value = next;
-};
-
-function Others({ others }: { readonly others: readonly DeviceInfo[] }) {
-  if (others.length === 0) return null;
-  return (
-    <fieldset>
-      <legend>Also to</legend>
-      {others.map((device) => (
-        <label key={device.id} class="flag">
-          <input type="checkbox" class="check" checked={targets.value.has(device.id)} onChange={() => toggled(targets, device.id)} />
-          <span>
-            {device.name} <span class="mono dim">{device.serial_number}</span>
-          </span>
-        </label>
-      ))}
-    </fieldset>
   );
 }

@@ -1,5 +1,5 @@
 /** The right side: every frame to and from the device, what it says and how long it took; what waits; bytes by hand. */
-import { signal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/bytes";
 import { clock, number } from "../../ui/format";
@@ -11,19 +11,20 @@ import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { question } from "./view";
 
-const filtering = signal(false);
-const filter = signal("");
-const ways = signal<"all" | "tx" | "rx">("all");
-const byHand = signal(false);
-const hex = signal("");
-/** The entry that is open, by its number. */
-const opened = signal<number | undefined>(undefined);
-
 /** The newest entries on screen; older ones are loaded by hand. */
 const SHOWN = 400;
 const BYTES_SHOWN = 14;
 
+/** What is looked for in the log. */
+interface Wanted {
+  readonly text: Signal<string>;
+  readonly way: Signal<"all" | "tx" | "rx">;
+}
+
 export function Exchange({ model }: { readonly model: Model | undefined }) {
+  const filtering = useSignal(false);
+  const byHand = useSignal(false);
+  const wanted: Wanted = { text: useSignal(""), way: useSignal("all") };
   return (
     <aside class={`side ${sheet.value === "side" ? "open" : ""}`} id="side" aria-label="Exchange">
       <div class="head">
@@ -37,25 +38,25 @@ export function Exchange({ model }: { readonly model: Model | undefined }) {
           Send hex
         </button>
       </div>
-      {filtering.value && <Filter />}
+      {filtering.value && <Filter wanted={wanted} />}
       {byHand.value && model && <ByHand model={model} />}
-      {model && <Log model={model} />}
+      {model && <Log model={model} wanted={wanted} />}
       {model && <Queue model={model} />}
     </aside>
   );
 }
 
-function Filter() {
+function Filter({ wanted: { text, way: ways } }: { readonly wanted: Wanted }) {
   return (
     <div class="exfilter">
       <label class="field">
         <span class="vh">Show only entries with</span>
-        <input type="search" placeholder="Name, bytes or words" value={filter.value} onInput={(event) => (filter.value = event.currentTarget.value)} />
+        <input type="search" placeholder="Name, bytes or words" value={text.value} onInput={(event) => (text.value = event.currentTarget.value)} />
       </label>
       <span class="seg small" role="group" aria-label="Direction">
         {(["all", "tx", "rx"] as const).map((way) => (
           <button type="button" key={way} aria-pressed={ways.value === way} onClick={() => (ways.value = way)}>
-            {{ all: "Both", tx: "Sent", rx: "Heard" }[way]}
+            {{ all: "Both", tx: "Sent", rx: "Received" }[way]}
           </button>
         ))}
       </span>
@@ -70,7 +71,8 @@ export function matches(entry: ExchangeEntry, text: string): boolean {
   return entry.name.toLowerCase().includes(wanted) || entry.text.toLowerCase().includes(wanted) || (/^[0-9a-f\s]+$/.test(wanted) && entry.hex.includes(wanted.replace(/\s/g, "")));
 }
 
-function Log({ model }: { readonly model: Model }) {
+function Log({ model, wanted: { text: filter, way: ways } }: { readonly model: Model; readonly wanted: Wanted }) {
+  const opened = useSignal<number | undefined>(undefined);
   const box = useRef<HTMLDivElement>(null);
   const follows = useRef(true);
   const place = useRef(0);
@@ -96,7 +98,7 @@ function Log({ model }: { readonly model: Model }) {
       {entries.length === 0 && <p class="dim exnone">{model.exchange.value.length > 0 ? "No entry has these letters." : "Nothing was sent to this device yet."}</p>}
       <ol class="log">
         {entries.map((entry) => (
-          <Entry key={entry.seq} entry={entry} model={model} open={opened.value === entry.seq} />
+          <Entry key={entry.seq} entry={entry} model={model} opened={opened} />
         ))}
       </ol>
     </div>
@@ -106,10 +108,12 @@ function Log({ model }: { readonly model: Model }) {
 interface EntryProps {
   readonly entry: ExchangeEntry;
   readonly model: Model;
-  readonly open: boolean;
+  /** The entry that is open, by its number. */
+  readonly opened: Signal<number | undefined>;
 }
 
-function Entry({ entry, model, open }: EntryProps) {
+function Entry({ entry, model, opened }: EntryProps) {
+  const open = opened.value === entry.seq;
   if (entry.way === "note") return <li class={`ex day ${entry.level === "info" ? "" : "alt"}`}>{entry.text}</li>;
   const sent = entry.way === "tx";
   const toggle = (): void => {
@@ -117,11 +121,11 @@ function Entry({ entry, model, open }: EntryProps) {
   };
   return (
     <li class={`ex ${sent ? "out" : "in"} ${entry.level === "info" ? "" : "alt"}`}>
-      <time>{clock(entry.time, 3).slice(3)}</time>
+      <time>{clock(entry.time, 3)}</time>
       <Icon name={sent ? "right" : "left"} />
       <div>
         <button type="button" class="exname" aria-expanded={open} onClick={toggle}>
-          <span class="vh">{sent ? "sent " : "heard "}</span>
+          <span class="vh">{sent ? "sent " : "received "}</span>
           <b>{entry.name || "bytes"}</b>
         </button>
         {entry.ms !== null && (
@@ -155,6 +159,7 @@ function sendBytes(model: Model, bytes: string, name: string): void {
 
 /** Raw hex, behind a deliberate switch. */
 function ByHand({ model }: { readonly model: Model }) {
+  const hex = useSignal("");
   const plain = hex.value.replace(/\s/g, "").toLowerCase();
   const why = plain === "" ? "" : !/^[0-9a-f]*$/.test(plain) ? "Only hex digits: 0 to 9, A to F." : plain.length % 2 ? "Two hex digits for each byte." : "";
   return (

@@ -1,16 +1,7 @@
 /** "Make it fit": the server lowers rates until the line can carry them; what it lowered is told, and can be undone like any edit. */
-import { signal } from "@preact/signals";
 import type { SettingForm } from "../../forms/types";
 import type { Model } from "./model";
 import { server } from "./server";
-
-export interface Fitting {
-  readonly device: string;
-  readonly setting: string;
-  readonly words: readonly string[];
-}
-
-export const fitting = signal<Fitting | undefined>(undefined);
 
 export async function makeItFit(model: Model, form: SettingForm): Promise<void> {
   const answer = await model.run(server.fit(model.id, form.name, model.valuesOf(form), model.baud.value ?? null));
@@ -19,5 +10,5 @@ export async function makeItFit(model: Model, form: SettingForm): Promise<void> 
     const value = answer.values[field.name];
     if (value !== undefined && !field.read_only) model.edit(form, [field.name], value);
   }
-  fitting.value = { device: model.id, setting: form.name, words: answer.words };
+  model.fitting.value = { setting: form.name, words: answer.words, draft: model.drafts.peek()[form.name] };
 }

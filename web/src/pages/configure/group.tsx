@@ -1,4 +1,4 @@
-/** A group: its settings one below the other, then what the device can be asked and told. */
+/** A group: its settings one below the other, then its commands. */
 import type { CommandForm } from "../../forms/types";
 import type { Model } from "./model";
 import { Setting } from "./setting";
@@ -35,7 +35,7 @@ export function Group({ model, name }: { readonly model: Model; readonly name: s
   );
 }
 
-const KINDS: Readonly<Record<CommandForm["kind"], string>> = { ask: "asks", set: "sets", do: "does" };
+const KINDS: Readonly<Record<CommandForm["kind"], string>> = { ask: "Read", set: "Write", do: "Action" };
 
 function Row({ model, form }: { readonly model: Model; readonly form: CommandForm }) {
   return (

@@ -1,12 +1,13 @@
 /** Jobs: what is being done to the device, what waits, what came of it. */
-import type { FieldOutcome, Job } from "../../wire/types";
+import type { ControlState, FieldOutcome, Job } from "../../wire/types";
 import { words } from "../../ui/words";
 import type { Model } from "./model";
 import { server } from "./server";
 
 /** A job of that number, wherever it is by now. */
-export function jobOf(model: Model, id: number): Job | undefined {
-  const control = model.control.value;
+export const jobOf = (model: Model, id: number): Job | undefined => jobIn(model.control.value, id);
+
+export function jobIn(control: ControlState | undefined, id: number): Job | undefined {
   if (control === undefined) return undefined;
   const running = control.running ? [control.running] : [];
   return [...running, ...control.queue, ...control.done].find((job) => job.id === id);
@@ -22,7 +23,7 @@ export function JobLine({ model, id }: { readonly model: Model; readonly id: num
     <div class={`jobline ${job.state}`} role="status">
       <p>
         <span class={`dot ${job.state === "failed" ? "bad" : isOver(job) ? "live" : "off"}`} />
-        <b>{job.title}</b> <span class="mid">{said(job)}</span>
+        <b>{job.title}</b> <span class="mid">{stateWords(job)}</span>
         {!isOver(job) && <StopJob model={model} job={job} />}
       </p>
       {job.hint !== "" && <p class="dim">{job.hint}</p>}
@@ -32,7 +33,8 @@ export function JobLine({ model, id }: { readonly model: Model; readonly id: num
   );
 }
 
-function said(job: Job): string {
+/** How a job goes, in words. */
+export function stateWords(job: Job): string {
   if (job.state === "waiting") return "waits for its turn";
   if (job.state === "running") return job.step || "under way";
   return job.message || (job.state === "stopped" ? "Stopped." : "Done.");

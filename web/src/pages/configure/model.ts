@@ -6,15 +6,17 @@
  *                    │                  └─ preview, 150 ms after the last key ──▶ bytes, problems, load
  *     control, exchange come by themselves over the WebSocket
  *
- * A draft is dropped when the device has it. Models outlive a change of page: what was typed stays.
+ * A draft is dropped when the device has it, and put on top of what somebody else wrote meanwhile (forms/rebase.ts). Models outlive a
+ * change of page: what was typed stays. All that belongs to one device is here; a module keeps no state of a device.
  */
 import { computed, effect, type ReadonlySignal, type Signal, signal } from "@preact/signals";
 import type { Store } from "../../data/store";
 import { capacityAt, overWords, ratesOf } from "../../forms/budget";
-import { countOf, current, type Drafts, type Present, toApply } from "../../forms/edits";
+import { countOf, current, type Drafts, type Present, sameSetting, toApply } from "../../forms/edits";
+import { type Elsewhere, rebase } from "../../forms/rebase";
 import { indexOf } from "../../forms/search";
 import type { CommandForm, Forms, LoadInfo, PreviewAnswer, SettingForm, SnapshotBody, SnapshotInfo } from "../../forms/types";
-import { initials, joined, type Path, put, same, type Values } from "../../forms/values";
+import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
 import { isRefusal, type Outcome, type Problem } from "../../ui/api";
 import type { ControlState, DeviceInfo, ExchangeEntry } from "../../wire/types";
 import { server } from "./server";
@@ -25,10 +27,13 @@ const OLDER_BY = 200;
 
 /** This token may look, not change: the server says so, or refuses a request for it. */
 export const viewOnly = signal(false);
-/** The row that the pointer is on: a path of the setting that is shown. Row, bytes and share light together. */
-export const hot = signal("");
-
 const NONE: Drafts = {};
+
+export interface Fitting {
+  readonly setting: string;
+  readonly words: readonly string[];
+  readonly draft: Values | undefined;
+}
 
 export class Model {
   readonly forms: Signal<Forms | undefined> = signal(undefined);
@@ -45,6 +50,25 @@ export class Model {
   readonly problem: Signal<Problem | undefined> = signal(undefined);
   readonly older: Signal<readonly ExchangeEntry[]> = signal([]);
   readonly noOlder: Signal<boolean> = signal(false);
+  /** Edits that were discarded or undone so often, by setting: what was typed into their fields is forgotten then. */
+  readonly epochs: Signal<Readonly<Record<string, number>>> = signal({});
+  /** What somebody else changed in settings that are being edited here. */
+  readonly elsewhere: Signal<readonly Elsewhere[]> = signal([]);
+  /** The row that the pointer is on: a path of the setting that is shown. Row, bytes and share light together. */
+  readonly hot: Signal<string> = signal("");
+  /** Why a person writes what they write; kept with the snapshot. */
+  readonly reason: Signal<string> = signal("");
+  /** The job that was made of the last Apply, until it is dismissed. */
+  readonly applied: Signal<number | undefined> = signal(undefined);
+  /** The jobs that commands became, by name. */
+  readonly sent: Signal<Readonly<Record<string, number>>> = signal({});
+  /** The job that restores communication. */
+  readonly restoring: Signal<number | undefined> = signal(undefined);
+  /** What "Make it fit" lowered, and the draft that it made. */
+  readonly fitting: Signal<Fitting | undefined> = signal(undefined);
+  /** The left side of the page Compare, and the file that was opened there. */
+  readonly left: Signal<string> = signal("device");
+  readonly file: Signal<{ readonly name: string; readonly text: string } | undefined> = signal(undefined);
   /** The job that reads all settings, where a person asked for it. */
   readonly lastRead: Signal<number | undefined> = signal(undefined);
 
@@ -69,6 +93,8 @@ export class Model {
   #timers = new Map<string, ReturnType<typeof setTimeout>>();
   #asked = new Map<string, number>();
   #undo: Drafts[] = [];
+  /** What the device had when a draft was begun, or rebased last. */
+  #bases: Drafts = {};
 
   constructor(
     readonly id: string,
@@ -109,11 +135,38 @@ export class Model {
     const [body, snapshots] = await Promise.all([server.values(this.id), server.snapshots(this.id)]);
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
+    this.#follow(body.value.values);
     this.body.value = body.value;
-    const left = Object.entries(this.drafts.peek()).filter(([name, draft]) => !same(body.value.values[name], draft));
-    this.drafts.value = Object.fromEntries(left);
     this.previews.value = {};
     for (const key of this.#asked.keys()) this.preview(key);
+  }
+
+  /** Puts drafts on top of what the device has by now, and says what somebody else changed in them. */
+  #follow(now: Present): void {
+    const finished = this.control.peek()?.done[0]?.id;
+    const isOurs = finished !== undefined && finished === this.applied.peek(); // what came out otherwise than asked is told with the job
+    const told: Elsewhere[] = [];
+    const rebased = (drafts: Drafts, tell: boolean): Drafts =>
+      Object.fromEntries(
+        Object.entries(drafts).flatMap(([name, draft]) => {
+          const [form, base, theirs] = [this.setting(name), this.#bases[name], now[name]];
+          if (form === undefined || theirs === undefined) return [[name, draft]];
+          if (base === undefined || sameSetting(form, base, theirs)) return sameSetting(form, theirs, draft) ? [] : [[name, draft]];
+          const found = rebase(form, base, draft, theirs);
+          if (tell && !isOurs) told.push(...found.elsewhere);
+          return sameSetting(form, theirs, found.draft) ? [] : [[name, found.draft]];
+        }),
+      );
+    this.#undo = this.#undo.map((before) => rebased(before, false));
+    const drafts = rebased(this.drafts.peek(), true);
+    this.drafts.value = drafts;
+    this.#bases = Object.fromEntries(Object.keys({ ...this.#bases, ...drafts }).flatMap((name) => (now[name] ? [[name, now[name]]] : [])));
+    if (told.length > 0) this.elsewhere.value = [...this.elsewhere.peek().filter((one) => !told.some(({ setting }) => setting === one.setting)), ...told];
+  }
+
+  /** What the device had when these settings were edited: the server writes nothing over somebody else's change. */
+  basesOf(names: readonly string[]): Drafts {
+    return Object.fromEntries(names.flatMap((name) => (this.#bases[name] ? [[name, this.#bases[name]]] : [])));
   }
 
   async loadOlder(before = this.exchange.peek()[0]?.seq): Promise<void> {
@@ -160,8 +213,10 @@ export class Model {
   edit(form: SettingForm, path: Path, value: unknown): void {
     this.#remember();
     const draft = put(this.valuesOf(form), path, value);
-    const { [form.name]: _, ...others } = this.drafts.peek();
-    this.drafts.value = same(this.present.peek()[form.name], draft) ? others : { ...others, [form.name]: draft };
+    const { [form.name]: begun, ...others } = this.drafts.peek();
+    const before = this.present.peek()[form.name];
+    if (begun === undefined && before !== undefined) this.#bases = { ...this.#bases, [form.name]: before };
+    this.drafts.value = sameSetting(form, before, draft) ? others : { ...others, [form.name]: draft };
     this.preview(form.name);
   }
 
@@ -176,6 +231,8 @@ export class Model {
     const left = Object.entries(this.drafts.peek()).filter(([key]) => name !== undefined && key !== name);
     this.drafts.value = Object.fromEntries(left);
     this.wrong.value = new Map([...this.wrong.peek()].filter(([key]) => name !== undefined && !key.startsWith(`${name}/`)));
+    this.elsewhere.value = this.elsewhere.peek().filter(({ setting }) => name !== undefined && setting !== name);
+    this.#forget(name);
     for (const key of this.#asked.keys()) this.preview(key);
   }
 
@@ -183,7 +240,15 @@ export class Model {
     const before = this.#undo.pop();
     if (before === undefined) return;
     this.drafts.value = before;
+    this.#forget(undefined);
     for (const key of this.#asked.keys()) this.preview(key);
+  }
+
+  /** What was typed and is no value goes with the edits; of one setting, or all. */
+  #forget(name: string | undefined): void {
+    const names = name === undefined ? (this.forms.peek()?.settings.map((form) => form.name) ?? []) : [name];
+    const epochs = this.epochs.peek();
+    this.epochs.value = { ...epochs, ...Object.fromEntries(names.map((one) => [one, (epochs[one] ?? 0) + 1])) };
   }
 
   #remember(): void {
@@ -259,15 +324,16 @@ export class Model {
   /** Why nothing can be written now; "" when it can. */
   readonly blocked = computed(() => {
     const names = Object.keys(this.changes.value);
-    if (viewOnly.value) return "This page may look, not change: open it with a control token.";
-    const title = (name: string): string => this.setting(name)?.title ?? name;
+    if (viewOnly.value) return "View only: open this page with a control token to change something.";
     for (const [key, why] of this.wrong.value) {
-      const [owner = ""] = key.split("/");
-      if (owner in this.drafts.value || this.setting(owner)) return `${title(owner)}: ${why}`;
+      const [owner = "", path = ""] = key.split("/");
+      const form = this.setting(owner);
+      if (form) return `${whereOf(form, path)}: ${why}`;
     }
     for (const name of names) {
       const [problem] = this.previews.value[name]?.problems ?? [];
-      if (problem) return `${title(name)}: ${problem.message}`;
+      const form = this.setting(name);
+      if (problem && form) return `${whereOf(form, problem.path)}: ${problem.message}`;
     }
     for (const name of names) {
       const load = this.loadOf(name);

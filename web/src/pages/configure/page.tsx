@@ -17,8 +17,9 @@ import { Group } from "./group";
 import { type Model, modelOf, viewOnly } from "./model";
 import { ConfigureRail } from "./rail";
 import { Discard, Setting } from "./setting";
-import { KeepButton, SnapshotDialogs } from "./snapshot";
-import { LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./states";
+import { KeepButton } from "./snapshot";
+import { Restore } from "./restore";
+import { ElsewhereBand, LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./states";
 import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view";
 import "./styles";
 
@@ -49,9 +50,8 @@ export default function ConfigurePage({ app }: { readonly app: App }) {
         <ProblemBand />
         {model ? <Centre model={model} app={app} /> : app.state.value === "starting" ? <Starting /> : <Empty />}
       </main>
-      <Exchange model={model} />
+      <Exchange key={model?.id} model={model} />
       {question.value && <Ask asked={question.value} />}
-      {model && <SnapshotDialogs model={model} />}
     </div>
   );
 }
@@ -74,6 +74,7 @@ function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
       <ViewOnlyBand />
       <LostBand model={model} />
       <UnfinishedBand model={model} />
+      <ElsewhereBand model={model} />
       <ProblemLine model={model} />
       {forms.note && model.isRead.value && <p class="hint inset">{forms.note}</p>}
       <div class="places" key={`${model.id} ${place.kind} ${place.name}`}>
@@ -84,14 +85,41 @@ function Centre({ model, app }: { readonly model: Model; readonly app: App }) {
   );
 }
 
+/** What a search or a link names inside a form is brought into sight, and marked for a moment. */
+function useSought(model: Model, place: Place): void {
+  const sought = route.value.more;
+  const isForm = place.kind === "setting" || place.kind === "command";
+  useEffect(() => {
+    if (!isForm || sought === undefined) return;
+    const key = CSS.escape(sought);
+    const hex = CSS.escape(sought.replace(/[a-f]/g, (digit) => digit.toUpperCase()));
+    const row = document.querySelector(`.places [data-field="${key}"], .places tr[data-id="${key}"], .places tr[data-id="${hex}"]`);
+    if (!(row instanceof HTMLElement)) return;
+    row.scrollIntoView({ block: "center" });
+    row.classList.add("sought");
+    const timer = setTimeout(() => row.classList.remove("sought"), 2500);
+    return () => clearTimeout(timer);
+  }, [place.name, sought, isForm, model.isRead.value, all.value]);
+}
+
 function Shown({ model, app, place }: { readonly model: Model; readonly app: App; readonly place: Place }) {
   const command = model.command(place.name);
   const setting = model.setting(place.name);
+  useSought(model, place);
   switch (place.kind) {
     case "compare":
       return <Compare model={model} store={app.store} />;
     case "corrections":
       return <Corrections model={model} />;
+    case "restore":
+      return (
+        <section class="setting" aria-label="Restore communication">
+          <div class="setwords">
+            <p>For a device that answers at no rate any more, whatever the cause. Its port stays open meanwhile; nothing is sent before you begin.</p>
+          </div>
+          <Restore model={model} />
+        </section>
+      );
     case "command":
       return command ? <Command model={model} form={command} /> : null;
     case "nothing":
@@ -116,7 +144,7 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
   const visible = place.kind === "group" ? visibleSettings(model, place.name) : [];
   const form = model.setting(place.name) ?? (visible.length === 1 ? visible[0] : undefined);
   const command = model.command(place.name);
-  const title = { compare: "Compare", corrections: "Corrections", group: place.name, nothing: "Not there", setting: form?.title, command: command?.title }[place.kind] ?? "";
+  const title = { compare: "Compare", corrections: "Corrections", restore: "Restore communication", group: place.name, nothing: "Not there", setting: form?.title, command: command?.title }[place.kind] ?? "";
   const group = (form ?? command)?.group;
   const isForm = place.kind === "setting" || place.kind === "command" || place.kind === "group";
   useEffect(() => {

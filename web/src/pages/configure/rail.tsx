@@ -9,9 +9,10 @@ import { markOf } from "../../ui/state";
 import { type App, select, sheet } from "../app";
 import { go } from "../route";
 import type { Model } from "./model";
+import { listed, titleOf } from "./sides";
 import { here, linkTo, placeOf, query } from "./view";
 
-/** Snapshots that the rail lists; the page Compare has all. */
+/** Snapshots of writes that the rail lists, beside those with a name; the page Compare has all. */
 const LISTED = 5;
 
 export function ConfigureRail({ app, model }: { readonly app: App; readonly model: Model | undefined }) {
@@ -83,7 +84,7 @@ function SearchField({ model }: { readonly model: Model }) {
   const onKey = (event: KeyboardEvent): void => {
     const [first] = search(model.index.value, query.value);
     if (event.key === "Enter" && first) {
-      location.hash = linkTo(model, first.name);
+      location.hash = linkTo(model, first.name, first.at || undefined);
       sheet.value = undefined;
     }
     if (event.key !== "Escape") return;
@@ -120,8 +121,8 @@ function Results({ model }: { readonly model: Model }) {
   if (found.length === 0) return <p class="railpad dim">Nothing is called that.</p>;
   return (
     <nav class="cats found" aria-label="Found">
-      {found.map(({ kind, name, title, group, field }) => (
-        <a key={`${kind} ${name}`} href={linkTo(model, name)} onClick={close} {...(here.value.place === name ? { "aria-current": "true" as const } : {})}>
+      {found.map(({ kind, name, title, group, field, at }) => (
+        <a key={`${kind} ${name}`} href={linkTo(model, name, at || undefined)} onClick={close} {...(here.value.place === name ? { "aria-current": "true" as const } : {})}>
           <span class="ell">
             {title}
             <small class="dim ell">{field ? `${field} · ${name}` : `${group} · ${name}`}</small>
@@ -164,6 +165,11 @@ function Groups({ model }: { readonly model: Model }) {
           <span class="c">RTCM</span>
         </a>
       )}
+      {forms.settings.length > 0 && (
+        <a href={linkTo(model, "restore")} onClick={close} {...(place.kind === "restore" ? { "aria-current": "true" as const } : {})}>
+          <span class="ell">Restore communication</span>
+        </a>
+      )}
     </nav>
   );
 }
@@ -175,16 +181,16 @@ function GoBack({ model }: { readonly model: Model }) {
   return (
     <>
       <div class="head goback">
-        <h3>Go back to</h3>
+        <h3>Snapshots</h3>
         <span class="grow" />
         <a class="btn" href={linkTo(model, "compare")} onClick={close}>
           Compare
         </a>
       </div>
       <nav class="cats" aria-label="Snapshots">
-        {model.snapshots.value.slice(0, LISTED).map((snapshot) => (
-          <a key={snapshot.name} href={linkTo(model, "compare", snapshot.name)} onClick={close} title={snapshot.reason} {...current(snapshot.name)}>
-            <span class="ell">{snapshot.title}</span>
+        {listed(model.snapshots.value, LISTED).map((snapshot) => (
+          <a key={snapshot.name} href={linkTo(model, "compare", snapshot.name)} onClick={close} title={[titleOf(snapshot), snapshot.reason].join("\n")} {...current(snapshot.name)}>
+            <span class="ell">{titleOf(snapshot)}</span>
             <span class="c">{when(snapshot)}</span>
           </a>
         ))}
@@ -198,8 +204,8 @@ function GoBack({ model }: { readonly model: Model }) {
 
 const DAY = 86_400;
 
-/** "14:31" today, "18 Nov" before. UTC, as every time on the page. */
+/** "14:31:05" today, "18 Nov" before. UTC, as every time on the page. */
 export function when({ taken }: Pick<SnapshotInfo, "taken">): string {
-  if (Date.now() / 1000 - taken < DAY) return clock(taken).slice(0, 5);
+  if (Date.now() / 1000 - taken < DAY) return clock(taken).slice(0, 8);
   return new Date(taken * 1000).toLocaleDateString("en-GB", { day: "numeric", month: "short", timeZone: "UTC" });
 }

@@ -1,18 +1,17 @@
 /** The guided procedure for a device that answers at no rate: a person switches its power while the server calls it. */
-import { signal } from "@preact/signals";
 import { isOver, JobLine, jobOf } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 
-const begun = signal<Readonly<Record<string, number>>>({});
-
 export function Restore({ model }: { readonly model: Model }) {
-  const id = begun.value[model.id];
+  const id = model.restoring.value;
   const job = id === undefined ? undefined : jobOf(model, id);
   const at = job === undefined ? 0 : isOver(job) ? (job.state === "done" ? 3 : 0) : 1;
   const start = async (): Promise<void> => {
     const made = await model.run(server.restore(model.id));
-    if (made) begun.value = { ...begun.value, [model.id]: made.id };
+    if (made === undefined) return;
+    model.restoring.value = made.id;
+    model.applied.value = undefined; // what failed before is over with it
   };
   const step = (k: number) => (at === k ? { "aria-current": "step" as const } : {});
   return (

@@ -2,7 +2,7 @@
 import { useEffect } from "preact/hooks";
 import { BudgetBar } from "../../forms/budget-bar";
 import { BytesView } from "../../forms/bytes-view";
-import { changes, touches } from "../../forms/edits";
+import { changesOf, touches } from "../../forms/edits";
 import { Fields } from "../../forms/field";
 import { OutputsTable } from "../../forms/outputs-table";
 import type { Sheet } from "../../forms/sheet";
@@ -11,9 +11,9 @@ import { StreamsTable } from "../../forms/streams-table";
 import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, Values } from "../../forms/values";
 import { Icon } from "../../ui/icons";
-import { fitting, makeItFit } from "./fit";
-import { hot, type Model, viewOnly } from "./model";
-import { all, CAUTIONS } from "./view";
+import { makeItFit } from "./fit";
+import { type Model, viewOnly } from "./model";
+import { all, CAUTIONS, here } from "./view";
 
 interface Props {
   readonly model: Model;
@@ -24,8 +24,8 @@ interface Props {
 
 const EFFECT: Readonly<Record<SettingForm["after"], string>> = {
   "": "",
-  measurement: "In effect when the device measures again.",
-  reset: "In effect after a restart, which follows by itself.",
+  measurement: "Takes effect when the device measures again.",
+  reset: "Takes effect after a restart, done automatically.",
 };
 
 export function Setting({ model, form, alone }: Props) {
@@ -52,7 +52,7 @@ export function Setting({ model, form, alone }: Props) {
         </div>
       )}
       <Words form={form} source={!alone} />
-      {lacking !== undefined && <p class="hint inset">This device did not tell it: {lacking}.</p>}
+      {lacking !== undefined && <p class="hint inset">Not read from this device: {lacking}.</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
     </section>
@@ -63,7 +63,7 @@ export function Discard({ model, form, edits }: { readonly model: Model; readonl
   return edits > 0 ? (
     <button type="button" class="btn small" onClick={() => model.discard(form.name)}>
       <Icon name="undo" />
-      Take {edits === 1 ? "the change" : `${edits} changes`} back
+      Discard {edits === 1 ? "the change" : `${edits} changes`}
     </button>
   ) : null;
 }
@@ -97,7 +97,9 @@ export function sheetOf(model: Model, form: SettingForm): Sheet {
     all: all.value,
     set: (path: Path, value: unknown) => model.edit(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
-    hover: (path: string) => (hot.value = path),
+    hover: (path: string) => (model.hot.value = path),
+    sought: here.value.place === form.name ? (here.value.more ?? "") : "",
+    epoch: model.epochs.value[form.name] ?? 0,
   };
 }
 
@@ -109,7 +111,7 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
   const presentStreams = (model.present.value[form.name]?.[list.name] ?? []) as readonly StreamEntry[];
-  const table = { sheet, field: list, load, hot: hot.value };
+  const table = { sheet, field: list, load, hot: model.hot.value };
   return (
     <>
       {form.editor === "outputs" ? <OutputsTable {...table} choices={forms.outputs} /> : <StreamsTable {...table} choices={told(forms.streams, presentStreams, model.loadOf(`=${form.name}`)?.parts ?? [], list.name)} />}
@@ -122,17 +124,17 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
 function Consequences({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
   const preview = model.previews.value[form.name];
   const before: Values | undefined = model.present.value[form.name];
-  const found = changes(form.fields, before, model.valuesOf(form));
+  const found = changesOf(form, before, model.valuesOf(form));
   const changed = (path: string): boolean => path !== "" && before !== undefined && touches(found, path.split(".").map((part) => (/^\d+$/.test(part) ? Number(part) : part)));
   const load: LoadInfo | null = model.loadOf(form.name) ?? (form.editor ? model.loadOf(`=${form.name}`) : null);
   const loose = (preview?.problems ?? []).filter(({ path }) => !form.fields.some(({ name }) => path === name || path.startsWith(`${name}.`)));
   const hover = (path: string): void => {
-    hot.value = path;
+    model.hot.value = path;
   };
   return (
     <>
       {(form.editor || (preview?.line && preview.load)) && load && (
-        <BudgetBar load={load} before={model.loadOf(`=${form.name}`)} baud={model.baud.value} rates={model.rates.value} changed={changed} hot={hot.value} hover={hover}>
+        <BudgetBar load={load} before={model.loadOf(`=${form.name}`)} baud={model.baud.value} rates={model.rates.value} changed={changed} hot={model.hot.value} hover={hover}>
           {form.editor && (
             <button type="button" class="btn edge small" disabled={viewOnly.value || model.capacity(load) === null} onClick={() => void makeItFit(model, form)}>
               <Icon name="wand" />
@@ -152,15 +154,15 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
           <b>{message}</b> {hint}
         </p>
       ))}
-      {preview && <BytesView frames={preview.frames} changed={changed} hot={hot.value} hover={hover} />}
+      {preview && <BytesView frames={preview.frames} changed={changed} hot={model.hot.value} hover={hover} />}
     </>
   );
 }
 
 /** What "Make it fit" did, in words, until the next edit. */
 function FitWords({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
-  const fit = fitting.value;
-  if (fit === undefined || fit.device !== model.id || fit.setting !== form.name) return null;
+  const fit = model.fitting.value;
+  if (fit === undefined || fit.setting !== form.name || fit.draft !== model.drafts.value[form.name]) return null;
   return (
     <div class="fitwords hint inset" role="status">
       <b>{fit.words.length === 0 ? "It fits as it is." : "Lowered to fit:"}</b>

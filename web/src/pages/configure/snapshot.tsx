@@ -1,20 +1,18 @@
 /** What can be done with a snapshot: look at its text, take it away as a file, keep it under a name, delete it. */
-import { signal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { goTo, question } from "./view";
 
-const text = signal<{ readonly name: string; readonly text: string } | undefined>(undefined);
-const naming = signal<string | undefined>(undefined);
-
 export function SnapshotActs({ model, name }: { readonly model: Model; readonly name: string }) {
   const info = model.snapshots.value.find((snapshot) => snapshot.name === name);
+  const text = useSignal<string | undefined>(undefined);
   if (!info) return null;
   const look = async (): Promise<void> => {
     const found = await model.run(server.snapshotText(model.id, name));
-    if (found !== undefined) text.value = { name, text: found };
+    if (found !== undefined) text.value = found;
   };
   const remove = async (): Promise<void> => {
     await model.run(server.deleteSnapshot(model.id, name));
@@ -38,33 +36,31 @@ export function SnapshotActs({ model, name }: { readonly model: Model; readonly 
       <button type="button" class="btn small" disabled={viewOnly.value} onClick={ask}>
         Delete
       </button>
+      {text.value !== undefined && (
+        <Dialog title={name} onClose={() => (text.value = undefined)}>
+          <pre class="yaml" tabIndex={0}>
+            {text.value}
+          </pre>
+        </Dialog>
+      )}
     </div>
   );
 }
 
 /** Keep what the device has now, under a name. */
 export function KeepButton({ model }: { readonly model: Model }) {
+  const naming = useSignal<string | undefined>(undefined);
   return (
-    <button type="button" class="btn edge" disabled={viewOnly.value || !model.isRead.value} onClick={() => (naming.value = "")}>
-      Keep as …
-    </button>
+    <>
+      <button type="button" class="btn edge" disabled={viewOnly.value || !model.isRead.value} onClick={() => (naming.value = "")}>
+        Keep as …
+      </button>
+      {naming.value !== undefined && <Naming model={model} naming={naming} />}
+    </>
   );
 }
 
-export function SnapshotDialogs({ model }: { readonly model: Model }) {
-  if (text.value) {
-    return (
-      <Dialog title={text.value.name} onClose={() => (text.value = undefined)}>
-        <pre class="yaml" tabIndex={0}>
-          {text.value.text}
-        </pre>
-      </Dialog>
-    );
-  }
-  return naming.value === undefined ? null : <Naming model={model} />;
-}
-
-function Naming({ model }: { readonly model: Model }) {
+function Naming({ model, naming }: { readonly model: Model; readonly naming: Signal<string | undefined> }) {
   const field = useRef<HTMLInputElement>(null);
   useEffect(() => field.current?.focus(), []);
   const close = (): void => {

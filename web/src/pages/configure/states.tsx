@@ -1,7 +1,8 @@
 /** What stands in a form's place, or above it, while there is none: reading, never read, lost, not permitted, no settings at all. */
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
+import { describe } from "../../forms/elsewhere";
 import { type Model, viewOnly } from "./model";
-import { readAll, unfinishedOf } from "./view";
+import { linkTo, readAll, unfinishedOf } from "./view";
 
 export function NotRead({ model }: { readonly model: Model }) {
   const device = model.device.value;
@@ -74,8 +75,8 @@ export function ViewOnlyBand() {
   return (
     <div class="band calm" role="status">
       <span class="dot off" />
-      <b>Look, do not touch</b>
-      <span class="grow">This page was opened with a token that may look. Open it with a control token to change something.</span>
+      <b>View only</b>
+      <span class="grow">This page was opened with a view token. Open it with a control token to change something.</span>
     </div>
   );
 }
@@ -91,6 +92,38 @@ export function LostBand({ model }: { readonly model: Model }) {
       <span class="grow">
         {device.message} {device.hint} What is shown is as last read; edits stay until they can be written.
       </span>
+      {device.status === "lost" && (model.forms.value?.settings.length ?? 0) > 0 && (
+        <a class="btn small edge" href={linkTo(model, "restore")}>
+          Restore communication
+        </a>
+      )}
+    </div>
+  );
+}
+
+/** What somebody else changed in the settings that are edited here; the edits stand on top of it. */
+export function ElsewhereBand({ model }: { readonly model: Model }) {
+  const found = model.elsewhere.value;
+  const forms = model.forms.value;
+  if (found.length === 0 || !forms) return null;
+  return (
+    <div class="band calm" role="status">
+      <span class="dot warn" />
+      <b>Changed elsewhere</b>
+      <div class="grow">
+        <ul>
+          {found.map((one) => (
+            <li key={`${one.setting} ${one.path.join(".")}`}>
+              {describe(forms, one, model.present.value[one.setting])}
+              {one.conflict && <b class="yourswords"> You edited this too: your value stays in the form.</b>}
+            </li>
+          ))}
+        </ul>
+        <span class="dim">Your edits are kept, based on what the device has now.</span>
+      </div>
+      <button type="button" class="btn small" onClick={() => (model.elsewhere.value = [])}>
+        Dismiss
+      </button>
     </div>
   );
 }

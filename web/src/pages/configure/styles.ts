@@ -2,5 +2,6 @@
 import "../../forms/forms.css";
 import "../../forms/tables.css";
 import "./configure.css";
+import "./compare.css";
 import "./exchange.css";
 import "./phone.css";

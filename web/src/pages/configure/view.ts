@@ -40,14 +40,14 @@ export const unfinishedOf = (model: Model): readonly string[] => [model.control.
 export const sending = signal(false);
 
 export interface Place {
-  readonly kind: "setting" | "command" | "group" | "compare" | "corrections" | "nothing";
+  readonly kind: "setting" | "command" | "group" | "compare" | "corrections" | "restore" | "nothing";
   readonly name: string;
 }
 
 /** What an address means for a device: a setting, a command or a group of that name; without one, the first group. */
 export function placeOf(model: Model, place: string | undefined): Place {
   const forms = model.forms.value;
-  if (place === "compare" || place === "corrections") return { kind: place, name: "" };
+  if (place === "compare" || place === "corrections" || place === "restore") return { kind: place, name: "" };
   if (forms === undefined) return { kind: "nothing", name: place ?? "" };
   const name = place ?? forms.groups[0] ?? "";
   if (forms.settings.some((form) => form.name === name)) return { kind: "setting", name };

@@ -1,0 +1,36 @@
+/** A change that somebody else made, in words: "Output configuration, Acceleration: 100 → 50 Hz". Pure. */
+import { NONE } from "../ui/format";
+import { keyedList } from "./edits";
+import type { Elsewhere } from "./rebase";
+import type { FieldForm, Forms } from "./types";
+import { at, joined, type Values, whereOf, words } from "./values";
+
+/** @param now of the setting, as the device has it */
+export function describe(forms: Forms, { setting, path, before, now: value }: Elsewhere, now: Values | undefined): string {
+  const form = forms.settings.find(({ name }) => name === setting);
+  if (form === undefined) return setting;
+  const keyed = keyedList(form);
+  if (keyed === undefined || path[0] !== keyed.list.name) {
+    const field = fieldAt(form.fields, path);
+    return `${whereOf(form, joined(path))}: ${said(field, before)} → ${said(field, value)}`;
+  }
+  const entry = (path.length > 2 ? at(now, path.slice(0, 2)) : (value ?? before)) as Values | undefined;
+  const id = entry === undefined ? -1 : keyed.key(entry);
+  const output = forms.outputs.find(({ data_identifier }) => (data_identifier & 0xfff0) === id);
+  const title = `${form.title}, ${(output ?? forms.streams.find(({ did }) => did === id))?.title ?? id}`;
+  if (path.length === 2) return `${title}: ${before === undefined ? "off → on" : "on → off"}`;
+  const field = fieldAt(form.fields, path);
+  return `${title}: ${said(field, before)} → ${said(field, value)}`;
+}
+
+function fieldAt(fields: readonly FieldForm[], path: readonly (string | number)[]): FieldForm | undefined {
+  let found: FieldForm | undefined;
+  for (const part of path) {
+    if (typeof part === "number") continue;
+    found = (found?.fields ?? fields).find(({ name }) => name === part);
+  }
+  return found;
+}
+
+const said = (field: FieldForm | undefined, value: unknown): string =>
+  value === undefined ? NONE : field && typeof value !== "object" ? words(field, value) : typeof value === "object" ? "…" : String(value);

@@ -1,0 +1,70 @@
+/**
+ * What becomes of an edit when the device changes under it? Pure: three states in, one out.
+ *
+ *     base    what the device had when the edit was made      theirs   what it has now, somebody else wrote it
+ *     mine    the draft                                       ─▶ theirs, with what was edited here put on top
+ *
+ * Where both changed the same value, the edit stays in the form, and the page says what the device has.
+ */
+import { changesOf, keyedList } from "./edits";
+import type { SettingForm } from "./types";
+import { at, joined, type Path, put, same, type Values } from "./values";
+
+/** A value that somebody else changed. */
+export interface Elsewhere {
+  readonly setting: string;
+  readonly path: Path;
+  readonly before: unknown;
+  readonly now: unknown;
+  /** It was edited here too, to something else. */
+  readonly conflict: boolean;
+}
+
+export interface Rebased {
+  readonly draft: Values;
+  readonly elsewhere: readonly Elsewhere[];
+}
+
+export function rebase(form: SettingForm, base: Values, mine: Values, theirs: Values): Rebased {
+  const keyed = keyedList(form);
+  const edited = changesOf(form, base, mine);
+  let draft = theirs;
+  for (const field of new Set(edited.map(({ path }) => path[0] as string))) {
+    if (field === keyed?.list.name) continue;
+    draft = put(draft, [field], merged(at(base, [field]), at(mine, [field]), at(theirs, [field])));
+  }
+  if (keyed !== undefined && edited.some(({ path }) => path[0] === keyed.list.name)) {
+    const of = (values: Values): readonly Values[] => (values[keyed.list.name] ?? []) as readonly Values[];
+    draft = put(draft, [keyed.list.name], mergedSets(of(base), of(mine), of(theirs), keyed.key));
+  }
+  const elsewhere = changesOf(form, base, theirs).map(({ path, before, after }) => ({
+    setting: form.name, path, before, now: after,
+    conflict: !same(at(draft, path), after) && edited.some((one) => isInside(one.path, path) || isInside(path, one.path)),
+  }));
+  return { draft, elsewhere };
+}
+
+const isInside = (path: Path, outer: Path): boolean => `${joined(path)}.`.startsWith(`${joined(outer)}.`);
+
+/** Value by value: what was edited here, else what is there now. A list of another length is taken whole. */
+function merged(base: unknown, mine: unknown, theirs: unknown): unknown {
+  if (same(base, mine)) return theirs;
+  if (Array.isArray(mine)) {
+    const alike = Array.isArray(base) && Array.isArray(theirs) && base.length === mine.length && theirs.length === mine.length;
+    return alike ? mine.map((one, place) => merged(base[place], one, (theirs as readonly unknown[])[place])) : mine;
+  }
+  if (typeof mine !== "object" || mine === null || typeof theirs !== "object" || theirs === null) return mine;
+  return Object.fromEntries(Object.entries(mine).map(([name, one]) => [name, merged(at(base, [name]), one, at(theirs, [name]))]));
+}
+
+/** Entry by entry, by what it is an entry of: added, removed or altered here, else as it is now. */
+function mergedSets(base: readonly Values[], mine: readonly Values[], theirs: readonly Values[], key: (entry: Values) => number): readonly Values[] {
+  const find = (list: readonly Values[], wanted: number): Values | undefined => list.find((entry) => key(entry) === wanted);
+  const kept = theirs.flatMap((entry) => {
+    const [was, is] = [find(base, key(entry)), find(mine, key(entry))];
+    if (same(was, is)) return [entry];
+    return is === undefined ? [] : [merged(was, is, entry) as Values];
+  });
+  const added = mine.filter((entry) => find(theirs, key(entry)) === undefined && !same(find(base, key(entry)), entry));
+  return [...kept, ...added];
+}
