@@ -57,15 +57,27 @@ def test_a_stream_is_set_watched_and_ended(client: Client, base: int) -> None:
     path = "/api/devices/1/corrections"
     assert client.get(path).json() == {
         **{"source": "", "running": False, "message": "", "hint": "", "age_s": None, "bytes_per_s": 0.0},
-        **{"messages": {}, "rejected": 0, "refused": 0},
+        **{"messages": {}, "rejected": 0, "refused": 0, "forwarding": False},
     }
     until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
     assert client.put(path, json={"source": f"tcp://127.0.0.1:{base}"}).status_code == 200
     state = until(client, path, lambda body: body["messages"] == NUMBERS)
-    assert (state["running"], state["rejected"], state["refused"]) == (True, 0, 0)
+    assert (state["running"], state["forwarding"], state["rejected"], state["refused"]) == (True, True, 0, 0)
     assert state["age_s"] < 20
     assert client.delete(path).json()["running"] is False
     assert client.get(path).json()["source"] == ""
+
+
+def test_a_source_that_refuses_is_not_called_forwarding(client: Client) -> None:
+    """It was shown as "Running", because it is tried again."""
+    until(client, "/api/devices", lambda devices: devices[0]["status"] == "live")
+    path = "/api/devices/1/corrections"
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    client.put(path, json={"source": f"ntrip://me:secret@127.0.0.1:{port}/NEAR"}).raise_for_status()
+    state = until(client, path, lambda body: body["hint"] != "")
+    assert (state["running"], state["forwarding"]) == (True, False)
+    client.delete(path).raise_for_status()
 
 
 def test_what_was_forwarded_is_in_the_log_and_in_the_recording(client: Client, base: int) -> None:
