@@ -8,8 +8,9 @@ MCAP chunk, or, in a file that is being recorded or was torn off, a few thousand
     block                    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
     table    one column a message: channel, time, where its data begin, how many bytes
 
-Damage never raises: `Recording.damage` says where the file stops making sense and why, and everything before is given.
-A chunk whose checksum fails is left out and told; what comes after it is read.
+Damage never raises: `Recording.damage` says where the file stops making sense and why. Everything before is given, and
+what stands whole behind it: reading resumes where several records follow each other again. A chunk whose checksum fails
+is left out and told; what comes after it is read.
 
 Source: MCAP specification, "Records".
 """
@@ -41,11 +42,14 @@ from recordings.strange_json import loads
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
 ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
+PRIVATE = 0x80  # and above: kinds of record that an application may have for itself
+ENDINGS = (DATA_END, FOOTER)  # of the length that they have; of another they are damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
 LARGEST_CHUNK = 256 << 20  # bytes; a chunk that claims to be larger is damage
 _RECORD = 9  # opcode, length
 TORN, FULL, AT_END = -1, -2, -3
 _COLUMNS = 1 << 15
+_LONGEST_RECORD = 64 << 20  # bytes; of a record that is not a chunk: more is damage
 
 
 @compiled(INT, BYTES, INT)
@@ -83,6 +87,37 @@ def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
         n += 1
         at = body + length
     return n, at, AT_END, 0
+
+
+@compiled(INT, BYTES, INT, BYTES)
+def _resume(data: Bytes, at: int, known: Bytes) -> int:
+    """Where records follow each other again, at or behind `at`: a message of a known channel or a chunk, and three more
+    whole records or the end of the data behind it; −1 where they do not.
+
+    Args:
+        known: (65536,) 1 at the id of every channel that has been described.
+    """
+    end = len(data)
+    while at + 31 <= end:
+        first = int(data[at])
+        if (first == 5 and known[int(data[at + 9]) | int(data[at + 10]) << 8] == 1) or first == 6:
+            found = 0
+            here = at
+            while found < 4 and here + 9 <= end:
+                opcode = int(data[here])
+                length = _u8(data, here + 1)
+                if opcode < 3 or opcode > 15 or (opcode == 5 and length < 22) or (opcode == 6 and length < 40):
+                    break
+                if length > end - here - 9:
+                    break
+                found += 1
+                here += 9 + length
+                if opcode == 15:
+                    found = 4
+            if found >= 4 or (found > 0 and here == end):
+                return at
+        at += 1
+    return -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +159,15 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """From where the file, or a chunk of it, makes no sense."""
+    """From where the file, or a chunk of it, makes no sense.
+
+    Args:
+        torn: nothing but an unfinished record stands behind it, as a killed writer or a power cut leaves it.
+    """
 
     offset: int
     words: str
+    torn: bool = False
 
 
 class Recording:
@@ -257,17 +297,30 @@ class Recording:
                 yield Block(data, table[:, :n], at if done is None else done)
             if opcode in (AT_END, FULL):
                 continue
-            if opcode in (DATA_END, FOOTER) and done is None:
+            if (opcode, length) in ((DATA_END, 4), (FOOTER, 20)) and done is None:
                 return
             whole = at + _RECORD + length
-            if opcode <= 0 or whole > end:
-                self.damage.append(_torn(at) if done is None else _cut(done))
-                return
+            if opcode <= 0 or DATA_END < opcode < PRIVATE or whole > end or (done is None and opcode in ENDINGS):
+                if done is not None:
+                    self.damage.append(_cut(done))
+                    return
+                behind = _resume(array, at + 1, self._channel_ids())
+                if behind < 0:
+                    self.damage.append(_torn(at, bytes(data[at : at + _RECORD]), array[at:]))
+                    return
+                self.damage.append(_skipped(at, behind))
+                at = behind
+                continue
             if opcode == CHUNK and done is None:
                 yield from self._chunk(at, whole)
             else:
                 self._learn(opcode, bytes(data[at + _RECORD : whole]))
             at = whole
+
+    def _channel_ids(self) -> Bytes:
+        known = np.zeros(1 << 16, np.uint8)
+        known[[number for number in self.topics if number < len(known)]] = 1
+        return known
 
     def _chunk(self, at: int, end: int) -> Iterator[Block]:
         """The messages of one MCAP chunk."""
@@ -358,8 +411,18 @@ def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(io.BytesIO(body))
 
 
-def _torn(at: int) -> Damage:
-    return Damage(at, f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " "))
+def _torn(at: int, head: bytes, rest: Bytes) -> Damage:
+    """The file ends in the middle of a record, in zeros, or in something else that nothing follows."""
+    length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
+    is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
+    torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))
+    words = f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " ")
+    return Damage(at, words, torn)
+
+
+def _skipped(at: int, behind: int) -> Damage:
+    words = f"{behind - at:,} bytes at byte {at:,} are damaged and were left out.".replace(",", " ")
+    return Damage(at, words)
 
 
 def _cut(end: int) -> Damage:

@@ -205,7 +205,8 @@ class ColumnsWriter:
         self._far.file.flush()
         index = np.array(self._index, INDEX) if self._index else np.empty(0, INDEX)
         shapes = {str(number): [shape.dtypes, shape.status] for number, shape in self._shapes.items()}
-        body = json.dumps({**manifest, "version": VERSION, "shapes": shapes}, ensure_ascii=False)
+        sizes = {"columns.bin": self._near.at, "overview.bin": self._far.at}
+        body = json.dumps({**manifest, "version": VERSION, "shapes": shapes, "sizes": sizes}, ensure_ascii=False)
         np.save(self._aside / "next.npy", index)
         os.replace(self._aside / "next.npy", self._aside / "blocks.npy")
         (self._aside / "next.json").write_text(body, encoding="utf-8")
@@ -284,11 +285,17 @@ class Columns:
     Args:
         folder: as ColumnsWriter made it.
     Raises:
-        OSError, ValueError: it is not there, or of another version: make it again.
+        OSError, ValueError: it is not there, of another version, or damaged: make it again.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        try:
+            self._load(folder)
+        except (TypeError, KeyError, AttributeError, IndexError, EOFError, RecursionError, OverflowError) as error:
+            raise ValueError(f"the columns in {folder.name} are damaged: {type(error).__name__}") from None
+
+    def _load(self, folder: Path) -> None:
         self.manifest: dict[str, Any] = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
         if self.manifest.get("version") != VERSION:
             raise ValueError(f"columns of version {self.manifest.get('version')}, not {VERSION}")
@@ -303,6 +310,18 @@ class Columns:
         self._places = {
             number: places(mine, [dtype.itemsize for dtype in own[number]]) for number, mine in self._blocks.items()
         }
+        self._check(folder)
+
+    def _check(self, folder: Path) -> None:
+        """Raise ValueError where the files are too short for their manifest, or hold other times than it names."""
+        for name, file in (("columns.bin", self._near), ("overview.bin", self._far)):
+            if len(file) < self.manifest["sizes"][name]:
+                raise ValueError(f"{name} in {folder.name} is too short")
+        for number, mine in self._blocks.items():
+            for block in {0, len(mine) - 1} if len(mine) else ():
+                key = self._column(number, block, "key")
+                if (key[0], key[-1]) != (mine["key0"][block], mine["key1"][block]):
+                    raise ValueError(f"columns.bin in {folder.name} does not hold what its index names")
 
     def rows(self, channel: int) -> int:
         """How many rows a channel has."""

@@ -43,6 +43,7 @@ from typing import Any, Literal
 from mcap.opcode import Opcode
 from mcap.records import Channel, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
+from recordings import file_lock
 from recordings.records import MAGIC, bytes_of, ending, message
 
 Direction = Literal["rx", "tx"]
@@ -78,12 +79,14 @@ _HINTS = {
     errno.EROFS: "Choose another folder with --data.",
     errno.ENOENT: "Was the folder removed? Choose another with --data.",
     errno.EEXIST: "Choose another name.",
+    errno.EIO: "The disk or its cable is failing: copy what is on it elsewhere, then look at the system's log (dmesg).",
 }
 _WORDS = {
     errno.ENOSPC: "The disk is full",
     errno.EDQUOT: "The disk quota is used up",
     errno.EFBIG: "The file has reached the largest size that the system allows",
     errno.EEXIST: "There is a file of that name already",
+    errno.EIO: "The disk failed (input/output error)",
 }
 
 
@@ -121,8 +124,13 @@ class Writer:
         self._last = 0
         self._closed = False
         library = f"imuscope {about.get('version', '')}".strip()
-        self._write([MAGIC + bytes_of(Header(PROFILE, library))])
-        self._tell(RECORDING, {**about, "format": FORMAT})
+        try:
+            self._write([MAGIC + bytes_of(Header(PROFILE, library))])
+            self._tell(RECORDING, {**about, "format": FORMAT})
+        except RecordingError:
+            with contextlib.suppress(OSError):
+                path.unlink()  # a full disk leaves no empty recording behind
+            raise
 
     def device(self, device: str, about: Mapping[str, Any]) -> None:
         """What is known about a device; the last call holds."""
@@ -162,7 +170,12 @@ class Writer:
                     raise problem(error, self.path) from None
 
     def close(self) -> None:
-        """End the file as the format wants it. It can be opened as it is; packing makes it small and quick."""
+        """End the file as the format wants it. It can be opened as it is; packing makes it small and quick.
+
+        One that somebody else has shortened gets no summary: it would point beside what it describes.
+        """
+        if self.is_shortened():
+            self.give_up()
         if not self._closed:
             self._write([ending(self.size, self._summary())])
             self.sync()
@@ -177,6 +190,10 @@ class Writer:
     def is_there(self) -> bool:
         """Is the file still to be found by its name?"""
         return self._closed or self._file.is_at(self.path)
+
+    def is_shortened(self) -> bool:
+        """Whether somebody else cut off some of what was written."""
+        return not self._closed and self._file.is_shortened()
 
     def copy_to(self, path: Path) -> None:
         """Write what is in this file again, into another one: its own may have no name any more.
@@ -259,10 +276,14 @@ class Writer:
 
 
 class _Whole:
-    """An unbuffered file that takes whole records: of one that does not fit any more, what was written is cut off."""
+    """An unbuffered file that takes whole records: of one that does not fit any more, what was written is cut off.
+
+    It is appended to, so that what comes after somebody else's truncation stands behind what is left, without a hole.
+    """
 
     def __init__(self, path: Path) -> None:
-        self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._fd = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        file_lock.hold(self._fd)
         self.count = 0
 
     def write(self, records: list[bytes]) -> None:
@@ -290,6 +311,13 @@ class _Whole:
         except OSError:
             return False
 
+    def is_shortened(self) -> bool:
+        count = self.count  # before the size: it grows meanwhile
+        try:
+            return os.fstat(self._fd).st_size < count
+        except OSError:
+            return False
+
     def copy_to(self, path: Path) -> None:
         with open(f"/proc/self/fd/{self._fd}", "rb") as old, path.open("xb") as new:
             shutil.copyfileobj(old, new, 1 << 20)
@@ -299,7 +327,8 @@ class _Whole:
     def cut(self) -> None:
         """Back to the last whole record; a disk that cannot even do that keeps a torn end, which readers skip."""
         with contextlib.suppress(OSError):
-            os.ftruncate(self._fd, self.count)
+            if not self.is_shortened():
+                os.ftruncate(self._fd, self.count)
         self.close()
 
     def close(self) -> None:

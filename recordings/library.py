@@ -31,12 +31,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import durable, inertial_logs, sidecar
+from recordings import durable, file_lock, inertial_logs, sidecar
 from recordings.columns import Columns
 from recordings.container import RecordingError, problem
 from recordings.importers import SUFFIXES, open_file
 from recordings.peek import Device, Peek, peek
-from recordings.portrait import summary
+from recordings.portrait import is_summary, summary
 from recordings.quota import BIN
 from recordings.sidecar import Edits, Marker
 
@@ -186,7 +186,7 @@ class Library:
 
     def _bins(self) -> list[Path]:
         try:
-            return [folder for folder in (self.folder / BIN).iterdir() if folder.name.isdigit()]
+            return [folder for folder in (self.folder / BIN).iterdir() if folder.name.isdecimal()]
         except OSError:
             return []
 
@@ -218,20 +218,20 @@ class Library:
         entry = Entry(name, list(files), size, modified, known[1], Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.peek.edits)
-        if why := sidecar.refused(path):
+        if why := sidecar.trouble(path):
             entry.peek = replace(entry.peek, damaged=why.message)
         return entry
 
     def _apply_index(self, entry: Entry, stamp: tuple[int, int]) -> None:
         try:
             told = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
-            if (told["size"], told["modified_ns"]) != stamp:
+            if (told["size"], told["modified_ns"]) != stamp or not is_summary(told):
                 return
             entry.peek = _completed(entry.peek, told, entry.path.name)
             entry.thumbnail, entry.losses = told["thumbnail"], told["losses"]
             entry.marker_texts = told["markers"]
             entry.indexed = True
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return
 
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -275,6 +275,7 @@ class Library:
         with self._lock:
             entry = self.get(recording)
             path = entry.path
+            _check_unused(entry)
             if len(entry.files) > 1:
                 hint = "Give it a title instead."
                 raise NamingError("The parts of a split log are told by their names, which stay.", hint)
@@ -303,6 +304,7 @@ class Library:
         """Into the bin, with all that belongs to it. Raises as `edit` does."""
         with self._lock:
             entry = self.get(recording)
+            _check_unused(entry)
             stamp = round(self._now() * 1000)
             while (self.folder / BIN / str(stamp)).exists():
                 stamp += 1
@@ -413,6 +415,12 @@ def _free(path: Path) -> Path:
         count += 1
         free = path.with_name(f"{path.stem}-{count}{path.suffix}")
     return free
+
+
+def _check_unused(entry: Entry) -> None:
+    """Raise RecordingError while somebody, in whatever process, writes the recording."""
+    if any(file_lock.is_written(file) for file in entry.files):
+        raise RecordingError(f"{entry.path.name} is being recorded.", "Stop the recording first.")
 
 
 def _none(recording: str) -> Entry:

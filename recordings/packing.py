@@ -2,8 +2,9 @@
 moment of it is found at once.
 
 The records of a message are copied as they stand; only where they lie changes. So packing runs at the speed of the
-compression, in little memory, and what is read from the packed file is what was read from the other, message by
-message (a test compares). The new file is written beside the old one and takes its name when it is whole and on disk.
+compression, in little memory. The new file is written beside the old one, read again, and takes the other's name only
+when it is on disk and holds the same messages, byte for byte. A file that somebody writes is left alone, and so is one
+that is damaged anywhere but at its torn end: what stands behind a damage must not be thrown away.
 
     magic, header
     [chunk: schemas, channels, messages][one message index a channel]   …again and again
@@ -22,7 +23,9 @@ import os
 import struct
 import sys
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -41,6 +44,7 @@ from mcap.records import (
 )
 
 from protocols.framing import Ints
+from recordings import file_lock
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Recording, Topic
 from recordings.container import PROFILE, RecordingError, problem
 from recordings.orphans import end_with_parent
@@ -48,7 +52,6 @@ from recordings.records import MAGIC, bytes_of, ending, message
 
 CHUNK_BYTES = 1 << 20
 ASIDE = ".packing"  # a file that is being written beside the other
-LOST_BYTES = 1 << 20  # a file with more than that behind its first damage stays as it is: a better reader may come
 _HEAD = 9 + 22  # of a message record, before its data
 _LEVEL = 3
 
@@ -61,19 +64,28 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
         edit: metadata "edit" to write into it.
         progress: called with 0..1.
     Raises:
-        RecordingError: the disk failed, or the file is damaged in its middle; it is as it was.
+        RecordingError: the disk failed, somebody writes the file, it is damaged in its middle, or the copy is not the
+            same; the file is as it was.
     """
     # Each process has its own: one whose server was killed may still be at work when the next server begins anew.
     aside = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
     try:
-        with Recording(path) as source, aside.open("wb") as out:
+        with path.open("rb") as held, Recording(path) as source, aside.open("w+b") as out:
+            if not file_lock.share(held.fileno()):
+                raise RecordingError(
+                    f"{path.name} is being recorded.", "It can be packed when the recording has ended."
+                )
+            file_lock.share(out.fileno())
             packed(source, out, edit=edit, progress=progress)
             _nothing_lost(source)
             out.flush()
             os.fsync(out.fileno())
-        stamp = path.stat()
-        os.utime(aside, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-        os.replace(aside, path)
+            _same(source, aside)
+            stamp = path.stat()
+            if not os.path.samestat(stamp, os.fstat(held.fileno())):
+                raise RecordingError(f"{path.name} was replaced while it was packed; it stays as it is.")
+            os.utime(aside, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+            os.replace(aside, path)
         _sync_folder(path.parent)
     except OSError as error:
         aside.unlink(missing_ok=True)
@@ -86,14 +98,50 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
 def _nothing_lost(source: Recording) -> None:
     """What was torn off is gone; what stands behind a damage is not, and must not be thrown away."""
     for damage in source.damage:
-        if source.chunks or source.size - damage.offset > LOST_BYTES:
+        if source.chunks or not damage.torn:
             raise RecordingError(
                 f"{source.path.name} is damaged and stays as it is: {damage.words}", "All that is whole opens."
             )
 
 
+def _same(source: Recording, made: Path) -> None:
+    """Raise RecordingError unless the new file holds what the source holds, and the source what it says it holds."""
+    wanted = _fingerprint(source)
+    told = source.statistics
+    count = sum(wanted[0].values())
+    if told is not None and told.message_count != count:
+        words = f"{source.path.name} stays as it is: {count} of its {told.message_count} messages were found."
+        raise RecordingError(words, "All that is whole opens.")
+    with Recording(made) as copy:
+        found = _fingerprint(copy)
+        if copy.damage or found != wanted:
+            raise RecordingError(f"{source.path.name} stays as it is: its packed copy does not hold the same.")
+
+
+def _fingerprint(recording: Recording) -> tuple[dict[int, int], int]:
+    """How many messages each channel has, and a checksum over all of them as they stand."""
+    counts: Counter[int] = Counter()
+    checksum = 0
+    for block in recording.blocks():
+        rows = block.table
+        channels, found = np.unique(rows[CHANNEL_ID], return_counts=True)
+        counts.update(dict(zip(channels.tolist(), found.tolist(), strict=True)))
+        for start, stop in _runs(rows):
+            first, last = int(rows[DATA, start]) - _HEAD, int(rows[DATA, stop - 1] + rows[LENGTH, stop - 1])
+            checksum = zlib.crc32(block.data[first:last], checksum)
+    return dict(counts), checksum
+
+
+def _runs(rows: Ints) -> Iterator[tuple[int, int]]:
+    """(first, past the last) of messages that lie one after the other."""
+    apart = np.flatnonzero(rows[DATA, 1:] - _HEAD != rows[DATA, :-1] + rows[LENGTH, :-1]) + 1
+    yield from pairwise([0, *apart.tolist(), rows.shape[1]])
+
+
 def is_loose(path: Path) -> bool:
-    """Is this a recording of ours as it is while it is recorded, not packed yet?"""
+    """Whether this is a finished recording of ours that is not packed yet."""
+    if file_lock.is_written(path):
+        return False
     try:
         with Recording(path) as recording:
             return recording.is_ours and not recording.chunks and next(iter(recording.blocks()), None) is not None

@@ -92,6 +92,23 @@ def summary(columns: Columns) -> dict[str, Any]:
     }
 
 
+def is_summary(told: dict[str, Any]) -> bool:
+    """Whether what was kept on disk has the types that `summary` gives; a damaged file may not."""
+
+    def is_list(value: Any, *kinds: type) -> bool:
+        return isinstance(value, list) and all(isinstance(one, kinds) for one in value)
+
+    numbers = all(told[name] is None or isinstance(told[name], int | float) for name in ("started", "duration"))
+    lists = is_list(told["thumbnail"], list) and all(is_list(one, int, float) for one in told["thumbnail"])
+    lists = lists and is_list(told["losses"], int, float) and is_list(told["markers"], str)
+    devices = is_list(told["devices"], dict) and all(
+        isinstance(value, int if name in ("messages", "lost", "rejects") else str)
+        for one in told["devices"]
+        for name, value in one.items()
+    )
+    return numbers and lists and devices and isinstance(told["damaged"], str)
+
+
 def _moving(columns: Columns) -> int | None:
     """The channel whose motion is shown: the busiest of the kind that is liked best."""
     infos = columns.manifest.get("channels", ())

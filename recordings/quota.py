@@ -14,7 +14,7 @@ import shutil
 from collections.abc import Collection
 from pathlib import Path
 
-from recordings import sidecar
+from recordings import file_lock, sidecar
 from recordings.blocks import MAGIC, Recording
 from recordings.container import EDIT, PROFILE, SUFFIX, RecordingError
 
@@ -25,10 +25,12 @@ log = logging.getLogger("imuscope.quota")
 
 
 def is_pinned(path: Path) -> bool:
-    """Does a person want to keep it? One that cannot be read is kept: nobody has looked at it."""
+    """Whether a person wants to keep it. What cannot be read is kept: it may have said so."""
     said = sidecar.read(path).pinned
     if said is not None:
         return said
+    if sidecar.trouble(path) is not None:
+        return True
     try:
         with Recording(path) as recording:
             return bool(sidecar.from_metadata(recording.meta(EDIT)).pinned)
@@ -57,7 +59,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
     for _, path, size in found:
         if excess <= 0:
             break
-        if path in spare or is_pinned(path):
+        if path in spare or file_lock.is_written(path) or is_pinned(path):
             continue
         try:
             path.unlink()
@@ -86,7 +88,7 @@ def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
 def _deleted(folder: Path) -> list[tuple[int, Path, int]]:
     """The folders of the bin: when each was deleted (ms), path, bytes."""
     try:
-        folders = [one for one in (folder / BIN).iterdir() if one.name.isdigit()]
+        folders = [one for one in (folder / BIN).iterdir() if one.name.isdecimal()]
         return [(int(one.name), one, sum(map(_size, one.iterdir()))) for one in folders]
     except OSError:
         return []

@@ -131,6 +131,17 @@ def refused(path: Path) -> RecordingError | None:
     return newer(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
 
 
+def trouble(path: Path) -> RecordingError | None:
+    """Why what was changed about the recording at `path` is not shown: damaged, or of a newer imuscope; else None."""
+    target = beside(path)
+    if why := refused(path):
+        return why
+    if not target.exists() or _load(target):
+        return None
+    words = f"{target.name} is damaged, so the title, tags, notes and pin kept in it are not shown."
+    return RecordingError(words, "It is kept under another name when you change one of them.")
+
+
 def from_plain(body: Mapping[str, Any]) -> Edits:
     """Edits of parsed JSON; what has another type than it should was not said."""
     tags = body.get("tags")

@@ -34,7 +34,7 @@ GATHER_S = 0.008  # one write for what comes within; a killed process may lose 2
 SYNC_S = 1.0
 _BATCH = 4096  # chunks written at once, so that a part ends near its size
 
-Kind = Literal["chunk", "event", "note", "snapshot", "device"]
+Kind = Literal["chunk", "event", "note", "snapshot", "device", "split"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,8 @@ class Tape:
         about: the recording's own metadata; each part adds `part` and `previous`.
         now_ns: the clock in which chunks have their arrival.
         on_part: called (in a thread) with the path of each part that is finished.
+        on_notice: called (in a thread) with a sentence about what others did to a file, and the recording survived.
+        shift_ns: added to every time that is put, where the wall clock was set after `now_ns` began.
     Raises:
         RecordingError: the first part cannot be made.
     """
@@ -77,12 +79,17 @@ class Tape:
         now_ns: Callable[[], int],
         limits: Limits = Limits(),
         on_part: Callable[[Path], None] = lambda path: None,
+        on_notice: Callable[[str], None] = lambda text: None,
+        shift_ns: int = 0,
     ) -> None:
         self._name = name
         self._about = dict(about)
         self._now_ns = now_ns
         self._limits = limits
         self._on_part = on_part
+        self._on_notice = on_notice
+        self.shift_ns = shift_ns
+        self._shortened: Writer | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake = threading.Event()
         self._stopping = False
@@ -109,7 +116,7 @@ class Tape:
         """Bytes that came or were sent. Never waits."""
         if self.trouble is not None:
             return
-        self._queue.append(("chunk", arrival_ns, device, direction, data))
+        self._queue.append(("chunk", arrival_ns + self.shift_ns, device, direction, data))
         if not self._wake.is_set():
             self._wake.set()
 
@@ -129,8 +136,13 @@ class Tape:
         """What is known about a device; what is told later adds to it."""
         self._put("device", self._now_ns(), device, dict(about))
 
+    def set_clock(self, shift_ns: int) -> None:
+        """The wall clock was set: go on in a new part, whose times follow it."""
+        self.shift_ns = shift_ns
+        self._put("split", self._now_ns())
+
     def _put(self, kind: Kind, time_ns: int, *what: Any) -> None:
-        self._queue.append((kind, time_ns, *what))
+        self._queue.append((kind, time_ns + self.shift_ns, *what))
         self._wake.set()
 
     # ── how it is ────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -154,7 +166,7 @@ class Tape:
                 oldest = int(self._queue[0][1])
             except IndexError:
                 return 0.0
-        return max(0.0, (self._now_ns() - oldest) / 1e9)
+        return max(0.0, (self._now_ns() + self.shift_ns - oldest) / 1e9)
 
     @property
     def running(self) -> bool:
@@ -216,6 +228,8 @@ class Tape:
     def _write_one(self, item: tuple[Any, ...]) -> None:
         kind, time_ns, *what = item
         match kind:
+            case "split":
+                self._split()
             case "event":
                 self._writer.event(what[0], time_ns)
             case "note":
@@ -235,6 +249,8 @@ class Tape:
 
     def _is_full(self) -> bool:
         limits = self._limits
+        if self._shortened is self._writer:
+            return True
         if limits.split_bytes and self._writer.size >= limits.split_bytes:
             return True
         return bool(limits.split_s and self._now_ns() - self._began_ns >= limits.split_s * 1e9)
@@ -292,8 +308,12 @@ class Tape:
         except RecordingError as error:
             if writer is self._writer and self.running:
                 self._fail(error)
-        if writer is self._writer and self.running and not writer.is_there():
+        if writer is not self._writer or not self.running:
+            return
+        if not writer.is_there():
             self._gone(writer)
+        elif writer is not self._shortened and writer.is_shortened():
+            self._cut_by_others(writer)
 
     def _gone(self, writer: Writer) -> None:
         """Its name is no more: removed, or moved. What is in it is put back where that is possible."""
@@ -301,7 +321,28 @@ class Tape:
         said = f"{path.name} was removed or moved while it was being recorded."
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            writer.copy_to(path)
-            self._fail(RecordingError(said, "What had been recorded was put back; start anew to go on."))
+            kept = _put_back(writer)
+            where = "was put back" if kept == path else f"was put back as {kept.name}"
+            self._fail(RecordingError(said, f"What had been recorded {where}; start anew to go on."))
         except OSError:
             self._fail(RecordingError(said, "It could not be put back. Is the folder still there?"))
+
+    def _cut_by_others(self, writer: Writer) -> None:
+        """Another program truncated the file: what comes goes into a new one, and what is left of this one stays."""
+        self._shortened = writer
+        self._on_notice(
+            f"{writer.path.name} was shortened by another program while it was being recorded; "
+            "the recording continues in a new file."
+        )
+
+
+def _put_back(writer: Writer) -> Path:
+    """Write the file again under its own name, or under one like it where another file has taken that."""
+    path, count = writer.path, 1
+    while True:
+        try:
+            writer.copy_to(path)
+            return path
+        except FileExistsError:
+            count += 1
+            path = writer.path.with_name(f"{writer.path.stem}-{count}{writer.path.suffix}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
@@ -76,13 +77,15 @@ def create_app(
     Raises:
         ReadingError: the configuration says something about its sources that cannot be used.
     """
+    wall_ns = now_ns or time.time_ns
     now_ns = now_ns or steady_clock()
     reading = config.reading()
     hub = Hub(lambda: now_ns() / 1e9, history_s=config.history_s, budget=config.memory_mb * 1024 * 1024)
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
 
     desks = Desks(hub, sessions, config.data, config.trial_s)
-    tape = Recorder(hub, sessions, desks, plan_of(config), Packer(lambda path: catalogue.finished(path)))
+    packer = Packer(lambda path: catalogue.finished(path))
+    tape = Recorder(hub, sessions, desks, plan_of(config), packer, wall_ns)
     catalogue = Catalogue(hub, config.data)
     key = reading.key.hex() if reading.key else ""
     shelf = catalogue.shelf = Shelf(config.data, catalogue.path, lambda recording: key)
@@ -97,7 +100,8 @@ def create_app(
             await tape.begin(config.sources or DEFAULT_SOURCES)
         for source in config.sources or DEFAULT_SOURCES:
             sessions.add_all(source, reading if config.sources else Reading())
-        await desks.resume()
+        if tenancy.is_alone:  # else they are another server's, which may be carrying them out
+            await desks.resume()
         await tape.resume()
         catalogue.start()
         app.state.foxglove.start()

@@ -240,7 +240,7 @@ def _converted(name: str, value: Any, default: Any) -> Any:
             raise ConfigError(f"{name} must be a list of strings, not {value!r}.")
         return tuple(value)
     if isinstance(default, Path) and isinstance(value, str | Path):
-        return Path(value).expanduser()
+        return Path(value).expanduser().absolute()  # processes of ours work in other folders
     if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if type(value) is not type(default):

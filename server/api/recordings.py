@@ -230,7 +230,7 @@ def _span(t0: float, t1: float) -> tuple[float, float]:
 
 def _number(word: str, infos: Mapping[int, wire.ChannelInfo], device: str = "") -> int:
     """The channel of an id or a name; of several of one name the newest."""
-    if word.isdigit() and int(word) in infos:
+    if word.isdecimal() and int(word) in infos:
         return int(word)
     named = [number for number, info in infos.items() if info.name == word and device in ("", info.device)]
     if named:

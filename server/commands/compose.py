@@ -195,7 +195,7 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
         part, deeper = _found(".".join(rest), field.fields)
         _put(into.setdefault(name, {}), part.name, part, deeper, path, text)
         return
-    if not rest[0].isdigit():
+    if not rest[0].isdecimal():
         raise ComposeError(f"{path}: {field.name} is a list: {field.name}.0 is its first")
     place, rows = int(rest[0]), into.setdefault(name, [])
     if place > len(rows):

@@ -14,6 +14,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,7 +102,7 @@ async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
     hub = Hub(lambda: now_ns() / 1e9, history_s=1)
     sessions = Sessions(hub, open_link, speech.speech(), LinkSettings(now_ns=now_ns))
     desks = Desks(hub, sessions, wish.data, 20)
-    recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent), None)
+    recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent, follow_clock=False), None, time.time_ns)
     heard = Heard()
     sessions.on_added(lambda session: _listen(session, heard))
     ended = asyncio.Event()

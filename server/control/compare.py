@@ -135,7 +135,7 @@ def _rows(driver: Driver, row: Setting, left: Values, right: Values) -> tuple[li
 
 def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> DifferenceRow:
     title = at.title or at.name
-    places = [part for part in path.split(".")[:-1] if part.isdigit()]
+    places = [part for part in path.split(".")[:-1] if part.isdecimal()]
     where = f" {int(places[-1]) + 1}" if places else ""
     return DifferenceRow(
         setting=row.name,

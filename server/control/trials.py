@@ -118,7 +118,7 @@ class Trials:
                     log.error("%s %s", why.message, why.hint)
                     continue
                 found.append(Record(**body))
-            except (OSError, ValueError, TypeError, AttributeError) as error:
+            except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
                 log.error("%s cannot be read: %s", path, error)
         return found
 

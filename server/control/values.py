@@ -117,7 +117,7 @@ def field_at(fields: Sequence[Field], path: str) -> Field | None:
     inside = {field.name: field for field in fields}
     while path:
         name, path = head_of(path, inside)
-        if name.isdigit():
+        if name.isdecimal():
             continue
         found = inside.get(name)
         if found is None:
@@ -132,7 +132,7 @@ def value_at(values: Any, path: str) -> Any:
         name, path = head_of(path, values if isinstance(values, Mapping) else ())
         if isinstance(values, Mapping):
             values = values.get(name)
-        elif isinstance(values, list | tuple) and name.isdigit() and int(name) < len(values):
+        elif isinstance(values, list | tuple) and name.isdecimal() and int(name) < len(values):
             values = values[int(name)]
         else:
             return None
@@ -145,7 +145,7 @@ def title_at(fields: Sequence[Field], path: str) -> str:
     inside = {field.name: field for field in fields}
     while path:
         name, path = head_of(path, inside)
-        if name.isdigit() and titles:
+        if name.isdecimal() and titles:
             titles[-1] += f" {int(name) + 1}"
             continue
         found = inside.get(name)

@@ -149,11 +149,11 @@ def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Find
         todo = () if status == "ok" else (f"Close it: {who}.",)
         yield Finding(status, place, f"It is open in {who}.", todo)
     timer = machine.text(f"/sys/bus/usb-serial/devices/{name}/latency_timer")
-    if timer.isdigit() and int(timer) > 1:
+    if timer.isdecimal() and int(timer) > 1:
         now = f"echo 1 | sudo tee /sys/bus/usb-serial/devices/{name}/latency_timer"
         words = f"Its adapter holds bytes back for up to {timer} ms: samples come in bursts."
         yield Finding("warning", place, words, (now, f"for good: {UDEV}"))
-    elif timer.isdigit():
+    elif timer.isdecimal():
         yield Finding("ok", place, f"Its adapter's latency timer is {timer} ms.")
 
 
@@ -186,7 +186,7 @@ def _command(folder: Path) -> str:
 
 def _processes(machine: Machine) -> list[Path]:
     try:
-        return [one for one in machine.path("/proc").iterdir() if one.name.isdigit()]
+        return [one for one in machine.path("/proc").iterdir() if one.name.isdecimal()]
     except OSError:
         return []
 

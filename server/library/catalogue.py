@@ -91,7 +91,8 @@ class Catalogue:
         recording = self.is_recording(entry)
         duration = found.duration
         if recording and found.started is not None:
-            duration = max(0.0, self._hub.now() - found.started)
+            now = self._hub.recorder
+            duration = max(0.0, self._hub.now() - now.started) if now is not None and now.started is not None else 0.0
         return RecordingInfo(
             id=entry.id,
             title=entry.title,

@@ -33,6 +33,7 @@ class Tenancy:
     def __init__(self, data: Path) -> None:
         self._data = data
         self._lock = -1
+        self._has_company = False
 
     def begin(self) -> list[str]:
         """Take away what was left; what that was, in words, as paths within the folder. To be called in a thread."""
@@ -40,8 +41,12 @@ class Tenancy:
             self._data.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(self._data / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self._has_company = True
+            log.warning("another imuscope works in %s; its trials and unfinished files are left to it", self._data)
+            return []
         except OSError:
-            return []  # somebody else is here, or nothing can be written: then nothing can be taken away either
+            return []  # nothing can be written, so nothing can be taken away either
         gone = []
         for path in left_behind(self._data):
             with contextlib.suppress(OSError):
@@ -50,6 +55,11 @@ class Tenancy:
         if gone:
             log.info("taken away, as a server before this one had left it unfinished: %s", ", ".join(gone))
         return gone
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether no other server works in the folder, as far as the kernel can tell."""
+        return not self._has_company
 
     def end(self) -> None:
         """Let go of the folder. Idempotent."""

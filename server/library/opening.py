@@ -145,7 +145,7 @@ class _Device:
             product=about.get("product", ""),
             serial_number=about.get("serial_number", ""),
             firmware=about.get("firmware", ""),
-            baud=int(about["baud"]) if about.get("baud", "").isdigit() else None,
+            baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
         )
         self.portrait = Portrait(hub, info, speech.title)
         self.senders = Senders(hub, self.portrait, speech.title)

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from recordings import packing
+from recordings import file_lock, packing
 from recordings.container import SUFFIX
 
 log = logging.getLogger("imuscope.packer")
@@ -42,10 +42,15 @@ class Packer:
         if self._task is None or self._task.done():
             self._task = asyncio.get_running_loop().create_task(self._work(), name="packing recordings")
 
-    async def resume(self, folder: Path) -> None:
-        """Find what was left unpacked in a folder."""
+    async def resume(self, folder: Path, spare: Path | None = None) -> None:
+        """Find what was left unpacked in a folder.
+
+        Args:
+            spare: the file that is being recorded now, on a file system without locks too.
+        """
         for path in await asyncio.to_thread(left_behind, folder):
-            self.add(path)
+            if path != spare:
+                self.add(path)
 
     @property
     def busy(self) -> bool:
@@ -89,9 +94,13 @@ class Packer:
 
 
 def left_behind(folder: Path) -> list[Path]:
-    """Recordings of ours that are not packed, and no trace of a packing that was interrupted."""
+    """Recordings of ours that are not packed; what an interrupted packing left is taken away.
+
+    What another process writes or packs at this moment is left alone.
+    """
     for aside in folder.glob(f".*{packing.ASIDE}"):
-        aside.unlink(missing_ok=True)
+        if not file_lock.is_in_use(aside):
+            aside.unlink(missing_ok=True)
     return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if packing.is_loose(path)]
 
 

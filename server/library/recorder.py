@@ -46,6 +46,7 @@ log = logging.getLogger("imuscope.recorder")
 FOLDER = "recordings"  # of the data folder
 LOOK_S = 0.5  # between two looks at how it goes, told to every browser
 CULL_EVERY = 20  # looks
+SHIFT_NS = 2_000_000_000  # a wall clock that is further away was set
 
 
 class RecorderError(Exception):
@@ -65,12 +66,14 @@ class Plan:
         limits: when a recording goes on in a new file.
         quota_bytes: more than that in the folder, and the oldest unpinned go; 0 for no quota.
         ask_head: ask an Xsens device for its Configuration.
+        follow_clock: go on in a new file when the wall clock is set.
     """
 
     folder: Path
     limits: Limits = field(default_factory=Limits)
     quota_bytes: int = 0
     ask_head: bool = True
+    follow_clock: bool = True
 
 
 def plan_of(config: Config) -> Plan:
@@ -85,10 +88,21 @@ class Recorder:
     Args:
         desks: for settings that are known and for asking an Xsens device; None where nobody configures.
         packer: None: files stay as they were written.
+        wall_ns: the wall clock. A recording keeps the time that it shows: the hub's never steps, and is wrong for good
+            on a host whose clock was set after the server began.
     """
 
-    def __init__(self, hub: Hub, sessions: Sessions, desks: Desks | None, plan: Plan, packer: Packer | None) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        sessions: Sessions,
+        desks: Desks | None,
+        plan: Plan,
+        packer: Packer | None,
+        wall_ns: Callable[[], int] | None = None,
+    ) -> None:
         self.plan = plan
+        self._wall_ns = wall_ns
         self._hub = hub
         self._sessions = sessions
         self._desks = desks
@@ -201,7 +215,7 @@ class Recorder:
     async def resume(self) -> None:
         """Pack what was left behind by the server before this one."""
         if self._packer is not None:
-            await self._packer.resume(self.plan.folder)
+            await self._packer.resume(self.plan.folder, self.path)
 
     async def close(self) -> None:
         """The server ends: so does the recording. Nothing is packed any more, that is for the next start."""
@@ -251,7 +265,20 @@ class Recorder:
             "version": VERSION,
         }
         now_ns = lambda: round(self._hub.now() * 1e9)  # noqa: E731
-        return Tape(name, about, now_ns, self.plan.limits, lambda part: self._soon(self._part_done, part))
+        return Tape(
+            name,
+            about,
+            now_ns,
+            self.plan.limits,
+            lambda part: self._soon(self._part_done, part),
+            lambda text: self._soon(self._notice, text),
+            shift_ns=self._shift_ns(),
+        )
+
+    def _shift_ns(self) -> int:
+        """What the wall clock is ahead of the hub's, where that is more than a slow start or a leap second."""
+        shift = self._wall_ns() - round(self._hub.now() * 1e9) if self._wall_ns is not None else 0
+        return shift if abs(shift) > SHIFT_NS else 0
 
     def _soon(self, function: Callable[..., None], *arguments: Any) -> None:
         """Have the event loop call it; from a thread."""
@@ -288,7 +315,7 @@ class Recorder:
     # ── while it runs ────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def _watch(self, now: Taking) -> None:
-        looks = 0
+        looks, shift_ns = 0, now.tape.shift_ns
         while self._now is now:
             await asyncio.sleep(LOOK_S)
             looks += 1
@@ -297,6 +324,9 @@ class Recorder:
                 return
             now.look()
             self._tell()
+            if abs((shift := self._shift_ns()) - shift_ns) > SHIFT_NS:
+                self._clock_was_set(now, shift - shift_ns)
+                shift_ns = shift
             if looks % CULL_EVERY == 0 and self.plan.quota_bytes:
                 await asyncio.to_thread(self._cull, (now.tape.path,))
 
@@ -307,9 +337,17 @@ class Recorder:
         gone = quota.cull(self.plan.folder, self.plan.quota_bytes, spare)
         if gone:
             names = ", ".join(path.stem for path in gone)
-            self._soon(self._culled, f"Over the quota, the oldest recordings were deleted: {names}.")
+            self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {names}.")
 
-    def _culled(self, text: str) -> None:
+    def _clock_was_set(self, now: Taking, by_ns: int) -> None:
+        words = f"The host's clock was set by {by_ns / 1e9:+.1f} s"
+        if self.plan.follow_clock:
+            now.tape.set_clock(now.tape.shift_ns + by_ns)
+            self._notice(f"{words}; the recording continues in a new file, with the new time.")
+        else:
+            self._notice(f"{words}; the recording keeps the time that it began with.")
+
+    def _notice(self, text: str) -> None:
         self._hub.event("", "device", "caution", text)
         self._hub.library_changed()
 

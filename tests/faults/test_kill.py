@@ -20,12 +20,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from httpx import Client
 
 from protocols.xbus.device import XbusDevice
 from recordings import packing
 from recordings.blocks import Recording
-from recordings.container import Writer
+from recordings.container import RecordingError, Writer
 from recordings.packing import is_loose
 from server.library.leftovers import LOCK, Tenancy
 from server.library.packer import left_behind
@@ -163,7 +164,8 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
             pipe.flush()
             old.wait(60)
 
-        packing.pack(path, progress=let_it_end)
+        with pytest.raises(RecordingError, match="replaced while it was packed"):
+            packing.pack(path, progress=let_it_end)
     assert received(path) == wanted
     assert not is_loose(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

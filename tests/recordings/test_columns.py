@@ -133,8 +133,9 @@ def test_a_whole_recording_is_looked_at_in_the_overview_alone(tmp_path: Path) ->
     store = made(tmp_path / "a", rows(200_000))
     assert store.span() is not None
     whole = store.query(7, START - 1, START + 1e6, 60)
-    (tmp_path / "a" / "columns.bin").write_bytes(b"")
-    again = Columns(tmp_path / "a").query(7, START - 1, START + 1e6, 60)
+    reopened = Columns(tmp_path / "a")
+    reopened._near = np.empty(0, np.uint8)
+    again = reopened.query(7, START - 1, START + 1e6, 60)
     assert isinstance(whole, Buckets)
     assert isinstance(again, Buckets)
     np.testing.assert_array_equal(whole.t, again.t)
@@ -233,3 +234,24 @@ def test_what_is_written_can_be_read_before_it_is_finished_and_comes_out_the_sam
     assert isinstance(coarse, Buckets)
     assert isinstance(other, Buckets)
     np.testing.assert_array_equal(coarse.low[1], other.low[1])  # a fault of one sample is in both
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("blocks.npy", b""),
+        ("blocks.npy", b"garbage"),
+        ("columns.bin", b"garbage"),
+        ("columns.bin", None),
+        ("overview.bin", b""),
+        ("manifest.json", b"null"),
+        ("manifest.json", b"[" * 100_000),
+        ("manifest.json", b'{"version": 0}'),
+    ],
+)
+def test_a_damaged_store_is_refused_when_it_is_opened(tmp_path: Path, name: str, content: bytes | None) -> None:
+    made(tmp_path / "a", rows(20_000))
+    path = tmp_path / "a" / name
+    path.write_bytes(np.random.default_rng(1).bytes(path.stat().st_size) if content is None else content)
+    with pytest.raises((ValueError, OSError)):
+        Columns(tmp_path / "a")

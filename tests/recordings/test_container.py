@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
+from recordings import packing
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, TIME, Recording, json_messages
 from recordings.container import RecordingError, Writer
 from recordings.packing import pack
@@ -178,6 +179,84 @@ def test_a_damaged_chunk_is_told_and_the_others_are_read(tmp_path: Path) -> None
     assert found[0] == wanted[0]
     assert found[-1] == wanted[-1]
     assert 0 < len(wanted) - len(found) < len(wanted)
+
+
+def damaged(path: Path, at: int, size: int) -> list[Message]:
+    """A recording of which these bytes are garbage; what it held."""
+    wanted = written(path, chunks=4000, size=200)
+    raw = bytearray(path.read_bytes())
+    raw[at : at + size] = np.random.default_rng(2).integers(0, 256, size, np.uint8).tobytes()
+    path.write_bytes(raw)
+    return wanted
+
+
+def test_packing_keeps_a_recording_with_good_data_behind_damage(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    wanted = damaged(path, 1000, 20_000)
+    before = path.read_bytes()
+    with pytest.raises(RecordingError, match="damaged and stays"):
+        pack(path)
+    assert path.read_bytes() == before
+    with Recording(path) as recording:
+        found = messages(recording)
+        assert any("left out" in damage.words for damage in recording.damage)
+    assert len([one for one in found if one not in wanted]) <= 2, "but for the ends of the damage, nothing is made up"
+    assert found[-1] == wanted[-1]
+    assert len(wanted) - len(found) < 20_000 // 100 + 20, "all that stands behind the damage is read"
+
+
+@pytest.mark.parametrize("opcode", [2, 15])  # of the footer, of the end of the data
+def test_garbage_that_looks_like_the_end_hides_nothing(tmp_path: Path, opcode: int) -> None:
+    path = tmp_path / "a.mcap"
+    wanted = written(path, chunks=500)
+    raw = path.read_bytes()
+    at = raw.index(wanted[100][2]) - 31
+    path.write_bytes(raw[:at] + bytes([opcode]) + raw[at + 1 :])
+    with Recording(path) as recording:
+        assert messages(recording) == wanted[:100] + wanted[101:]
+        assert len(recording.damage) == 1
+
+
+def test_a_recording_that_ends_in_zeros_is_torn_and_packed(tmp_path: Path) -> None:
+    """As a power cut leaves it on some file systems."""
+    path = tmp_path / "a.mcap"
+    wanted = written(path, chunks=500)
+    raw = path.read_bytes()
+    at = raw.index(wanted[300][2]) - 31
+    path.write_bytes(raw[:at] + bytes(100_000))
+    pack(path)
+    assert read(path) == wanted[:300]
+
+
+def test_packing_compares_before_it_replaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.mcap"
+    wanted = written(path, chunks=500)
+
+    def less(source: Recording, out: BinaryIO, **options: Any) -> None:
+        shorter = tmp_path / "shorter.mcap"
+        shorter.unlink(missing_ok=True)
+        written(shorter, chunks=499)
+        with Recording(shorter) as other:
+            real(other, out, **options)
+        list(source.blocks())
+
+    real = packing.packed
+    monkeypatch.setattr(packing, "packed", less)
+    with pytest.raises(RecordingError, match="does not hold the same"):
+        pack(path)
+    assert read(path) == wanted
+
+
+def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    wanted = written(path, chunks=500)
+    raw = path.read_bytes()
+    at = raw.index(wanted[200][2]) - 31
+    size = 31 + len(wanted[200][2])
+    path.write_bytes(raw[:at] + bytes([0x80]) + raw[at + 1 : at + size] + raw[at + size :])  # a kind nobody knows
+    with pytest.raises(RecordingError, match="stays as it is"):
+        pack(path)
+    assert len(read(path)) == len(wanted) - 1
 
 
 CHILD = """

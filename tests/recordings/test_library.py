@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -12,9 +13,9 @@ from hypothesis import strategies as st
 
 from recordings.container import RecordingError, Writer
 from recordings.importers import SUFFIXES
-from recordings.library import KEPT_S, Library, clean_name
+from recordings.library import INDEX, KEPT_S, Library, clean_name
 from recordings.packing import pack
-from recordings.quota import cull, is_pinned
+from recordings.quota import BIN, cull, is_pinned
 from recordings.sidecar import Edits, Marker, beside
 from tests.recordings.stores import START, store
 
@@ -112,6 +113,35 @@ def test_what_the_file_holds_counts_where_nothing_was_changed_beside_it(tmp_path
     library.edit("a", Edits(pinned=False))
     assert library.get("a").edits == Edits("From elsewhere", ("x",), None, False, edits.markers)
     assert library.mark("a", Marker(START, text="more")).id == 1_000_002
+
+
+def test_a_damaged_file_beside_a_recording_is_told_and_keeps_it_pinned(tmp_path: Path) -> None:
+    path = recording(tmp_path / "a.mcap")
+    library = Library(tmp_path)
+    library.edit("a", Edits(title="Precious", pinned=True))
+    beside(path).write_text(beside(path).read_text()[:-9])
+    assert "a.mcap.json is damaged" in library.get("a").peek.damaged
+    assert is_pinned(path)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "null", '{"size": 1}'])
+def test_a_damaged_index_is_found_out_anew(tmp_path: Path, text: str) -> None:
+    path = recording(tmp_path / "a.mcap")
+    stat = path.stat()
+    whole = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, "started": "x", "duration": None, "damaged": ""}
+    wrong = {**whole, "devices": 7, "markers": [], "thumbnail": [], "losses": []}
+    (tmp_path / INDEX).mkdir()
+    for one in (text, json.dumps(wrong)):
+        (tmp_path / INDEX / "a.mcap.json").write_text(one)
+        (entry,) = Library(tmp_path).all()
+        assert not entry.indexed
+
+
+def test_an_odd_folder_in_the_bin_hides_nothing(tmp_path: Path) -> None:
+    recording(tmp_path / "a.mcap")
+    (tmp_path / BIN / "²").mkdir(parents=True)
+    assert ids(Library(tmp_path)) == ["a"]
+    assert cull(tmp_path, 1 << 30) == []
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])

@@ -159,6 +159,52 @@ def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_bac
     assert read(folder / "drive-1.mcap")[: len(wanted)] == wanted
 
 
+def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    wanted = put(tape, 100)
+    until(lambda: tape.behind_s == 0.0, "it is written")
+    other = tmp_path / "other"
+    other.write_bytes(b"somebody else's")
+    os.replace(other, tmp_path / "drive-1.mcap")
+    until(lambda: not tape.running, "it has noticed")
+    tape.stop()
+    assert tape.trouble is not None
+    assert "drive-1-2.mcap" in tape.trouble.hint
+    assert (tmp_path / "drive-1.mcap").read_bytes() == b"somebody else's"
+    assert read(tmp_path / "drive-1-2.mcap")[: len(wanted)] == wanted
+
+
+def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: Path) -> None:
+    notices: list[str] = []
+    parts: list[Path] = []
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
+    wanted = put(tape, 2000)
+    until(lambda: tape.behind_s == 0.0, "it is written")
+    os.truncate(tmp_path / "drive-1.mcap", 50_000)
+    wanted += put(tape, 2000, start=2000)
+    until(lambda: notices, "it has noticed")
+    wanted += put(tape, 2000, start=4000)
+    tape.stop()
+    assert tape.trouble is None
+    assert parts == [tmp_path / "drive-1.mcap", tmp_path / "drive-2.mcap"]
+    first, second = read(parts[0]), read(parts[1])
+    assert (first + second)[-3990:] == wanted[-3990:], "the record that was cut through swallows what it still claims"
+    assert len(first + second) > 3990 + 50_000 // 100
+    with pytest.raises(RecordingError, match="stays as it is"):
+        pack(parts[0])
+    assert read(parts[0]) == first
+
+
+def test_a_clock_that_is_set_while_recording_begins_a_new_part_with_the_new_time(tmp_path: Path) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    put(tape, 10)
+    tape.set_clock(1_000_000)
+    put(tape, 10)
+    tape.stop()
+    times = [[at for _, at, _ in read(tmp_path / f"drive-{part}.mcap")] for part in (1, 2)]
+    assert times == [list(range(1, 11)), list(range(1_000_001, 1_000_011))]
+
+
 def test_a_tape_that_cannot_begin_says_why(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         Tape(named(tmp_path / "nowhere"), ABOUT, time.time_ns)

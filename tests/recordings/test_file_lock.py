@@ -1,0 +1,102 @@
+"""A file that somebody writes belongs to that writer alone, in whatever process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from recordings import file_lock, quota
+from recordings.container import RecordingError, Writer
+from recordings.library import Library
+from recordings.packing import ASIDE, is_loose, pack
+from server.library.packer import left_behind
+from tests.process import ROOT, tied
+from tests.recordings.test_container import ABOUT, read
+
+HOLDER = """
+import sys
+from pathlib import Path
+from recordings.container import Writer
+writer = Writer(Path(sys.argv[1]), {})
+writer.chunk("1", "rx", b"a minute of driving", 1)
+print("there", flush=True)
+sys.stdin.read()
+writer.chunk("1", "rx", b"and another one", 2)
+writer.close()
+"""
+
+
+def recording_elsewhere(path: Path) -> subprocess.Popen[str]:
+    """Another process that records into `path` until its input ends."""
+    child = subprocess.Popen(
+        tied([sys.executable, "-c", HOLDER, str(path)]),
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "there\n"
+    return child
+
+
+def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with recording_elsewhere(path) as child:
+        assert file_lock.is_written(path)
+        assert not is_loose(path)
+        assert left_behind(tmp_path) == []
+        with pytest.raises(RecordingError, match="being recorded"):
+            pack(path)
+        assert quota.cull(tmp_path, 1) == []
+        library = Library(tmp_path)
+        with pytest.raises(RecordingError, match="being recorded"):
+            library.delete("drive")
+        with pytest.raises(RecordingError, match="being recorded"):
+            library.rename("drive", "other")
+        child.communicate("")
+    assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
+    assert not file_lock.is_in_use(path)
+    assert left_behind(tmp_path) == [path]
+    pack(path)
+    assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
+
+
+def test_a_killed_writer_leaves_no_lock_behind(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with recording_elsewhere(path) as child:
+        child.kill()
+        child.wait()
+        assert not file_lock.is_in_use(path)
+        assert left_behind(tmp_path) == [path]
+
+
+def test_only_dead_leftovers_of_packing_are_taken_away(tmp_path: Path) -> None:
+    alive, dead = tmp_path / f".a.mcap.1{ASIDE}", tmp_path / f".b.mcap.2{ASIDE}"
+    dead.write_bytes(b"left by a packing that was killed")
+    with alive.open("w+b") as out:
+        assert file_lock.share(out.fileno())
+        left_behind(tmp_path)
+        assert alive.exists()
+        assert not dead.exists()
+
+
+def test_a_file_that_is_replaced_while_it_is_packed_stays(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    for name, text in ((path, b"old"), (tmp_path / "new.mcap", b"new")):
+        writer = Writer(name, ABOUT)
+        writer.chunk("1", "rx", text, 1)
+        writer.close()
+
+    def replace(_: float) -> None:
+        if (tmp_path / "new.mcap").exists():
+            os.replace(tmp_path / "new.mcap", path)
+
+    with pytest.raises(RecordingError, match="replaced while"):
+        pack(path, progress=replace)
+    assert [data for _, _, data in read(path)] == [b"new"]
+    assert [one.name for one in tmp_path.iterdir()] == ["a.mcap"]
