@@ -83,7 +83,9 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
             _same(source, aside)
             stamp = path.stat()
             if not os.path.samestat(stamp, os.fstat(held.fileno())):
-                raise RecordingError(f"{path.name} was replaced while it was packed; it stays as it is.")
+                raise RecordingError(
+                    f"{path.name} was replaced while it was packed.", "It is packed at the next start."
+                )
             os.utime(aside, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
             os.replace(aside, path)
         _sync_folder(path.parent)
@@ -115,7 +117,8 @@ def _same(source: Recording, made: Path) -> None:
     with Recording(made) as copy:
         found = _fingerprint(copy)
         if copy.damage or found != wanted:
-            raise RecordingError(f"{source.path.name} stays as it is: its packed copy does not hold the same.")
+            words = f"{source.path.name} stays as it is: its packed copy does not hold the same."
+            raise RecordingError(words, "Report this: it is a defect of imuscope, or of the disk.")
 
 
 def _fingerprint(recording: Recording) -> tuple[dict[int, int], int]:
