@@ -218,11 +218,13 @@ class LineChange:
         baud: rate of the line afterwards; None where it is not the rate that changes.
         kind: "baud" (the rate), "port" (it may be off), "protocol" (another language), "silent" (no output).
         words: one sentence for a person.
+        others: rates at which the device may be found as well, where it is not known which port is ours.
     """
 
     kind: Literal["baud", "port", "protocol", "silent"]
     words: str
     baud: int | None = None
+    others: tuple[int, ...] = ()
 
 
 class Driver(Protocol):
@@ -277,6 +279,16 @@ class Driver(Protocol):
 
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         """Would this write cut the line?"""
+
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        """Rates at which a device with these settings may be found after a restart, likeliest first; empty where it
+        stays where it is."""
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        """The setting and the values that have the place of a command which this product should not be sent any more;
+        no values where `present` does not tell enough. None for a command that is sent as it is."""
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Make what was written last and take effect: save where the protocol asks for it, reset. The link may die."""

@@ -96,6 +96,14 @@ class IdtpDriver:
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return None
 
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        return ()
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        return None
+
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         yield from ()
 

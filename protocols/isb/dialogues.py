@@ -331,6 +331,14 @@ class IsbDriver:
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return line_change(setting, old, new, known)
 
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        return ()
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        return None
+
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Streams are saved first: without that the device would come back silent."""
         for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):

@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from protocols.dialogues import Known, LineChange, Values
+from protocols.xbus.choices import SEND_LATEST
 from protocols.xbus.outputs import ALWAYS
-from protocols.xbus.products import Model
+from protocols.xbus.products import Model, model_of
 
 BAUD_RATES: Mapping[int, int] = {  # table 7, with its errata
     **{0x0D: 4_000_000, 0x0E: 3_500_000, 0x0C: 2_000_000, 0x80: 921_600, 0x0A: 921_600, 0x00: 460_800, 0x01: 230_400},
@@ -20,6 +21,7 @@ BAUD_RATES: Mapping[int, int] = {  # table 7, with its errata
 }
 _PORTS = ("RS-232 host port", "UART host port")
 _XBUS = 1
+_FACTORY_BAUD = 115_200
 _ALTERNATIVE_UART = 1 << 4
 _DISABLE_AUTO_MEASUREMENT = 1 << 1
 
@@ -34,6 +36,8 @@ def line_change(setting: str, old: Values | None, new: Values, known: Known) -> 
         return _port_change([int(word) for word in (old or {}).get("words", ())], new["words"], known)
     if setting == "OutputConfiguration" and not _sends(new):
         return LineChange("silent", "The device sends nothing any more until something is chosen again.")
+    if setting == "SyncSettings" and _sends_latest(new) and not _sends_latest(old or {"settings": []}):
+        return LineChange("silent", "The device sends data only when it is triggered (SendLatest); else it is silent.")
     if setting == "StringOutputType" and new["string_types"]:
         return LineChange("protocol", "The device sends text lines instead of MTData2.")
     if setting == "OutputSkipFactor" and new["skip_factor"] == 0xFFFF:
@@ -56,17 +60,66 @@ def _baud_change(code: int, known: Known, who: str) -> LineChange | None:
 
 
 def _port_change(old: list[int], new: list[int], known: Known) -> LineChange | None:
-    """Which of the two host ports is ours is not told: the one at our rate, the first where both are."""
-    rates = [BAUD_RATES.get(word & 0xFF) for word in old[:2]]
-    ours = next((place for place, rate in enumerate(rates) if rate == known.baud and known.baud is not None), 0)
-    word, before = int(new[ours]), old[ours] if ours < len(old) else None
+    """Which of the two host ports is ours is not told: any that speaks Xbus at our rate may be.
+
+    Where one of two such ports changes, the device may be found at the old rate or at the new one.
+    """
+    ours = own_ports(old, known)
+    changed = {place: _one_port(place, old, new, known) for place in ours}
+    found = [change for change in changed.values() if change is not None]
+    if not found:
+        return None
+    worst = next((change for change in found if change.baud is None), found[0])
+    rates = [known.baud if change is None else change.baud for change in changed.values()]
+    others = tuple(dict.fromkeys(rate for rate in rates if rate is not None and rate != worst.baud))
+    words = " ".join(dict.fromkeys(change.words for change in found))
+    if None in changed.values():
+        words += " Which port this line is connected to is not known."
+    return LineChange(worst.kind, words, worst.baud, others)
+
+
+def own_ports(words: list[int], known: Known) -> list[int]:
+    """The host ports that this line may be connected to: those that speak Xbus at its rate; where none does, both."""
+    hosts = [place for place, word in enumerate(words[:2]) if word >> 16 & 0xF == _XBUS]
+    at_rate = [place for place in hosts if BAUD_RATES.get(words[place] & 0xFF) == known.baud]
+    return at_rate or hosts or [0, 1]
+
+
+def _one_port(place: int, old: list[int], new: list[int], known: Known) -> LineChange | None:
+    """What the change of one port's word does to a line that is connected to it."""
+    word, before = int(new[place]), old[place] if place < len(old) else None
     if word >> 16 & 0xF != _XBUS:
         off = not word >> 16 & 0xF
         kind, does = ("port", "is switched off") if off else ("protocol", "speaks NMEA")
-        return LineChange(kind, f"The {_PORTS[ours]} {does} after the reset.")  # type: ignore[arg-type]
+        return LineChange(kind, f"The {_PORTS[place]} {does} after the reset.")  # type: ignore[arg-type]
     if before is not None and (word ^ before) & 0xFF == 0 and word != before:
-        return LineChange("port", f"The {_PORTS[ours]} works otherwise after the reset (flow control, frame).")
-    return _baud_change(word & 0xFF, known, f"The {_PORTS[ours]}")
+        return LineChange("port", f"The {_PORTS[place]} works otherwise after the reset (flow control, frame).")
+    return _baud_change(word & 0xFF, known, f"The {_PORTS[place]}")
+
+
+def rates(values: Mapping[str, Values], known: Known) -> tuple[int, ...]:
+    """See protocols.dialogues.Driver.rates."""
+    codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
+    codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
+    found = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)
+    return tuple(dict.fromkeys(rate for rate in found if rate is not None))
+
+
+def instead(command: str, values: Values, present: Mapping[str, Values], known: Known) -> tuple[str, Values] | None:
+    """See protocols.dialogues.Driver.instead: the 600-series gets SetPortConfig, its SetBaudrate is deprecated."""
+    model = model_of(known.product)
+    if command != "SetBaudrate" or model is None or model.series != 600:
+        return None
+    words = [int(word) for word in present.get("PortConfig", {}).get("words", ())]
+    if not words:
+        return "PortConfig", {}
+    code, ours = int(values["baudrate_code"]), own_ports(words, known)
+    return "PortConfig", {"words": [word & ~0xFF | code if n in ours else word for n, word in enumerate(words)]}
+
+
+def _sends_latest(values: Values) -> set[int]:
+    """The lines on which SendLatest waits for a trigger."""
+    return {int(one["line"]) for one in values["settings"] if one["function"] == SEND_LATEST and one["polarity"]}
 
 
 def _sends(outputs: Values) -> bool:

@@ -83,6 +83,7 @@ class XbusDevice:
         road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
         measuring: True to be powered long ago and already in the measurement state at `start_ns`.
         baud: rate that is stored when it comes, one of table 7; None for the factory's.
+        port: which of a 600-series' host ports the line is connected to: 0 RS-232, 1 UART.
         moods: what goes wrong with its answers.
     Raises:
         ValueError: the product is not known.
@@ -103,6 +104,7 @@ class XbusDevice:
         road: float = 0.0,
         measuring: bool = False,
         baud: int | None = None,
+        port: int = 0,
         moods: Moods = NONE,
     ) -> None:
         if product not in PRODUCTS:
@@ -135,17 +137,18 @@ class XbusDevice:
             clock_jump=clock_jump,
             road=road,
             baud=baud,
+            port=port,
             moods=moods,
         )
+        self._port = port
         self._restored = False  # 0xDE was heard while it boots
         self._newest = b""  # sample, while SendLatest waits for a trigger
         self._asked_for: list[bytes] = []
         self.restore()
         if baud in BAUD_RATES.values():
-            self.settings[BAUDRATE] = bytes([next(code for code, one in BAUD_RATES.items() if one == baud)])
-            self._couple(BAUDRATE)
+            self._begin_at(next(code for code, one in BAUD_RATES.items() if one == baud))
         self._memory = self._present()
-        self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
+        self.baud, self._deaf = self._line()
         self._ear = Ear()
         self._measurement: Measurement | Sentences | None = None
         self._block = 0
@@ -171,7 +174,8 @@ class XbusDevice:
                 self.measure(WAKE_UP_WINDOW_NS)
         if self.phase == "measurement":
             self._due(now, out)
-        return b"".join(out + self._tongue.due(now))
+        out += self._tongue.due(now)
+        return b"" if self._deaf else b"".join(out)
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host. What the device had to send by then, followed by its answers."""
@@ -179,6 +183,8 @@ class XbusDevice:
         now = self._local(now_ns)
         if self.phase == "boot":
             self._restored |= RESTORE in data  # nobody listens yet, but for this
+            return b""
+        if self._deaf:
             return b""
         self._ear.hear(data, now)
         for bid, mid, payload in self._ear.requests():
@@ -277,7 +283,7 @@ class XbusDevice:
             utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
         )
         self._start_ns += round(off / self._speed)
-        self.phase, self._counter, self.baud = "boot", 0, BOOT_BAUD
+        self.phase, self._counter, self.baud, self._deaf = "boot", 0, BOOT_BAUD, False
         self._ear = Ear()
 
     def repowered(self, start_ns: int) -> XbusDevice:
@@ -294,7 +300,24 @@ class XbusDevice:
         if self._restored:
             self._restored = False
             self.restore_communication()
-        self.baud = BAUD_RATES[self.settings[BAUDRATE][0]]
+        self.baud, self._deaf = self._line()
+
+    def _begin_at(self, code: int) -> None:
+        """A rate that was stored before: of the port that the line is connected to."""
+        if self.product.series != 600:
+            self.settings[BAUDRATE] = bytes([code])
+            return
+        words, at = bytearray(self.settings[PORT_CONFIG]), 4 * self._port + 3
+        words[at] = code
+        self.settings[PORT_CONFIG] = bytes(words)
+        self._couple(PORT_CONFIG)
+
+    def _line(self) -> tuple[int, bool]:
+        """Rate of the port that the line is connected to, and whether it is off or speaks something else than Xbus."""
+        if self.product.series != 600:
+            return BAUD_RATES[self.settings[BAUDRATE][0]], False
+        word = int.from_bytes(self.settings[PORT_CONFIG][4 * self._port : 4 * self._port + 4], "big")
+        return BAUD_RATES[word & 0xFF], word >> 16 & 0xF != 1
 
     # -- memory
 

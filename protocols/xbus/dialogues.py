@@ -170,6 +170,14 @@ class XbusDriver:
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return changes.line_change(setting, old, new, known)
 
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        return changes.rates(values, known)
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        return changes.instead(command, values, present, known)
+
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""
         yield from exchange.ask(frames.build(exchange.RESET), "Reset", 0.5)

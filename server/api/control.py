@@ -101,7 +101,8 @@ async def run(body: Run, desk: OneDesk, desks: AllDesks) -> wire.Job:
     confirmed(wish.dangers, body.confirmed)
     if wish.setting:
         return desk.add(wish.title, desks.jobs.apply(desk, wish.values, "")).job
-    work = desks.jobs.run(desk, body.command, wish.values[body.command], changes=wish.changes)
+    values = wish.values[body.command]
+    work = desks.jobs.run(desk, body.command, values, changes=wish.changes, restarts=wish.restarts)
     return desk.add(wish.title, work).job
 
 

@@ -141,7 +141,7 @@ class Jobs:
         restart = any(rows[name].after == "reset" for name in todo)
         if cuts:
             record = self._record(desk, found, todo, cuts, restart=restart)
-            for baud in {cut.baud for cut in cuts if cut.baud is not None}:
+            for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
                 await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
             written = await Hand(desk, driver, self._trials, record, task).apply()
         else:
@@ -214,6 +214,7 @@ class Jobs:
             new=plain(todo),
             old_baud=baud,
             new_baud=bauds[-1] if bauds and baud is not None else baud,
+            other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
             restart=restart,
             changes=changes[:MOST_WORDS],
             deadline=desk.hub.now() + 60 + self._trial_s,
@@ -246,12 +247,15 @@ class Jobs:
 
     # ── the rest ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def run(self, desk: Desk, command: str, values: Values, *, changes: bool) -> Callable[[Task], Awaitable[None]]:
+    def run(
+        self, desk: Desk, command: str, values: Values, *, changes: bool, restarts: bool = False
+    ) -> Callable[[Task], Awaitable[None]]:
         """One command.
 
         Args:
             changes: it writes something, so a snapshot is taken first; unless it takes up what an earlier command
                 began, which reading everything would discard.
+            restarts: the device restarts, and may then speak at a rate that was stored before: the link follows it.
         """
 
         async def work(task: Task) -> None:
@@ -263,11 +267,29 @@ class Jobs:
                 body = driver.run(command, values, desk.known)
             desk.step(task, command)
             answer = await desk.run(driver.within(body, known))
+            if restarts:
+                await self._follow(desk, task)
             desk.leave(command, driver.unfinished(command, values))
             task.job.values = plain(answer)
-            task.job.message = "Answered." if answer else "Done."
+            task.job.message = task.job.message or ("Answered." if answer else "Done.")
 
         return work
+
+    async def _follow(self, desk: Desk, task: Task) -> None:
+        """The link at the rate at which a device speaks after its restart."""
+        before = desk.session.baud
+        rates = desk.driver.rates(desk.values, desk.known) if before is not None else ()
+        for rate in rates:
+            if rate != desk.session.baud and not await desk.runner.relink(rate):
+                continue
+            desk.step(task, f"The device restarts; the link listens at {group(rate)} Bd")
+            if await desk.run(desk.driver.alive(desk.known)):
+                if rate != before:
+                    task.job.message = f"The device speaks at {group(rate)} Bd after its restart; the link follows it."
+                return
+        if rates:
+            await desk.runner.relink(before)
+            raise JobError("The device does not answer after its restart.", RESTORE_HINT)
 
     def raw(self, desk: Desk, data: bytes) -> Callable[[Task], Awaitable[None]]:
         """Bytes as they are; what comes back within a second is in the log."""

@@ -58,6 +58,7 @@ class Record:
     Args:
         old, new: the settings concerned, by name.
         old_baud, new_baud: None where the rate stays or the link has none.
+        other_bauds: rates at which the device may be found as well, where it is not known which of its ports is ours.
         restart: the change takes effect by a restart.
         deadline: unix seconds, when it goes back by itself; later than anything that is still being done.
     """
@@ -76,6 +77,7 @@ class Record:
     state: Literal["applying", "asking", "reverting", "unreachable"] = "applying"
     deadline: float = 0.0
     seconds: float = 20.0
+    other_bauds: list[int] = field(default_factory=list)
 
     @property
     def known(self) -> Known:
@@ -187,15 +189,24 @@ class Hand:
         if record.restart:
             self._tell("The device restarts")
             await self._restart()
-        if record.new_baud is not None and record.new_baud != self._desk.session.baud:
-            self._tell(f"The link is opened at {group(record.new_baud)} Bd")
-            if not await self._desk.runner.relink(record.new_baud):
-                return None
-        if not await self._alive():
+        if not await self._found():
             return None
         self._tell("Reading the settings back")
         found = await self._read(record.new)
         return found.values if found is not None and set(found.values) >= set(record.new) else None
+
+    async def _found(self) -> bool:
+        """Does it answer at the new rate, or at another that it may have?"""
+        record = self.record
+        for baud in dict.fromkeys((record.new_baud, *record.other_bauds)):
+            if baud is not None and baud != self._desk.session.baud:
+                self._tell(f"The link is opened at {group(baud)} Bd")
+                if not await self._desk.runner.relink(baud):
+                    continue
+            if await self._alive():
+                record.new_baud = baud
+                return True
+        return False
 
     async def _ask(self) -> bool:
         """Did a person keep the settings before the time was over?"""
@@ -203,7 +214,8 @@ class Hand:
         desk.answer.clear()
         desk.kept = False
         rate = f" at {group(record.new_baud)} Bd" if record.new_baud else ""
-        before = f" to {group(record.old_baud)} Bd" if record.old_baud and record.new_baud else " to what was before"
+        moved = record.old_baud and record.new_baud and record.new_baud != record.old_baud
+        before = f" to {group(record.old_baud)} Bd" if record.old_baud and moved else " to what was before"
         record.deadline = desk.hub.now() + record.seconds
         await self._stand("asking", f"The device answers{rate}. If you say nothing, it goes back{before}.")
         desk.session.hush(False)
@@ -235,7 +247,7 @@ class Hand:
         self._task.stoppable = False
         self.record.deadline = 0.0
         await self._stand("reverting", f"{why} The old settings are being put back.".strip())
-        rates = list(dict.fromkeys((self.record.new_baud, self.record.old_baud)))
+        rates = list(dict.fromkeys((self.record.new_baud, self.record.old_baud, *self.record.other_bauds)))
         for turn in range(ROUNDS):
             for baud in rates:
                 if not await self._link_at(baud, first=turn == 0):

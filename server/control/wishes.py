@@ -7,12 +7,12 @@ wears a little with each write is told in the form and not asked about.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from protocols.dialogues import InState
+from protocols.dialogues import InState, Values
 from protocols.layouts import EncodeError
-from protocols.schema import Setting
+from protocols.schema import Command, Setting
 from server.api.errors import ApiError
 from server.control.budget import OVER_HINT, overload
 from server.control.checks import problems_of
@@ -40,6 +40,7 @@ class Wish:
         values: what is to be written, by setting; of a command, under its name.
         setting: a command that writes this setting; "" for another.
         changes: it writes something.
+        restarts: the device restarts, and speaks at the rate that it has stored.
     """
 
     title: str
@@ -47,6 +48,7 @@ class Wish:
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
     setting: str = ""
     changes: bool = False
+    restarts: bool = False
 
 
 def discarded(desk: Desk) -> list[Danger]:
@@ -139,6 +141,8 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
     found = problems_of(row.arguments, values)
     if found:
         raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)
+    if (other := desk.driver.instead(name, values, desk.values, desk.known)) is not None:
+        return _instead(desk, row, *other)
     setting = _written_by(desk, name, values)
     if setting is not None:
         why = overload(desk.present, {setting.name: values})
@@ -155,7 +159,20 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
     if not (isinstance(body, InState) and body.continues):
         dangers += discarded(desk)
     changes = row.kind == "set" or row.caution in ("loses-settings", "wears-flash", "moves-frame")
-    return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes)
+    restarts = row.caution == "restarts"
+    return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes, restarts=restarts)
+
+
+def _instead(desk: Desk, row: Command, setting: str, values: Values) -> Wish:
+    """A command whose place a setting has: written like any change of it, on trial where the line could be cut.
+
+    Raises:
+        ApiError: the setting was not read yet.
+    """
+    if not values:
+        hint = "Read its settings first."
+        raise ApiError(409, "not-read", f"{row.title or row.name} changes {setting}, which is not read yet.", hint)
+    return replace(changes_of(desk, {setting: values}), title=row.title or row.name, setting=setting)
 
 
 def _written_by(desk: Desk, command: str, values: Mapping[str, Any]) -> Setting | None:

@@ -74,6 +74,10 @@ def test_a_restore_that_nobody_helps_ends() -> None:
     assert line.now_ns == pytest.approx(60e9, rel=0.01)
 
 
+SEND_LATEST = {
+    **{"function": 8, "line": 6, "polarity": 1, "trigger_once": 0, "skip_first": 0, "skip_factor": 0},
+    **{"pulse_width": 0, "delay_offset_or_clock_period": 0},
+}
 LINE_CHANGES: list[tuple[str, str, Values | None, Values, str | None]] = [
     ("MTi-3", "Baudrate", {"baudrate_code": 2}, {"baudrate_code": 10}, "baud"),
     ("MTi-3", "Baudrate", {"baudrate_code": 10}, {"baudrate_code": 0x80}, None),  # the same rate
@@ -83,6 +87,13 @@ LINE_CHANGES: list[tuple[str, str, Values | None, Values, str | None]] = [
     ("MTi-630", "PortConfig", {"words": [0x10002, 0x10002, 0]}, {"words": [2, 0x10002, 0]}, "port"),
     ("MTi-630", "PortConfig", {"words": [0x10002, 0x10002, 0]}, {"words": [0x10102, 0x10002, 0]}, "port"),
     ("MTi-630", "PortConfig", {"words": [0x1000A, 0x10002, 0]}, {"words": [0x1000A, 0x1000A, 0]}, "baud"),
+    ("MTi-630", "PortConfig", {"words": [0x10002, 0x10002, 0]}, {"words": [0x10002, 0x1000A, 0]}, "baud"),
+    ("MTi-630", "PortConfig", {"words": [0x10002, 0x10002, 0]}, {"words": [0x10002, 2, 0]}, "port"),
+    ("MTi-630", "PortConfig", {"words": [0x10002, 0x10002, 0]}, {"words": [0x10002, 0x50002, 0]}, "protocol"),
+    ("MTi-630", "PortConfig", {"words": [0x10002, 0x1000A, 0]}, {"words": [0x10002, 0x10000, 0]}, None),
+    ("MTi-630", "SyncSettings", {"settings": []}, {"settings": [SEND_LATEST]}, "silent"),
+    ("MTi-630", "SyncSettings", {"settings": [SEND_LATEST]}, {"settings": [{**SEND_LATEST, "polarity": 2}]}, None),
+    ("MTi-630", "SyncSettings", {"settings": []}, {"settings": [{**SEND_LATEST, "polarity": 0}]}, None),
     ("MTi-630", "OutputConfiguration", None, {"outputs": []}, "silent"),
     ("MTi-630", "OutputConfiguration", None, CHANGES["OutputConfiguration"][1], None),
     ("MTi-630", "StringOutputType", None, {"string_types": 1, "frequency": 1}, "protocol"),
@@ -103,6 +114,29 @@ def test_what_could_cut_the_line_is_known_before_it_is_written(
     change = DRIVER.line_change(setting, old, new, Known(product=product, baud=115_200))
     assert (change.kind if change else None) == kind
     assert change is None or change.words.endswith(".")
+
+
+def test_a_change_of_one_of_two_ports_tells_both_rates_at_which_the_device_may_be() -> None:
+    known = Known(product="MTi-630", baud=115_200)
+    both = {"words": [0x10002, 0x10002, 0]}
+    change = DRIVER.line_change("PortConfig", both, {"words": [0x10002, 0x1000A, 0]}, known)
+    assert change is not None
+    assert (change.baud, change.others) == (921_600, (115_200,))
+    change = DRIVER.line_change("PortConfig", both, {"words": [0x1000A, 0x1000A, 0]}, known)
+    assert change is not None
+    assert (change.baud, change.others) == (921_600, ())
+
+
+def test_the_600_series_gets_its_rate_as_a_port_configuration() -> None:
+    """SetBaudrate is deprecated there, and no trial would guard it."""
+    known, six = Known(product="MTi-30", baud=115_200), Known(product="MTi-630", baud=115_200)
+    present: dict[str, Values] = {"PortConfig": {"words": [0x10002, 0x1000A, 0]}}
+    assert DRIVER.instead("SetBaudrate", {"baudrate_code": 0}, present, known) is None
+    assert DRIVER.instead("SetBaudrate", {"baudrate_code": 0}, present, six) == (
+        "PortConfig",
+        {"words": [0x10000, 0x1000A, 0]},
+    )
+    assert DRIVER.instead("SetBaudrate", {"baudrate_code": 0}, {}, six) == ("PortConfig", {})
 
 
 # -- what is the same, and what the factory set ------------------------------------------------------------------------

@@ -71,10 +71,10 @@ async def over(task: Task) -> Job:
 
 
 @asynccontextmanager
-async def bench(**faults: int) -> AsyncIterator[Bench]:
-    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it."""
+async def bench(port: int = 0, **faults: int) -> AsyncIterator[Bench]:
+    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports."""
     options = TwinOptions(faults=Faults(baud=115_200, **faults))
-    made = Bench(lambda start_ns: XbusDevice("MTi-630", start_ns=start_ns, rate=100), options)
+    made = Bench(lambda start_ns: XbusDevice("MTi-630", start_ns=start_ns, rate=100, port=port), options)
     made.start()
     try:
         yield made

@@ -118,6 +118,18 @@ def test_what_would_discard_an_orientation_reset_is_asked_about_first(
     until(lambda: http.get("/api/devices/1/control").json()["unfinished"] == "", http)
 
 
+def test_a_baud_rate_of_the_600_series_is_written_as_its_port_on_trial(http: Client) -> None:
+    """It was confirmed, took effect by the next reset, and the device was lost."""
+    read(http)
+    body = {"command": "SetBaudrate", "values": {"baudrate_code": 0x80}}
+    answer = post(http, "run", body)
+    assert (answer.status_code, answer.json()["kind"]) == (409, "confirm")
+    job = done(http, post(http, "run", {**body, "confirmed": True}))
+    assert "nobody kept" in job["message"]
+    assert http.get("/api/devices/1/control").json()["trial"]["state"] == "reverted"
+    assert "SetBaudrate" not in sent(http)
+
+
 def test_a_compass_calibration_is_not_interrupted_and_a_question_is_no_danger(http: Client) -> None:
     """Reading everything before each command ended the motion between its start and its stop."""
     read(http)

@@ -187,6 +187,42 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path, m
     run(check())
 
 
+@pytest.mark.parametrize(("port", "rate"), [(0, 115_200), (1, 921_600)])
+def test_a_port_that_may_be_ours_changes_on_trial_and_the_device_is_found_at_either_rate(
+    tmp_path: Path, port: int, rate: int
+) -> None:
+    """Only the first port was guarded: a host on the UART, whose rate alone changed, lost the device for good."""
+
+    async def check() -> None:
+        async with bench(port) as there, house(tmp_path, trial_s=1.0) as here:
+            desk = await here.add(f"serial://{there.slave}?baud=115200")
+            await here.read(desk)
+            change = {"PortConfig": {"words": [0x10002, 0x10000 | FAST, 0]}}
+            task = desk.add("Write Ports", here.desks.jobs.apply(desk, change, ""))
+            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            assert desk.session.baud == rate
+            await over(task)
+            assert desk.trial is not None
+            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
+            assert desk.values["PortConfig"]["words"][1] == 0x10002
+
+    run(check())
+
+
+def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:xbus?product=MTi-300&baud=921600")
+            jobs = here.desks.jobs
+            await over(desk.add("Restore", jobs.run(desk, "RestoreFactoryDef", {}, changes=True)))
+            assert desk.session.baud == 921_600
+            job = await over(desk.add("Reset", jobs.run(desk, "Reset", {}, changes=False, restarts=True)))
+            assert (job.state, desk.session.baud) == ("done", 115_200), job
+            assert job.message == "The device speaks at 115 200 Bd after its restart; the link follows it."
+
+    run(check())
+
+
 def cycle(there: Bench) -> None:
     """Switch the device off and on."""
     device = there.device
