@@ -8,12 +8,16 @@ A sentence gives names and numbers (protocols/nmea.py, protocols/xbus/strings.py
 name, whichever sentence they stand in. Numbers that lie along axes are one quantity, as they are in a device's own
 messages: an orientation is drawn as one. A name that is not listed is shown as it is.
 
+A number whose sign stands in the next field, as a letter, gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The
+sentence itself keeps both as the wire has them.
+
 Rules for editing: a new quantity is a row of `TOGETHER` (several numbers) or `ALONE` (one).
 Sources: MT0101P 2020.A, 5.3.5; NMEA 0183 names as pynmeagps spells them.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -23,6 +27,10 @@ from protocols.events import Batch, Text
 from protocols.schema import Field, Message
 
 _XYZ = ("x", "y", "z")
+_SIDES = re.compile(
+    r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$"
+)  # fields that tell which way the number before is
+_NEGATIVE = frozenset("SWLPB")  # south, west, left (port); of PHTRO bow down and port down
 _MOST_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
 
 TOGETHER: Mapping[tuple[str, ...], Field] = {
@@ -80,7 +88,7 @@ class Sentences:
         for text in texts:
             if not text.name:
                 continue
-            numbers = {name: float(value) for name, value in text.fields.items() if _is_number(value)}
+            numbers = _numbers(text.fields)
             if numbers:
                 kinds.setdefault((text.protocol, text.name, *numbers), []).append((text, list(numbers.values())))
         return [self._batch(kind, found) for kind, found in kinds.items()]
@@ -122,6 +130,19 @@ def _named(name: str) -> Field:
     return Field(
         name, "f8", unit=row.unit, decimals=row.decimals, period=row.period, title=row.title, doc=row.title or row.doc
     )
+
+
+def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
+    """The numbers of a sentence by name, signed."""
+    found: dict[str, float] = {}
+    before = ""
+    for name, value in fields.items():
+        if _is_number(value):
+            found[name] = float(value)
+        elif before in found and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
+            found[before] = -abs(found[before])  # of a latitude the sign may be there already
+        before = name
+    return found
 
 
 def _is_number(value: Any) -> bool:

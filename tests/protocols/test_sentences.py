@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from protocols.events import Text
-from protocols.nmea import SENTENCES
+from protocols.nmea import SENTENCES, checksum, find
 from protocols.schema import Message
 from protocols.sentences import Sentences
 
@@ -46,3 +46,29 @@ def test_a_sentence_keeps_its_message_and_words_alone_make_none() -> None:
     assert first.message.fields[0].title == "Heading, magnetic"
     assert (other.message.title, other.message.fields[0].name) == ("NMEA X", "a")
     assert sentences.batches([text("", headingM=1.0)]) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("PHTRO,10.37,P,177.62,T", {"pitch": -10.37, "roll": 177.62}),
+        ("PHTRO,10.37,M,17.62,B", {"pitch": 10.37, "roll": -17.62}),
+        ("HCHDG,101.1,7.5,W,3.2,E", {"deviation": -7.5, "variation": 3.2}),
+        ("HCHDG,101.1,7.5,E,3.2,W", {"deviation": 7.5, "variation": -3.2}),
+        (
+            "GPRMC,081836,A,3751.65,S,14507.36,E,000.0,360.0,130998,011.3,W",
+            {"lat": -37.860833, "lon": 145.122667, "mv": -11.3},
+        ),
+        ("GPRMC,081836,A,3751.65,N,14507.36,W,000.0,360.0,130998,011.3,E", {"lon": -145.122667, "mv": 11.3}),
+        ("GPXTE,A,A,0.67,L,N", {"ctrkerr": -0.67}),
+        ("GPDTM,W84,,0.5,S,0.25,W,1.0,W84", {"latOfset": -0.5, "lonOfset": -0.25}),
+        ("HCHDM,354.0,M", {"headingM": 354.0}),
+    ],
+)
+def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, float]) -> None:
+    """Pitch and roll of $PHTRO, deviation and variation came out positive whatever the letter said."""
+    raw = f"${line}*{checksum(line.encode()):02X}\r\n".encode()
+    (found,), _ = find(raw, final=True)
+    (batch,) = Sentences().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
+    assert {name: float(batch.columns[name][0]) for name in expected} == pytest.approx(expected)
+    assert found.line == raw.decode().strip()
