@@ -2,7 +2,7 @@
 import { cursor, view } from "../data/view";
 import type { Stats } from "../data/statistics";
 import type { Channel, Store } from "../data/store";
-import type { DeviceInfo } from "../wire/types";
+import type { DeviceInfo, EventInfo } from "../wire/types";
 import { type Recent, recentOf } from "./figures";
 import type { Minute } from "./minute";
 import { type Reading, readingAt } from "./reading";
@@ -12,6 +12,10 @@ export interface Deps {
   readonly minute: Minute;
   /** What a column's window amounts to, when the store holds only some of its samples; undefined while that is not known. */
   readonly statistics?: (channel: Channel, column: number, at: Reading) => Stats | undefined;
+  /** All that happened, where the store tells of what had happened by then. */
+  readonly allEvents?: readonly EventInfo[];
+  /** Shows a moment, where that is more than to look at it. */
+  readonly jump?: (to: { readonly t0: number; readonly t1: number }) => void;
   /** Samples of a recording that are missing after where it is read. */
   readonly lostLater?: (device: string) => number;
 }

@@ -85,7 +85,7 @@ export class Replay {
     this.#unframe = effect(() => [this.drawn, this.near, this.far].forEach((store) => store.showIn(frame.value)));
     this.markers.value = detail.markers;
     this.progress.value = detail.progress;
-    this.app = { ...appOf(this.near, this.#minute), statistics: (channel, column, at) => this.#statisticsOf(channel, column, at), lostLater: (of) => lostAfter(detail.events, of, this.head) };
+    this.app = { ...appOf(this.near, this.#minute), allEvents: detail.events, jump: ({ t0 }) => this.seek(t0), statistics: (channel, column, at) => this.#statisticsOf(channel, column, at), lostLater: (of) => lostAfter(detail.events, of, this.head) };
     this.go(place);
     this.#screen.want(this.#shown); // at once: before anything is drawn
   }
