@@ -185,8 +185,8 @@ def open_file(path: Path, protocol: str = "") -> Source:
         return maker(path, protocol)
     source = CaptureSource([path], "bin", protocol)
     if not source.protocol:
-        hint = "Known are .mcap, .mtb, .raw, .dat, .csv and captures; of these the protocol can be named (--protocol)."
-        raise RecordingError(f"Nothing known was found in {path.name}.", hint)
+        hint = "Supported: .mcap, .mtb, .raw, .dat, .csv, and captures, whose protocol --protocol can name."
+        raise RecordingError(f"{path.name} is not a format imuscope knows.", hint)
     return source
 
 

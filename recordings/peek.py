@@ -145,7 +145,7 @@ def _capture(path: Path, suffix: str, head: bytes) -> Peek | None:
     if not protocol:
         if suffix not in ASK_ANYWAY:
             return None
-        found.damaged = "Nothing known was found in it."
+        found.damaged = "It is not a format imuscope knows."
         return found
     name = inertial_logs.log_name(path)
     found.devices = [Device("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")]

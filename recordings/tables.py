@@ -161,7 +161,8 @@ class CsvSource(TableSource):
         if odd:
             self.damage.append(Damage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
         if wrong:
-            self.damage.append(Damage(-1, f"{wrong} cells hold no number; they are empty."))
+            words = "cell was not a number and was" if wrong == 1 else "cells were not numbers and were"
+            self.damage.append(Damage(-1, f"{wrong} {words} left empty."))
 
     def last(self) -> float:
         assert self._time is not None

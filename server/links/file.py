@@ -121,7 +121,7 @@ class FileLink(Link):
                     return
                 if not self.loop:
                     ended = f"{self.path.name} has been played to its end."
-                    inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))
+                    inbox.fail(LinkError("ended", ended, "Play again, or add ?loop=1 to repeat."))
                     return
         except OSError as error:
             inbox.fail(

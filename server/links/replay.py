@@ -150,7 +150,7 @@ class ReplayLink(FileLink):
                 wait_ns = replay.wait_ns()
                 if wait_ns is None:
                     ended = f"{self.path.name} has been played to its end."
-                    inbox.fail(LinkError("ended", ended, "Retry plays it again, ?loop=1 for ever."))
+                    inbox.fail(LinkError("ended", ended, "Play again, or add ?loop=1 to repeat."))
                     return
                 if wait_for(wait_ns / 1e9):
                     return

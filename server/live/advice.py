@@ -23,7 +23,7 @@ FEW = 3  # messages of another protocol in that; fewer may be chance
 
 REMEDIES: Mapping[str, tuple[str, str]] = {
     "no_key": (
-        "Secure frames come, and there is no key to check them with: they are rejected.",
+        "Secure frames are arriving, but there is no key to check them: they are rejected.",
         "Give the key: --key HEX or --key @FILE, or with the source.",
     ),
     "bad_hmac": ("Secure frames come that the key does not fit: they are rejected.", "Is it this device's key?"),

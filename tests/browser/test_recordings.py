@@ -460,7 +460,7 @@ def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
     page.locator("input[type=file]").set_input_files([photo, void, torn])
     until(page, "document.querySelectorAll('.coming .why').length === 2")
     refused = page.locator(".coming").inner_text()
-    assert "Nothing known was found in photo.jpg." in refused
+    assert "photo.jpg is not a format imuscope knows." in refused
     assert "void.mcap is empty" in refused
     until(page, "document.querySelector('.side .problem')?.innerText.includes('torn off')")  # it is chosen
     for name in ("photo.jpg", "void.mcap"):

@@ -4,7 +4,7 @@ import { view } from "../data/view";
 import { recently } from "../panels/deps";
 import { rateBars } from "../panels/minute";
 import { drawBars } from "../panels/sparkline";
-import { trustOf } from "../panels/trust";
+import { keyWanted, trustOf } from "../panels/trust";
 import { api, type Port } from "../ui/api";
 import { surface } from "../ui/canvas";
 import { el, every, type Panel } from "../ui/dom";
@@ -145,7 +145,7 @@ const PROTOCOLS: Readonly<Record<string, string>> = { xbus: "Xbus", isb: "ISB", 
 /** What is known of the product beyond the name above it. */
 function productWords({ name, product, protocol, firmware }: DeviceInfo): string {
   if (protocol === "") return "nothing known yet";
-  const said = product === name ? "" : product || "product not told yet";
+  const said = product === name ? "" : product || "product unknown";
   return [said, PROTOCOLS[protocol] ?? protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
 }
 
@@ -174,9 +174,10 @@ function Why({ app, device, health, gaps }: WhyProps) {
   const next = left > 0 ? `next try ${left} s` : "";
   const words = [ago, next].filter(Boolean).join(" · ");
   const [tone, name] = NAMES[device.status];
+  const wanted = device.status === "connecting" && keyWanted(health) !== ""; // it is heard, and refused
   return (
     <span class="why">
-      <span class={`tag ${tone}`}>{name}</span>
+      <span class={`tag ${wanted ? "warn" : tone}`}>{wanted ? "Key missing" : name}</span>
       {device.status === "connecting" && next === "" ? (device.tries.at(-1)?.what ?? "") : words}
     </span>
   );

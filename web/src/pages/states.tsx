@@ -85,7 +85,7 @@ export function Denied({ device }: { readonly device: DeviceInfo }) {
 
 export function Unreached({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   return (
-    <Card title={`${device.name} is not reached`} dot="bad">
+    <Card title={`${device.name} cannot be reached`} dot="bad">
       <p>
         {device.message} <NextTry app={app} device={device} />
       </p>

@@ -41,7 +41,7 @@ describe("groupsOf", () => {
       channel("GnssSatInfo", "rows", [column("svId"), column("cno")]),
       channel("PacketCounter", "counter", [column("value")]),
     ]);
-    expect(groups.map((group) => group.title)).toEqual(["Acceleration", "RateOfTurn", "Slow data", "GnssPvtData"]);
+    expect(groups.map((group) => group.title)).toEqual(["Acceleration", "RateOfTurn", "Other values", "GnssPvtData"]);
     expect(groups[1]).toMatchObject({ unit: "rad/s" });
     expect(groups[2]?.rows.map((row) => row.label)).toEqual(["Temperature", "GnssSatInfo", "PacketCounter"]);
     expect(groups[2]?.rows[1]?.column).toBe(-1);

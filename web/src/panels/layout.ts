@@ -92,7 +92,7 @@ export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[
       records.push({ title, unit: "", frame, rows: rowsOf(channel, true), verified: channel.verified });
     }
   }
-  const tail = slow.length > 0 ? [{ title: "Slow data", unit: "", frame: "", rows: slow, verified: slow.every((row) => row.channel.verified) }] : [];
+  const tail = slow.length > 0 ? [{ title: "Other values", unit: "", frame: "", rows: slow, verified: slow.every((row) => row.channel.verified) }] : [];
   return [...groups, ...tail, ...records];
 }
 

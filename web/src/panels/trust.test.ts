@@ -25,7 +25,7 @@ describe("what was rejected", () => {
   it("is counted by reason, in words", () => {
     const report = health({ rejects_by: { bad_checksum: 2, no_key: 1204, truncated: 0 } });
     expect(rejections(report).map(({ words, count }) => `${words} ${count}`)).toEqual(["no key 1204", "bad checksum 2"]);
-    expect(keyWanted(report)).toBe("1\u2009204 Secure frames rejected: there is no key to check them with.");
+    expect(keyWanted(report)).toBe("1\u2009204 Secure frames rejected: there is no key to check them.");
     expect(keyWanted(health({ rejects_by: { stale: 3 } }))).toBe("");
   });
   it("tells a wrong key from frames that were damaged", () => {

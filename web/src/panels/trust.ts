@@ -61,7 +61,7 @@ export function rejections(health: DeviceHealth | undefined): readonly Rejection
 /** What to say while frames are refused because nobody gave a key; "" when none are. */
 export function keyWanted(health: DeviceHealth | undefined): string {
   const refused = health?.rejects_by["no_key"] ?? 0;
-  return refused > 0 ? `${count(refused, "Secure frame")} rejected: there is no key to check them with.` : "";
+  return refused > 0 ? `${count(refused, "Secure frame")} rejected: there is no key to check them.` : "";
 }
 
 /** The key that was given does not fit: nothing verified came, and frames fail their check. */

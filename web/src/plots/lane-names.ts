@@ -99,10 +99,16 @@ export class LaneNames {
     const lane = this.lanes[this.#spoken - 1];
     if (lane !== undefined) {
       const state = stateWords(lane.bits, stateAt({ ...lane, channel: reads(lane.channel, t) }, t, base));
-      return [`${lane.name}${state === "" ? "" : `: ${state}`}`, lane.bits.doc];
+      return [`${lane.name}${state === "" ? "" : `: ${state}`}`, docOf(lane, state)];
     }
     const here = losses.findLast(({ t0, t1 }) => t >= t0 && t <= t1) ?? (t === Infinity ? losses.at(-1) : undefined);
     if (here !== undefined) return [`Loss: ${lossWords(here)}`, here.text];
-    return ["Loss", losses.length === 0 ? "Nothing is missing." : `${count(losses.length, "stretch", "stretches")} with missing samples in memory.`];
+    return ["Loss", losses.length === 0 ? "Nothing is missing." : `${count(losses.length, "gap")} in memory.`];
   }
+}
+
+/** What a lane means; of a flag that is not set, what it would say. */
+export function docOf({ bits: { doc, width } }: Pick<Lane, "bits">, state: string): string {
+  if (doc === "" || width !== 1 || state !== "not set") return doc;
+  return `When set: ${/^[A-Z][a-z]/.test(doc) ? doc.charAt(0).toLowerCase() + doc.slice(1) : doc}`;
 }

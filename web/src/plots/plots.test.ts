@@ -5,6 +5,7 @@ import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./columns";
 import { words } from "../ui/words";
+import { docOf } from "./lane-names";
 import { lanesOf, runsOf, stateWords } from "./lanes";
 import { stripLength } from "./memory";
 import { niceStep, Scale, ticks } from "./scale";
@@ -180,8 +181,8 @@ describe("lanes", () => {
 
   it("are there for what was set once, for enumerations, and for what must be seen when it is cleared", () => {
     const names = (rows: number[]): string[] => lanesOf([filled(rows)]).map(({ name }) => name);
-    expect(names([2, 2])).toEqual(["Filter valid", "Rtk status", "No rotation update"]);
-    expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "Rtk status", "No rotation update"]);
+    expect(names([2, 2])).toEqual(["Filter valid", "RTK status", "No rotation update"]);
+    expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "RTK status", "No rotation update"]);
   });
 
   it("keep a flag of one sample at any zoom, and draw nothing after the newest sample", () => {
@@ -201,6 +202,12 @@ describe("lanes", () => {
   it("say what a value means", () => {
     const rtk = STATUS_BITS.find(({ name }) => name === "RtkStatus")!;
     expect([0, 1, 3, -2].map((state) => stateWords(rtk, state))).toEqual(["no RTK", "floating", "3", "changing"]);
-    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual(["Clip acc X", "Filter valid", "SyncIn Marker", "rtk status", "GNSS fix"]);
+    expect(["ClipAccX", "FilterValid", "SyncIn Marker", "rtk_status", "GNSSFix"].map(words)).toEqual(["Clip acc X", "Filter valid", "SyncIn Marker", "RTK status", "GNSS fix"]);
   });
+});
+
+it("a flag that is not set is not explained as if it were", () => {
+  const bits = { ...STATUS_BITS[0]!, width: 1, doc: "At least one sensor is out of range." };
+  expect(docOf({ bits }, "not set")).toBe("When set: at least one sensor is out of range.");
+  expect(docOf({ bits }, "set")).toBe(bits.doc);
 });

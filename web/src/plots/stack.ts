@@ -59,7 +59,7 @@ class Stack {
   readonly #markers: () => readonly MarkLine[];
   readonly #root = el("div", { class: "stack", tabindex: "0", role: "group", "aria-label": "Plots" });
   readonly #glass = new Sheet(el("canvas", { class: "glass", "aria-hidden": "true" }));
-  readonly #more = el("div", { class: "more", role: "group", "aria-label": "Further quantities" });
+  readonly #more = el("div", { class: "more", role: "group", "aria-label": "More signals" });
   readonly #lanesBox = el("div", { class: "lanebox" });
   readonly #lanesHost = el("div", { class: "lanes" });
   readonly #lanesSheet = new Sheet(el("canvas", { role: "img", "aria-label": "Losses and status flags over time" }));
@@ -181,7 +181,7 @@ class Stack {
       groups.set(group, [...(groups.get(group) ?? []), spec]);
     }
     this.#more.classList.toggle("grouped", groups.size > 1);
-    this.#more.replaceChildren("Also sent");
+    this.#more.replaceChildren("More signals");
     for (const [group, specs] of groups) {
       const buttons = specs.map((spec) => this.#offerOne(spec, extra.has(spec.key), group));
       if (group === "") {

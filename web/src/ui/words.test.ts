@@ -8,6 +8,9 @@ describe("words", () => {
     const said = ["Clip acc X", "Heading align fine", "Fix OK", "Solution", "RTK error base", "RTK position valid", "X"];
     expect(names.map(words).map((text) => text.toLowerCase())).toEqual(said.map((text) => text.toLowerCase()));
   });
+  it("spells abbreviations as everybody does", () => {
+    expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual(["RTK status", "GNSS fix", "Self-test", "INS status"]);
+  });
   it("reads choices in the middle of a sentence", () => {
     expect(["RTK_FIX", "NONE", "3D", "no RTK"].map(choiceWords)).toEqual(["RTK fix", "none", "3D", "no RTK"]);
   });

@@ -16,6 +16,9 @@ const SPELLED: Readonly<Record<string, string>> = {
   SATS: "satellites", NUM: "number of", TEMP: "temperature",
 };
 
+/** Names that are read as one word with another spelling. */
+const SPECIAL: Readonly<Record<string, string>> = { rtk: "RTK", gnss: "GNSS", gps: "GPS", imu: "IMU", ins: "INS", selftest: "self-test" };
+
 /** A name written as a constant: capitals, digits and underscores only. */
 const CONSTANT = /^[A-Z0-9]+(_[A-Z0-9]+)*$/;
 
@@ -32,7 +35,8 @@ export function words(name: string): string {
     return text.charAt(0).toUpperCase() + text.slice(1);
   }
   const parts = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2").replace(/([A-Z]+)([A-Z][a-z])/g, "$1 $2").split(/[ _]+/);
-  return parts.map((part, k) => (k === 0 || part.length === 1 || part === part.toUpperCase() ? part : part.toLowerCase())).join(" ");
+  const said = parts.map((part, k) => SPECIAL[part.toLowerCase()] ?? (k === 0 || part.length === 1 || part === part.toUpperCase() ? part : part.toLowerCase())).join(" ");
+  return /^[A-Z]/.test(parts[0] ?? "") ? said.charAt(0).toUpperCase() + said.slice(1) : said;
 }
 
 /** What an enumeration's value means, in the middle of a sentence: "RTK fix", "none". */

@@ -69,7 +69,7 @@ function Actions({ info }: { readonly info: RecordingInfo }) {
         <Icon name="play" />
         Play as a device
       </button>
-      <button type="button" class="btn edge" title="It can be had back for 7 days" onClick={() => void remove(info)}>
+      <button type="button" class="btn edge" title="Can be restored for 7 days" onClick={() => void remove(info)}>
         <Icon name="trash" />
         Delete
       </button>

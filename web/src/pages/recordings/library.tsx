@@ -198,7 +198,7 @@ function Gone() {
 }
 
 function List({ app }: { readonly app: App }) {
-  if (trouble.value && all.value === undefined) return <Nothing title="The list cannot be had" words={`${trouble.value.message} ${trouble.value.hint}`} />;
+  if (trouble.value && all.value === undefined) return <Nothing title="The list could not be loaded" words={`${trouble.value.message} ${trouble.value.hint}`} />;
   if (all.value === undefined) return <div class="recs" aria-busy="true" />;
   if (all.value.length === 0) {
     return <Nothing title="No recording yet" words="Press Record in the bar, or Shift R, and everything that arrives is kept. Logs and captures made elsewhere can be dropped here." />;
