@@ -249,8 +249,12 @@ class Driver(Protocol):
     def frame(self, command: str, values: Values, known: Known) -> bytes:
         """The bytes of a command (an NMEA line, too, is bytes)."""
 
-    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
-        """The bytes that would write these values (only those given, where the setting is `partial`)."""
+    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
+        """The bytes that would write these values (only those given, where the setting is `partial`).
+
+        Args:
+            held: as of `write`.
+        """
 
     def spans(self, frame: bytes) -> list[Span]:
         """The frame byte by byte: spans that cover it without overlap, in order."""
@@ -271,8 +275,13 @@ class Driver(Protocol):
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         """The values of one setting."""
 
-    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
-        """Write and read back; a refusal is in the result, silence is raised."""
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+        """Write and read back; a refusal is in the result, silence is raised.
+
+        Args:
+            held: the device has told these values itself, so they go back whatever the tables allow: a way back must
+                not depend on our ranges. Only what does not fit the bytes of its field is an EncodeError then.
+        """
 
     def identify(self, known: Known) -> Dialogue[Known]:
         """Ask who it is: product, serial number, firmware."""

@@ -60,7 +60,7 @@ class IdtpDriver:
         record = {"message": command, "fields": {**defaults, **fields}}
         return frame_of(record, known.key, self._schema)
 
-    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
         raise EncodeError("IDTP has no settings")
 
     def spans(self, frame: bytes) -> list[Span]:
@@ -84,7 +84,7 @@ class IdtpDriver:
         yield from ()  # a dialogue is a generator, also one that does nothing
         raise EncodeError("IDTP has no settings")
 
-    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
         yield from ()
         raise EncodeError("IDTP has no settings")
 

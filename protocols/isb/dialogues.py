@@ -186,10 +186,10 @@ class IsbDriver:
     def frame(self, command: str, values: Values, known: Known) -> bytes:
         return frame(command, values, version_of(known))
 
-    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
         if setting == STREAMS_SETTING:
             return streams_frames(values)
-        return set_frames(did_of(setting), values, version_of(known))
+        return set_frames(did_of(setting), values, version_of(known), held=held)
 
     def spans(self, frame: bytes) -> list[Span]:
         return annotated.spans(frame)
@@ -259,14 +259,14 @@ class IsbDriver:
         values = yield from ask(did_of(setting))
         return _trimmed(setting, values)
 
-    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
         try:
             if setting == STREAMS_SETTING:
                 got = yield from self._write_streams(values)
             else:
                 if did_of(setting) == NMEA_PERIODS:
                     values = yield from self._with_ended(values)
-                for packet in self.setting_frames(setting, values, known):
+                for packet in self.setting_frames(setting, values, known, held=held):
                     yield from tell(packet, f"{SET_PREFIX}{setting}")
                 got = yield from self.read(setting, known)
         except RefusedError as error:

@@ -131,14 +131,18 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
 # -- settings ----------------------------------------------------------------------------------------------------------
 
 
-def set_frames(did: int, values: Values, version: str = CURRENT) -> list[bytes]:
+def set_frames(did: int, values: Values, version: str = CURRENT, *, held: bool = False) -> list[bytes]:
     """The SETs that write the given fields of a data set, and no other: one for each run of neighbours.
 
     Fields that the device keeps itself are passed over.
+
+    Args:
+        held: values of the device itself, which go back unchecked.
     """
     fields = fields_of(did, version)
     told = {field.name for field in fields if field.read_only}
-    limits.check(fields, {name: value for name, value in values.items() if name not in told}, partial=True)
+    if not held:
+        limits.check(fields, {name: value for name, value in values.items() if name not in told}, partial=True)
     if did == NMEA_PERIODS:
         values = _padded(values)
     return _runs(did, {name: value for name, value in values.items() if name not in told}, version)

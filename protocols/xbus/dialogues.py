@@ -87,9 +87,9 @@ class XbusDriver:
         row = _row(command, values, model)
         return _frame(row, values, model)
 
-    def setting_frames(self, setting: str, values: Values, known: Known) -> list[bytes]:
+    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
         model = model_of(known.product)
-        return [_write_frame(_kept(setting, model), values, model)]
+        return [_write_frame(_kept(setting, model), values, model, held=held)]
 
     def spans(self, frame: bytes) -> list[Span]:
         return spans.spans(frame)
@@ -140,13 +140,13 @@ class XbusDriver:
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         return (yield from _read(_kept(setting, model_of(known.product))))
 
-    def write(self, setting: str, values: Values, known: Known) -> Dialogue[Written]:
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
         model = model_of(known.product)
         one = _kept(setting, model)
         row = commands.write_row(one, model)
         assert row is not None  # _write_frame says so in words
         try:
-            yield from exchange.ask(_write_frame(one, values, model), row.message, row.timeout_s)
+            yield from exchange.ask(_write_frame(one, values, model, held=held), row.message, row.timeout_s)
         except RefusedError as refused:
             return Written(setting, values, refused=refused.why)
         return Written(setting, values, (yield from _read(one)))
@@ -234,32 +234,36 @@ def _kept(setting: str, model: Model | None) -> Kept:
 # -- values → frames ---------------------------------------------------------------------------------------------------
 
 
-def _frame(row: Row, values: Values, model: Model | None) -> bytes:
+def _frame(row: Row, values: Values, model: Model | None, *, held: bool = False) -> bytes:
     """The frame of a command.
 
+    Args:
+        held: values of the device itself, which go back unchecked.
     Raises:
         EncodeError: a value is missing, unknown, out of its range, or does not go with the others.
     """
-    limits.check(commands.arguments(row, model), values)
-    for problem in problems_beyond(row.message, values, model):
-        raise EncodeError(problem.message, problem.path)
+    if not held:
+        limits.check(commands.arguments(row, model), values)
+        for problem in problems_beyond(row.message, values, model):
+            raise EncodeError(problem.message, problem.path)
     if row.message in _NONE and not values[_NONE[row.message][0]]:
         name, nothing = _NONE[row.message]
         values = {name: [nothing]}
     return frame_of({"message": row.message, "fields": dict(values)})
 
 
-def _write_frame(one: Kept, values: Values, model: Model | None) -> bytes:
+def _write_frame(one: Kept, values: Values, model: Model | None, *, held: bool = False) -> bytes:
     """The frame that writes a setting."""
     row = commands.write_row(one, model)
     if row is None:
         raise EncodeError(f"{one.name} is told by the device and cannot be written")
     wanted = {name: value for name, value in values.items() if name not in one.told}
     if one.name == "OptionFlags":
-        limits.check(commands.reply_form(one.read, model).fields, wanted)
+        if not held:
+            limits.check(commands.reply_form(one.read, model).fields, wanted)
         flags = int(wanted["flags"])
         wanted = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
-    return _frame(_row(row.message, {**wanted, **one.fixed}, model), {**wanted, **one.fixed}, model)
+    return _frame(_row(row.message, {**wanted, **one.fixed}, model), {**wanted, **one.fixed}, model, held=held)
 
 
 def read_frame(one: Kept) -> bytes:

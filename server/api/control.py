@@ -6,7 +6,9 @@ in words until it is sent again with `confirmed`.
 
 from __future__ import annotations
 
-from typing import Annotated
+import asyncio
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 
@@ -82,16 +84,22 @@ async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
     targets = [desk, *(desk_of(device, desks) for device in dict.fromkeys(body.devices) if device != desk.device)]
     if not body.changes:
         raise ApiError(422, "bad-request", "`changes` holds nothing to write.", "Name a setting and its values.")
-    wishes: list[Wish] = [changes_of(one, body.changes) for one in targets]
+    wishes = [await _wish(one, desks, body.changes) for one in targets]
     product = body.product or (desk.known.product if len(targets) > 1 else "")
     others = [Danger("loses-settings", words) for one in targets if (words := mismatch(product, one.known.product))]
     confirmed([*others, *(danger for wish in wishes for danger in wish.dangers)], body.confirmed)
     base = {name: numbers(row.fields, body.base[name]) for name, row in desk.rows.items() if name in body.base}
     tasks = [
-        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason, base if one is desk else None))
+        one.add(wish.title, desks.jobs.apply(one, wish.values, body.reason, base if one is desk else None, wish.held))
         for one, wish in zip(targets, wishes, strict=True)
     ]
     return tasks[0].job
+
+
+async def _wish(desk: Desk, desks: Desks, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
+    """Settings to write; what the device has told once, according to its snapshots, may go back."""
+    who = desk.session.info.protocol, desk.known.serial_number
+    return await asyncio.to_thread(changes_of, desk, changes, lambda: desks.snapshots.told(*who))
 
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))

@@ -102,7 +102,7 @@ async def keep_snapshot(body: Keep, desk: OneDesk, desks: AllDesks) -> SnapshotI
         parsed = _of_protocol(desk, await _parsed(body.text))
         snapshot = replace(parsed, title=title, pinned=True, taken=desk.hub.now())
         reason = f"From a file of {snapshot.product or 'a device'} {snapshot.serial_number}".strip()
-        snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason)
+        snapshot = replace(snapshot, protocol=protocol, serial_number=serial_number, reason=reason, imported=True)
     elif desk.values:
         snapshot = replace(_now(desk, title), reason="Kept by a person", taken=desk.hub.now(), pinned=True)
     else:

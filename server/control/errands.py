@@ -10,12 +10,13 @@ the rest is given up, and said so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from protocols.dialogues import Dialogue, Driver, Known, RefusedError, SilentError, Values, Written
+from protocols.layouts import EncodeError
 from protocols.schema import Setting
 from server.control.values import field_at, title_at, value_at, words
 from server.wire import FieldOutcome
@@ -76,14 +77,22 @@ def survey(driver: Driver, known: Known, names: Sequence[str] | None, tell: Tell
     return found
 
 
-def write_all(driver: Driver, known: Known, changes: Mapping[str, Values], tell: Tell) -> Dialogue[list[Written]]:
-    """Write settings; what is refused is in the result, what is not answered too."""
+def write_all(
+    driver: Driver, known: Known, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
+) -> Dialogue[list[Written]]:
+    """Write settings; what is refused is in the result, what is not answered or cannot be sent too.
+
+    Args:
+        held: settings whose values the device has told itself; they are sent unchecked (Driver.write).
+    """
     done: list[Written] = []
     titles = {row.name: row.title or row.name for row in driver.settings(known)}
     for name, values in changes.items():
         tell(f"Writing {titles.get(name, name)}")
         try:
-            done.append((yield from driver.write(name, values, known)))
+            done.append((yield from driver.write(name, values, known, held=name in held)))
+        except EncodeError as error:
+            done.append(Written(name, values, None, f"not sent: {error}"))
         except SilentError as error:
             done.append(Written(name, values, None, ""))
             tell(str(error))

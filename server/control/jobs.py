@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -102,12 +102,14 @@ class Jobs:
         changes: Mapping[str, Mapping[str, Any]],
         reason: str,
         base: Mapping[str, Mapping[str, Any]] | None = None,
+        held: Collection[str] = (),
     ) -> Callable[[Task], Awaitable[None]]:
         """Write settings, with a way back.
 
         Args:
             base: what the device had when the changes were made. Where it has something else by now, nothing is
                 written: somebody else's change would be undone without a word.
+            held: settings whose values the device has, or had once; they are sent unchecked.
         """
 
         async def work(task: Task) -> None:
@@ -130,26 +132,41 @@ class Jobs:
             task.job.snapshot = await self._keep(
                 desk, found, "Before this change", reason or f"Before writing {titles}."
             )
-            await self._write(desk, task, found, todo)
+            await self._write(desk, task, found, todo, held)
 
         return work
 
-    async def _write(self, desk: Desk, task: Task, found: errands.Survey, todo: dict[str, dict[str, Any]]) -> None:
+    async def _write(
+        self,
+        desk: Desk,
+        task: Task,
+        found: errands.Survey,
+        todo: dict[str, dict[str, Any]],
+        held: Collection[str],
+    ) -> None:
         rows, driver = desk.rows, desk.driver
         lines = [driver.line_change(name, found.values.get(name), new, desk.known) for name, new in todo.items()]
         cuts = [line for line in lines if line is not None]
         restart = any(rows[name].after == "reset" for name in todo)
         if cuts:
             record = self._record(desk, found, todo, cuts, restart=restart)
+            record.held = [name for name in todo if name in held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
                 await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
             written = await Hand(desk, driver, self._trials, record, task).apply()
         else:
-            written = await self._write_in_place(desk, task, found, todo, restart=restart)
+            written = await self._write_in_place(desk, task, found, todo, held, restart=restart)
         self._report(desk, task, rows, written)
 
     async def _write_in_place(
-        self, desk: Desk, task: Task, found: errands.Survey, todo: dict[str, dict[str, Any]], *, restart: bool
+        self,
+        desk: Desk,
+        task: Task,
+        found: errands.Survey,
+        todo: dict[str, dict[str, Any]],
+        held: Collection[str],
+        *,
+        restart: bool,
     ) -> list[Written]:
         """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
         would stay silent, with half of the settings; the next one puts it back (server/control/trials.py)."""
@@ -158,7 +175,7 @@ class Jobs:
         if record is not None:
             await asyncio.to_thread(self._trials.keep, record)
         try:
-            body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words))
+            body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words), held)
             written = await desk.run(desk.driver.within(body, desk.known))
             if restart and not all(one.refused for one in written):
                 written = await self._restarted(desk, task, written)

@@ -21,7 +21,7 @@ from server.codec import plain
 from server.control.checks import problems_of, sentence
 from server.control.compare import SideValues, compare
 from server.control.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
-from server.control.values import numbers
+from server.control.values import head_of, numbers
 
 MOST_FRAMES = 32
 
@@ -70,10 +70,13 @@ def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> P
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
     found = problems_of(row.fields, values, partial=row.partial)
+    now = present.values.get(name, {})
+    left = [one for one in found if (head := head_of(one.path, values)[0]) not in now or now[head] != values.get(head)]
+    held, found = len(left) < len(found), left  # what the device has may stay, whatever the tables allow
     frames: list[bytes] = []
     if not found:
         try:
-            frames = driver.setting_frames(name, values, known)
+            frames = driver.setting_frames(name, values, known, held=held)
         except EncodeError as error:
             found = [FieldProblem(error.path, sentence(error))]
     if found:

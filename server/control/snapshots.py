@@ -38,6 +38,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -52,6 +53,7 @@ from server.control.forms import SnapshotBody, SnapshotInfo
 from server.control.values import comment, entry_comment
 
 FORMAT = 1
+RECENT = 20  # that are looked through for a value of the past; reading all would take seconds
 KEPT = 200  # of one device; the oldest that nobody pinned go first
 MOST_BYTES = 1 << 18  # ten times what the largest device has; reading so much takes seconds
 MOST_DEEP = 40  # lists in lists; reading takes the square of it, and a file of 3 kB could keep a processor for seconds
@@ -83,6 +85,7 @@ class Snapshot:
         taken: unix seconds.
         values: wire values by setting and field.
         missing: setting → why it is not there.
+        imported: a person brought it from elsewhere; no device has told it here.
     """
 
     protocol: str
@@ -95,6 +98,7 @@ class Snapshot:
     pinned: bool = False
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     missing: Mapping[str, str] = field(default_factory=dict)
+    imported: bool = False
 
     def info(self, name: str) -> SnapshotInfo:
         return SnapshotInfo(
@@ -132,6 +136,7 @@ def to_text(snapshot: Snapshot, rows: Mapping[str, Setting]) -> str:
     head += [f"title: {_quoted(snapshot.title)}", f'taken: "{taken}"', f"reason: {_quoted(snapshot.reason)}"]
     head += [f"{name}: {_quoted(getattr(snapshot, name))}" for name in ("protocol", "product", "serial_number")]
     head += [f"firmware: {_quoted(snapshot.firmware)}", f"pinned: {'true' if snapshot.pinned else 'false'}"]
+    head += ["imported: true"] if snapshot.imported else []
     lines = [*head, "settings:" if snapshot.values else "settings: {}"]
     for name, values in snapshot.values.items():
         row = rows.get(name)
@@ -221,6 +226,7 @@ def from_text(text: str) -> Snapshot:
         reason=str(head.get("reason", "")),
         taken=_time(head.get("taken")),
         pinned=head.get("pinned") is True,
+        imported=head.get("imported") is True,
         values=values,
         missing={str(name): str(why) for name, why in missing.items()},
     )
@@ -326,6 +332,15 @@ class Snapshots:
     def get(self, protocol: str, serial_number: str, name: str) -> Snapshot:
         """Read one. KeyError: there is none of that name. SnapshotError: it cannot be read."""
         return from_text(self.text(protocol, serial_number, name))
+
+    def told(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
+        """What the device had, as it told it here: values of its snapshots, the newest and the pinned ones first."""
+        infos = self.all(protocol, serial_number)
+        for info in [*infos[:RECENT], *(one for one in infos[RECENT:] if one.pinned)]:
+            with suppress(SnapshotError, KeyError):
+                snapshot = self.get(protocol, serial_number, info.name)
+                if not snapshot.imported:
+                    yield snapshot.values
 
     def text(self, protocol: str, serial_number: str, name: str) -> str:
         """The file as it is. KeyError: there is none of that name."""

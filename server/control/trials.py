@@ -48,6 +48,9 @@ UNREACHABLE = (
     "The device answers neither at the new rate nor at the old one: it is unreachable until its power is cycled."
 )
 SLOWER = "Ask for less, or for a rate that its cable carries."
+NOT_TAKEN = "The device answers, but did not take its old settings back."
+NOT_TAKEN_HINT = "Read its settings; the snapshot taken before the change has the old ones."
+BROKEN = "A fault in imuscope interrupted the way back; the device may still have the new settings."
 RESTORE_HINT = "Start “Restore communication”, then switch the device off and on while it runs."
 
 
@@ -78,6 +81,7 @@ class Record:
     deadline: float = 0.0
     seconds: float = 20.0
     other_bauds: list[int] = field(default_factory=list)
+    held: list[str] = field(default_factory=list)  # of the new settings those that go back to what the device had once
 
     @property
     def known(self) -> Known:
@@ -166,6 +170,12 @@ class Hand:
         except (SilentError, RefusedError, LinkError) as error:
             self._desk.log.note(str(error), fault=True)
             back = None
+        except JobError:
+            raise  # another device is at the port: nothing is put back to it
+        except Exception:  # whatever it is, the device must not be left half changed
+            log.exception("a trial could not be carried out")
+            await self.go_back("A fault in imuscope interrupted the change.")
+            raise
         if back is None:
             await self.go_back("The device does not answer with the new settings.")
             raise JobError("The device did not answer with the new settings; it went back to the old ones.", SLOWER)
@@ -180,8 +190,10 @@ class Hand:
 
     async def _write(self) -> list[Written]:
         tell = self._tell
-        body = errands.write_all(self._driver, self._known(self._desk.session.baud), self.record.new, tell)
-        return await self._desk.run(self._driver.within(body, self._known(self._desk.session.baud)))
+        record = self.record
+        known = self._known(self._desk.session.baud)
+        body = errands.write_all(self._driver, known, record.new, tell, record.held)
+        return await self._desk.run(self._driver.within(body, known))
 
     async def _arrived(self) -> dict[str, Values] | None:
         """What the device has at the new settings; None where it does not answer there."""
@@ -239,26 +251,43 @@ class Hand:
     # ── back ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     async def go_back(self, why: str = "") -> None:
-        """Old settings, restart, old rate, read back.
+        """Old settings, restart, old rate, read back. However it ends, it ends: nothing stays "reverting".
 
         Raises:
-            JobError: it answers nowhere, or another device is there.
+            JobError: it answers nowhere, or does not take its old settings, or another device is there.
         """
         self._task.stoppable = False
         self.record.deadline = 0.0
-        await self._stand("reverting", f"{why} The old settings are being put back.".strip())
+        try:
+            await self._stand("reverting", f"{why} The old settings are being put back.".strip())
+            answered = await self._tried_back()
+        except JobError:
+            raise
+        except Exception:
+            await self._stand("unreachable", BROKEN)
+            raise
+        if answered is None:
+            return
+        words, hint = (NOT_TAKEN, NOT_TAKEN_HINT) if answered else (UNREACHABLE, RESTORE_HINT)
+        await self._stand("unreachable", words)
+        raise JobError(words, hint)
+
+    async def _tried_back(self) -> bool | None:
+        """None when the device has its old settings; else whether it answered at all."""
         rates = list(dict.fromkeys((self.record.new_baud, self.record.old_baud, *self.record.other_bauds)))
+        answered = False
         for turn in range(ROUNDS):
             for baud in rates:
                 if not await self._link_at(baud, first=turn == 0):
                     continue
                 try:
-                    if await self._alive() and await self.put_back(baud):
-                        return
+                    if await self._alive():
+                        answered = True
+                        if await self.put_back(baud):
+                            return None
                 except (SilentError, RefusedError, LinkError) as error:
                     self._desk.log.note(str(error), fault=True)
-        await self._stand("unreachable", UNREACHABLE)
-        raise JobError(UNREACHABLE, RESTORE_HINT)
+        return answered
 
     async def _link_at(self, baud: int | None, *, first: bool) -> bool:
         """The link open at a rate; a port that is away for a moment is waited for."""
@@ -282,9 +311,12 @@ class Hand:
         def body() -> Any:
             told = yield from driver.identify(known)
             self._is_it(told)
-            return (yield from errands.write_all(driver, known, record.old, self._tell))
+            return (yield from errands.write_all(driver, known, record.old, self._tell, held=record.old))
 
-        await self._desk.run(driver.within(body(), known))
+        written: list[Written] = await self._desk.run(driver.within(body(), known))
+        for one in written:
+            if one.refused:
+                self._desk.log.note(f"{one.setting}: {one.refused}.", fault=True)
         if record.restart:
             await self._restart()
         if record.old_baud is not None and record.old_baud != self._desk.session.baud:
@@ -341,9 +373,19 @@ class Hand:
         self._desk.step(self._task, words)
 
     async def _stand(self, state: Literal["applying", "asking", "reverting", "unreachable"], words: str) -> None:
-        """Where it stands: on disk, then to everybody."""
+        """Where it stands: on disk, then to everybody.
+
+        Raises:
+            JobError: the disk does not take it, before anything was sent. Later that only shows in the log: the device
+                is on its way, and going on is all that helps.
+        """
         self.record.state = state
-        await asyncio.to_thread(self._trials.keep, self.record)
+        try:
+            await asyncio.to_thread(self._trials.keep, self.record)
+        except JobError as error:
+            if state == "applying":
+                raise
+            self._desk.log.note(str(error), fault=True)
         self.show(state, words)
 
     async def _end(self, state: Literal["kept", "reverted"], words: str) -> None:

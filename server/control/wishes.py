@@ -6,7 +6,7 @@ wears a little with each write is told in the form and not asked about.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,7 +17,8 @@ from server.api.errors import ApiError
 from server.control.budget import OVER_HINT, overload
 from server.control.checks import problems_of
 from server.control.desk import Desk
-from server.control.values import numbers
+from server.control.forms import FieldProblem
+from server.control.values import head_of, numbers
 
 UNASKED = ("", "wears-flash")
 WRONG_HINT = "Correct this value, then apply again; nothing was written."
@@ -41,6 +42,7 @@ class Wish:
         setting: a command that writes this setting; "" for another.
         changes: it writes something.
         restarts: the device restarts, and speaks at the rate that it has stored.
+        held: settings with values that the tables do not allow but the device has, or had once: they go back unchecked.
     """
 
     title: str
@@ -49,6 +51,7 @@ class Wish:
     setting: str = ""
     changes: bool = False
     restarts: bool = False
+    held: frozenset[str] = frozenset()
 
 
 def discarded(desk: Desk) -> list[Danger]:
@@ -56,9 +59,20 @@ def discarded(desk: Desk) -> list[Danger]:
     return [Danger("loses-settings", words) for words in desk.unfinished.values()]
 
 
-def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
+Past = Callable[[], Iterable[Mapping[str, Values]]]
+"""What the device told of itself before: the values of its snapshots, newest first. Asked only where it matters."""
+
+
+def nothing_past() -> Iterable[Mapping[str, Values]]:
+    """No snapshots."""
+    return ()
+
+
+def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]], past: Past = nothing_past) -> Wish:
     """Settings to write.
 
+    Args:
+        past: reads files, where a value is not allowed: then this is not for the event loop.
     Raises:
         ApiError: a setting that there is not or that cannot be written, a value that cannot be sent, or outputs that
             the line cannot carry.
@@ -66,6 +80,7 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
     rows = desk.rows
     dangers: list[Danger] = []
     wanted: dict[str, dict[str, Any]] = {}
+    held: set[str] = set()
     for name, given in changes.items():
         row = rows.get(name)
         if row is None or not row.write:
@@ -77,27 +92,48 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
                 "Leave it out, or choose one of the list of settings.",
             )
         values = wanted[name] = numbers(row.fields, given)
-        _check(desk, row, values)
+        if _check(desk, row, values, past):
+            held.add(name)
         dangers += dangers_of(desk, row, values)
     why = overload(desk.present, wanted)
     if why:
         raise ApiError(422, "too-much", why, OVER_HINT)
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
-    return Wish(title, dangers + discarded(desk), wanted, changes=True)
+    return Wish(title, dangers + discarded(desk), wanted, changes=True, held=frozenset(held))
 
 
-def _check(desk: Desk, row: Setting, values: Mapping[str, Any]) -> None:
-    old = desk.values.get(row.name)
-    if old is not None and all(old.get(name) == value for name, value in values.items()):
-        return  # as the device has it; even what cannot be sent may stay
+def _check(desk: Desk, row: Setting, values: Mapping[str, Any], past: Past) -> bool:
+    """Whether values are among them that the tables do not allow, and the device has, or had once."""
     fields = [one for one in row.fields if not one.read_only]
     names = {one.name for one in fields}
     given = {name: value for name, value in values.items() if name in names or name not in _told(row)}
     whole = not row.partial and row.name not in desk.values
-    found = problems_of(fields, given, partial=not whole)
-    if found:
-        raise ApiError(422, "bad-value", f"{row.title or row.name}: {found[0].message}", WRONG_HINT)
+    found = problems_of(fields, given, partial=not whole) or _beyond(desk, row, given)
+    if not found:
+        return False
+    left = {head_of(problem.path, given)[0]: problem for problem in reversed(found)}
+    for there in _pasts(desk, past):
+        left = {name: one for name, one in left.items() if there.get(row.name, {}).get(name, desk) != given.get(name)}
+        if not left:
+            return True
+    first = next(problem for problem in found if problem in left.values())
+    raise ApiError(422, "bad-value", f"{row.title or row.name}: {first.message}", WRONG_HINT)
+
+
+def _beyond(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[FieldProblem]:
+    """What is wrong with values together, where each alone is allowed."""
+    whole = dict(values) if row.partial else {**desk.values.get(row.name, {}), **values}
+    try:
+        desk.driver.setting_frames(row.name, whole, desk.known)
+    except EncodeError as error:
+        return [FieldProblem(error.path or next(iter(values), ""), f"{error}.")]
+    return []
+
+
+def _pasts(desk: Desk, past: Past) -> Iterator[Mapping[str, Values]]:
+    yield desk.values
+    yield from past()
 
 
 def _told(row: Setting) -> set[str]:

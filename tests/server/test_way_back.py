@@ -1,0 +1,179 @@
+"""The way back restores what was read, whatever the tables of this program allow."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known
+from protocols.isb import listening
+from protocols.isb.device import IsbDevice
+from protocols.isb.dialogues import IsbDriver
+from protocols.isb.memory import FLASH, summed
+from protocols.isb.messages import places
+from protocols.layouts import EncodeError
+from recordings import durable
+from server.api.errors import ApiError
+from server.control import trials
+from server.control.desk import Desk
+from server.control.wishes import changes_of
+from server.links.twin import TwinLink
+from tests.server.desk import House, house, over, until
+
+MODEL = 213  # of motion; the table knows no such one
+SOURCE = "twin:isb?baud=921600"
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Streams are not what is looked at here: they are listened to for a moment only."""
+    monkeypatch.setattr(listening, "LEAST_S", 0.1)
+    monkeypatch.setattr(listening, "LISTEN_S", 0.1)
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def device_of(desk: Desk) -> IsbDevice:
+    link = desk.session._link
+    assert isinstance(link, TwinLink)
+    assert link._bench is not None
+    device = link._bench.device
+    assert isinstance(device, IsbDevice)
+    return device
+
+
+def at(name: str) -> int:
+    return next(offset for field, offset in places(FLASH, 0, 2040) if field.name == name)
+
+
+def has(device: IsbDevice, name: str, size: int = 4) -> int:
+    return int.from_bytes(device.memory.flash[at(name) : at(name) + size], "little")
+
+
+async def strange(here: House) -> tuple[Desk, IsbDevice]:
+    """A device with a value that our table does not allow."""
+    desk = await here.add(SOURCE)
+    device = device_of(desk)
+    flash = bytearray(device.memory.flash)
+    flash[at("dynamicModel")] = MODEL
+    device.memory.flash = summed(bytes(flash))
+    await here.read(desk)
+    assert desk.values["DID_FLASH_CONFIG"]["dynamicModel"] == MODEL
+    return desk, device
+
+
+CHANGES: Mapping[str, dict[str, Any]] = {"DID_FLASH_CONFIG": {"dynamicModel": 4, "ser0BaudRate": 460_800}}
+
+
+def test_a_trial_goes_back_to_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
+    """The rollback was refused by our own range: both new values stayed, and the trial hung in "reverting"."""
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=0.2) as here:
+            desk, device = await strange(here)
+            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+            assert "went back to the old settings" in job.message
+            assert desk.trial is not None
+            assert desk.trial.state == "reverted"
+            assert (has(device, "dynamicModel", 1), has(device, "ser0BaudRate")) == (MODEL, 921_600)
+
+    run(check())
+
+
+def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_path: Path) -> None:
+    """Only one that the device itself has told; a value that somebody types, or brings in a file, is checked."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk, device = await strange(here)
+            await here.apply(desk, {"DID_FLASH_CONFIG": {"dynamicModel": 4}})
+            assert has(device, "dynamicModel", 1) == 4
+            back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
+            with pytest.raises(ApiError, match="dynamicModel"):
+                changes_of(desk, back)
+            wish = changes_of(desk, back, lambda: here.desks.snapshots.told("isb", desk.serial_number))
+            job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.held)))
+            assert (job.state, job.outcomes) == ("done", [])
+            assert has(device, "dynamicModel", 1) == MODEL
+            other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
+            with pytest.raises(ApiError, match="dynamicModel"):
+                changes_of(desk, other, lambda: here.desks.snapshots.told("isb", desk.serial_number))
+
+    run(check())
+
+
+def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stood in "reverting" for ever, where neither keeping nor going back is taken."""
+    monkeypatch.setattr(trials, "ROUNDS", 1)
+    write = IsbDriver.write
+
+    def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
+        if held:
+            raise RuntimeError("a fault")
+        return (yield from write(self, setting, values, known))
+
+    monkeypatch.setattr(IsbDriver, "write", broken)
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=0.2) as here:
+            desk, _ = await strange(here)
+            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+            assert job.state == "failed"
+            assert desk.trial is not None
+            assert (desk.trial.state, desk.trial.words) == ("unreachable", trials.BROKEN)
+            assert [one.state for one in here.desks.trials.all()] == ["unreachable"]
+
+    run(check())
+
+
+def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trials, "ROUNDS", 1)
+    write = IsbDriver.write
+
+    def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
+        if held:
+            raise EncodeError("dynamicModel does not fit", "dynamicModel")
+        return (yield from write(self, setting, values, known))
+
+    monkeypatch.setattr(IsbDriver, "write", broken)
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=0.2) as here:
+            desk, _ = await strange(here)
+            job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
+            assert job.message == trials.NOT_TAKEN
+            notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.way == "note"]
+            assert any("not sent: dynamicModel does not fit" in text for text in notes)
+
+    run(check())
+
+
+def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = durable.write
+
+    def full(path: Path, text: str) -> None:
+        if path.parent.name == "trials" and '"applying"' not in text:
+            raise OSError(28, "No space left on device")
+        write(path, text)
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=0.2) as here:
+            desk, device = await strange(here)
+            monkeypatch.setattr(durable, "write", full)
+            task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
+            await until(task.over.is_set, "it is over")
+            assert desk.trial is not None
+            assert desk.trial.state == "reverted"
+            assert has(device, "dynamicModel", 1) == MODEL
+
+    run(check())
