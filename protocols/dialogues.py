@@ -249,11 +249,14 @@ class Driver(Protocol):
     def frame(self, command: str, values: Values, known: Known) -> bytes:
         """The bytes of a command (an NMEA line, too, is bytes)."""
 
-    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
         """The bytes that would write these values (only those given, where the setting is `partial`).
 
         Args:
             held: as of `write`.
+            old: what the device has, where that is known and decides what has to be sent.
         """
 
     def spans(self, frame: bytes) -> list[Span]:

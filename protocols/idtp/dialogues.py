@@ -60,7 +60,9 @@ class IdtpDriver:
         record = {"message": command, "fields": {**defaults, **fields}}
         return frame_of(record, known.key, self._schema)
 
-    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
         raise EncodeError("IDTP has no settings")
 
     def spans(self, frame: bytes) -> list[Span]:

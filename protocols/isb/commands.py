@@ -30,13 +30,15 @@ from protocols.isb.messages import COMMANDS, ROWS, SET_PREFIX, places
 from protocols.isb.streams import PRESETS, STREAMS
 from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, as_written
 from protocols.labels import spoken
-from protocols.schema import Caution, Command, Field, Setting
+from protocols.schema import Bits, Caution, Command, Field, Setting
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
 GET_PREFIX = "GET_"
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"
 ISB_SOURCE = "Inertial Sense binary protocol document"
 STREAMS_SETTING = "streams"
+WHOLE = (8, 126)  # sentences and streams of a GPX act as they are written, which is as a whole
+PERSISTENT = 1 << 9  # of the options of streams and sentences: a request to save them, not a state that can be read
 SAVE_PERSISTENT, SAVE_FLASH, SOFTWARE_RESET = 1, 97, 99
 
 G_STREAMS, G_NMEA, G_CONFIG, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE = (
@@ -176,11 +178,14 @@ STREAM_FIELDS = (
         doc="What this port is sent.",
         source=ISB_SOURCE,
     ),
-    replace(
-        next(field for field in fields_of(RMC) if field.name == "options"),
-        doc="512 (PERSISTENT) keeps these streams over a restart.",
+    Field(
+        "options",
+        "<u4",
+        bits=(Bits("PERSISTENT", 9, doc="Keep these streams over a restart"),),
+        title="Options",
         default=0,
-        simple=True,
+        doc="Saves these streams when they are written; whether streams are saved cannot be read.",
+        source=ISB_SOURCE,
     ),
 )
 
@@ -428,7 +433,7 @@ def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
                 fields_of(did, version),
                 read=f"{GET_PREFIX}{name}",
                 write=f"{SET_PREFIX}{name}" if kept.write else "",
-                partial=kept.write and did != NMEA_PERIODS,
+                partial=kept.write and did not in WHOLE,
                 after=kept.after,  # type: ignore[arg-type]
                 group=kept.group,
                 simple=kept.simple,

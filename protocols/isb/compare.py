@@ -1,7 +1,9 @@
 """Do two values of a setting mean the same?
 
-Fields that only say how something is to be done (the options of a stream set) or that follow from others (a checksum)
-are not compared; streams and sentences are compared by what they carry, not by their order; float32 by their bits.
+Fields that follow from others (a checksum) are not compared; streams and sentences are compared by what they carry, not
+by their order; float32 by their bits. The options of streams and sentences only say how they are written. One of them
+counts, and only on the right side: a wish to save them (PERSISTENT) that the left one does not have is a difference, so
+that it is carried out; a device that does not tell it afterwards has not refused it.
 """
 
 from __future__ import annotations
@@ -10,17 +12,19 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.isb.commands import STREAMS_SETTING
+from protocols.isb.commands import PERSISTENT, STREAMS_SETTING
 
 Values = Mapping[str, Any]
 MEANINGLESS = ("checksum", "options")
+SAVED = ("DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC")  # whose options can ask for saving
+CLOSE = 0.1  # a share: so near periods are one
 
 
 def differences(setting: str, a: Values, b: Values) -> list[str]:
     """Paths of the fields that both have and in which they differ."""
     if setting == STREAMS_SETTING:
-        return _streams(a, b)
-    found: list[str] = []
+        return _streams(a, b) + _to_save(a, b)
+    found = _to_save(a, b) if setting in SAVED else []
     for name in a:
         if name not in b or name in MEANINGLESS:
             continue
@@ -33,16 +37,33 @@ def differences(setting: str, a: Values, b: Values) -> list[str]:
 
 def _streams(a: Values, b: Values) -> list[str]:
     """Streams by data set: missing, new, or at another period. One that was read but not heard may have any."""
+    if "streams" not in a or "streams" not in b:
+        return []
     other = {one["did"]: one for one in b.get("streams", [])}
     found = []
     for place, one in enumerate(a.get("streams", [])):
         match = other.get(one["did"])
         if match is None:
             found.append(f"streams.{place}")
-        elif 0 not in (one.get("size"), match.get("size")) and one.get("period", 1) != match.get("period", 1):
+        elif 0 not in (one.get("size"), match.get("size")) and not same_pace(one, match):
             found.append(f"streams.{place}.period")
     ours = {one["did"] for one in a.get("streams", [])}
     return found + [f"streams.{place}" for place, one in enumerate(b.get("streams", [])) if one["did"] not in ours]
+
+
+def same_pace(one: Values, other: Values) -> bool:
+    """Do two rows of a stream mean one rate? The same multiple, or as far apart: which source a device counts is not
+    always known."""
+    if one.get("period", 1) == other.get("period", 1):
+        return True
+    apart, other_apart = (float(row.get("source_ms") or 0) * (row.get("period") or 1) for row in (one, other))
+    return bool(apart and other_apart) and abs(apart - other_apart) <= CLOSE * min(apart, other_apart)
+
+
+def _to_save(a: Values, b: Values) -> list[str]:
+    """Does the right side ask to save what the left one did not?"""
+    before, wish = int(a.get("options") or 0), int(b.get("options") or 0)
+    return ["options"] if wish & ~before & PERSISTENT else []
 
 
 def _sentences(pairs: Any) -> dict[int, int]:

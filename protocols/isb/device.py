@@ -6,8 +6,9 @@
 `IsbDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
 device has sent by then. What it measures is measurement.py, from the shared drive.
 
-    GET_DATA     period 0 sends the data set once and ends its stream; else one packet every `period` times the source's
-                 own. A part (offset, size) of what is not streamed is answered as asked; NACK for what is not there.
+    GET_DATA     period 0 sends the data set once and ends its stream, by whatever size it is asked for (a part of one
+                 that has no bit in DID_RMC leaves the stream, which is another slot of the vendor's code); else one
+                 packet every `period` times the source's own. NACK for what is not there.
     SET_DATA     DID_RMC chooses streams by bits; what is kept is memory.py's business (new periods and rates act after
                  a reset, as in the device); DID_SYS_CMD saves, resets, and refuses what this device has not.
     stops        of one data set without an answer; of all with ACK.
@@ -49,16 +50,18 @@ from protocols.isb.measurement import (
     rows_of,
 )
 from protocols.isb.memory import Memory, factory
-from protocols.isb.streams import dids_of
+from protocols.isb.streams import BY_BIT, dids_of
 from protocols.stream import Stream
 
 PRODUCTS = ("IMX-5",)
+IMU_SOURCES = ("nav", "imu")
 FIRMWARE = (2, 7, 1, 0)
 DEV_INFO, SYS_CMD, RMC, SYS_PARAMS = 1, 7, 9, 10
 SAVE_PERSISTENT, RESET = 1, 99
 DONE = (1, 3, 4, 5, 6, 7, 8, 11, 60, 61, 62, 70, 97, 98, 99)  # system commands that it takes
 RMC_PRESERVE = 1 << 8
 RMC_PERSISTENT = 1 << 9
+BITS = frozenset(BY_BIT.values())
 BOOT_NS = 300_000_000
 Request = tuple[int, int, int, bytes] | Text
 STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
@@ -80,6 +83,8 @@ class IsbDevice:
         drop, corrupt: share of streamed packets that never leave, or leave with one bit turned.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the device's clock jumps once.
+        imu_source: what DID_IMU is timed by: "nav", the period of navigation (the header of the SDK), or "imu", that of
+            inertial data (the document).
         road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
         baud: rate of its ports; None for the factory's.
     Raises:
@@ -98,6 +103,7 @@ class IsbDevice:
         corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
+        imu_source: str = "nav",
         road: float = 0.0,
         baud: int | None = None,
     ) -> None:
@@ -114,6 +120,9 @@ class IsbDevice:
         self._period_ns = max(round(S / rate), 1)
         self.memory = Memory(factory(rate, self.baud))
         self.corrections: Counter[str] = Counter()  # RTCM messages that it got, by number
+        if imu_source not in IMU_SOURCES:
+            raise ValueError(f"imu_source is one of {', '.join(IMU_SOURCES)}, given {imu_source!r}")
+        self._imu_source = imu_source
         self._imu_ns, self._gnss_ns = self._period_ns, GNSS_NS
         every = max(1, round(rate / SLOW_INS_2_HZ))
         self.persistent: dict[int, int] = {58: 1, 4: 1, 5: every, 52: 1, 53: 1, 13: 1, 30: 1, 15: 5}
@@ -186,7 +195,8 @@ class IsbDevice:
         """Between two samples of what paces a data set."""
         if did not in SOURCES:
             return FAST_NS
-        return {NAV: self._period_ns, IMU: self._imu_ns, SLOW: SLOW_NS, GNSS: self._gnss_ns}[SOURCES[did].pace]
+        imu_ns = self._imu_ns if self._imu_source == "imu" else self._period_ns
+        return {NAV: self._period_ns, IMU: imu_ns, SLOW: SLOW_NS, GNSS: self._gnss_ns}[SOURCES[did].pace]
 
     def _make(self) -> None:
         """All packets of the current block that have not been sent."""
@@ -270,7 +280,7 @@ class IsbDevice:
 
     def _get(self, did: int, size: int, offset: int, period: int, now: int) -> bytes:
         """A stream begins, or one packet (with a part, where one is asked for); or a refusal."""
-        if not (offset or size) and self.value(did, now):
+        if (did in BITS or (not offset and size in (0, len(self.value(did, now))))) and self.value(did, now):
             others = {one: every for one, every in self.streams.items() if one != did}
             self._choose({**others, did: period} if period else others)
             if period:

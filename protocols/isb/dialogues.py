@@ -1,15 +1,17 @@
 """How is an Inertial Sense device asked and told, and what if it says no, or nothing?
 
     ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then SilentError
-           (a set that streams already keeps its stream: it is asked for by size, which a stream is not stopped by)
+           (what streams already is not asked for, which would end its stream: protocols/isb/undisturbed.py)
     tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then SilentError
            GET_DATA              ──>   DATA: the value that it has now, compared with what was asked
     do     system command: ACK; a reset may die before it is sent, so its silence is no failure
     text   $…                    ──>   a sentence where one is documented, else nothing
 
-There is no Config state: a device measures while it is told, so `within` adds nothing. Streams are read from DID_RMC,
-which names them, and by listening, which tells how often they come; they are written one by one, read back, and what
-did not arrive is sent once more.
+There is no Config state: a device measures while it is told, so `within` only sees to it that what streams before
+streams afterwards. Streams are read from DID_RMC, which names them, and by listening, which tells how often they come.
+Those that are to change are written one by one, and no other; they are listened to, and what did not arrive is sent
+once more. Where a row says how far apart its packets are to be (period × source_ms), and the device counts another
+source than was thought, the multiple is put right by what was measured.
 
 Everything here is the document's; the times are the usual ones of a serial line at 9600 Bd and above.
 
@@ -44,6 +46,7 @@ from protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
     NMEA_PERIODS,
+    PERSISTENT,
     SAVE_FLASH,
     SAVE_PERSISTENT,
     SOFTWARE_RESET,
@@ -51,13 +54,15 @@ from protocols.isb.commands import (
     SYS_CMD,
     settings_of,
 )
-from protocols.isb.compare import differences
+from protocols.isb.compare import SAVED, differences
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from protocols.isb.identity import identity
 from protocols.isb.line import line_change
 from protocols.isb.listening import as_wire
 from protocols.isb.messages import COMMANDS, SET_PREFIX
+from protocols.isb.streams import STREAMS
 from protocols.isb.tables import CURRENT, SETS, VERSIONS
+from protocols.isb.undisturbed import undisturbed
 from protocols.isb.writing import (
     NMEA_NAMES,
     chosen,
@@ -67,6 +72,7 @@ from protocols.isb.writing import (
     set_frames,
     streams_frames,
     system_command,
+    touched,
 )
 from protocols.plain import jsonable
 from protocols.schema import Command, Setting
@@ -124,11 +130,8 @@ def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
 def ask(
     did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, tries: int = TRIES
 ) -> Dialogue[Values]:
-    """A data set, or a part of it. A whole set that could stream is asked for by its size: GET_DATA with period 0 and
-    no size ends the stream."""
+    """A data set, or a part of it. One that streams must not be asked for so: see `IsbDriver.within`."""
     row = SETS[did]
-    if not size and row.kind == "data" and row.struct and not row.struct.counts:
-        size = row.struct.size
     for _ in range(tries):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
         answer = yield Expect(answer_of(did), timeout_s, row.name)
@@ -186,9 +189,11 @@ class IsbDriver:
     def frame(self, command: str, values: Values, known: Known) -> bytes:
         return frame(command, values, version_of(known))
 
-    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
         if setting == STREAMS_SETTING:
-            return streams_frames(values)
+            return streams_frames(values, old)
         return set_frames(did_of(setting), values, version_of(known), held=held)
 
     def spans(self, frame: bytes) -> list[Span]:
@@ -200,7 +205,8 @@ class IsbDriver:
     # -- dialogues -----------------------------------------------------------------------------------------------------
 
     def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
-        return body
+        """`body`, which may read whatever it likes: what streamed before streams afterwards."""
+        return (yield from undisturbed(body, lambda did: ask(did)))
 
     def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
         packet = self.frame(command, values, known)
@@ -260,15 +266,14 @@ class IsbDriver:
         return _trimmed(setting, values)
 
     def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+        if setting == STREAMS_SETTING:
+            return (yield from self._write_streams(values))
         try:
-            if setting == STREAMS_SETTING:
-                got = yield from self._write_streams(values)
-            else:
-                if did_of(setting) == NMEA_PERIODS:
-                    values = yield from self._with_ended(values)
-                for packet in self.setting_frames(setting, values, known, held=held):
-                    yield from tell(packet, f"{SET_PREFIX}{setting}")
-                got = yield from self.read(setting, known)
+            if did_of(setting) == NMEA_PERIODS:
+                values = yield from self._with_ended(values)
+            for packet in self.setting_frames(setting, values, known, held=held):
+                yield from tell(packet, f"{SET_PREFIX}{setting}")
+            got = yield from self.read(setting, known)
         except RefusedError as error:
             return Written(setting, values, None, error.why)
         return Written(setting, values, got)
@@ -282,36 +287,41 @@ class IsbDriver:
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
-    def _write_streams(self, values: Values) -> Dialogue[Values]:
-        """End what is not wanted, begin what is; look; once more what is not so. Options alone change no stream."""
-        wanted = chosen(values)
-        got = yield from listening.streams(lambda did: ask(did), quick="streams" in values)
-        for again in (False, True) if "streams" in values else ():
-            now = {one["did"]: one["period"] for one in got["streams"]}
-            for did in now:
-                if did not in wanted:
-                    yield Send(frames.build(frames.STOP_DID, did))
-            for did, period in wanted.items():
-                if not again or now.get(did) != period:
-                    yield from self._stream(did, period)
-            got = yield from listening.streams(lambda did: ask(did), also=wanted)
-            if not differences(STREAMS_SETTING, values, got):
+    def _write_streams(self, values: Values) -> Dialogue[Written]:
+        """End what is not wanted, begin and change what is; look; once more what is not so."""
+        chosen(values)
+        got = yield from listening.streams(lambda did: ask(did))
+        asked: dict[int, int] = {}
+        refused = ""
+        for _ in range(TRIES if "streams" in values else 0):
+            now = {one["did"]: one for one in got["streams"]}
+            ended = [did for did in now if did not in {one["did"] for one in values["streams"]}]
+            rows = touched([_paced(one, now, asked) for one in values["streams"]], now)
+            if refused or not (ended or rows):
                 break
-        if kept(values):
-            yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
-            got = {**got, "options": got["options"] | 1 << 9}
-        return got
+            for did in ended:
+                yield Send(frames.build(frames.STOP_DID, did))
+            for row in rows:
+                asked[row["did"]] = row.get("period", 1)
+                if not (yield from self._stream(row["did"], asked[row["did"]])):
+                    refused = f"{SETS[row['did']].name}: {NO}"
+            got = yield from listening.streams(lambda did: ask(did), also=asked, asked=asked)
+        if kept(values) and not refused:
+            try:
+                yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
+            except RefusedError:
+                refused = "these streams are on, but the device refused to save them"
+        return Written(STREAMS_SETTING, values, got, refused)
 
     @staticmethod
-    def _stream(did: int, period: int) -> Dialogue[None]:
-        """Ask for a stream; a refusal comes at once, so nothing else is waited for."""
+    def _stream(did: int, period: int) -> Dialogue[bool]:
+        """Ask for a stream; a refusal (False) comes at once, so nothing else is waited for."""
 
         def refused(event: Event) -> bool | None:
             return True if answer_of(did)(event) == NACK else None
 
         yield Send(frames.get_data(did, period=period))
-        if (yield Expect(refused, 0.03, "NACK")):
-            raise RefusedError(f"GET {SETS[did].name}", NO, NACK)
+        return not (yield Expect(refused, 0.03, "NACK"))
 
     def identify(self, known: Known) -> Dialogue[Known]:
         told: dict[str, str] = {}
@@ -383,8 +393,19 @@ def _as_dict(known: Known) -> dict[str, Any]:
     return {name: getattr(known, name) for name in ("product", "serial_number", "firmware", "baud", "device", "key")}
 
 
+def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> Values:
+    """A row with the multiple that gives the rate it means, where the device turned out to count another source than
+    the row does. Only for data sets of which that is not known beforehand; a multiple alone is taken as it is."""
+    there, meant = now.get(one["did"]), float(one.get("source_ms") or 0) * one.get("period", 1)
+    if one["did"] not in asked or there is None or not meant or len(STREAMS[one["did"]].paces) < 2:
+        return one
+    return {**one, "period": max(1, round(meant / there["source_ms"])), "source_ms": there["source_ms"]}
+
+
 def _trimmed(setting: str, values: Values) -> Values:
-    """A list of sentences without its empty places."""
+    """A list of sentences without its empty places; a wish to save is no state that is read."""
+    if "options" in values and setting in SAVED:
+        values = {**values, "options": values["options"] & ~PERSISTENT}
     if setting != "DID_NMEA_BCAST_PERIOD" or "nmeaBroadcastMsgs" not in values:
         return values
     on = [one for one in values["nmeaBroadcastMsgs"] if one["msgID"] and one["msgPeriod"]]

@@ -5,6 +5,10 @@
     listening           ·  ·  ·  ·         the median distance of packets / the source's period = the period asked for
                         ·        ·
 
+What is measured decides: period × source_ms of a row is how far apart its packets are. Where document and header
+disagree on the source (DID_IMU: the period of inertial data, or that of navigation), the first of them of which the
+distance is a multiple is taken; where none is, the distance itself.
+
 A data set that streams and has no bit (DID_SYS_PARAMS) is found by listening alone. One that has its bit and was not
 heard within `LISTEN_S` (there is no RTK, no second receiver) has a size of 0, and the period that a bit alone means: 1.
 What happens rarely (an event, a strobe) has no period and is 1.
@@ -18,14 +22,14 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from protocols.dialogues import Dialogue, Expect, RefusedError
 from protocols.events import Batch, Event, Reply
-from protocols.isb.commands import FLASH, RMC, SYS_PARAMS
+from protocols.isb.commands import FLASH, PERSISTENT, RMC, SYS_PARAMS
 from protocols.isb.messages import ROWS
 from protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
 from protocols.schema import Field
@@ -34,6 +38,8 @@ Values = Mapping[str, Any]
 Ask = Callable[[int], Dialogue[Values]]
 
 LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
+CLOSE = 0.04  # a share: so near a multiple is one
+NOTHING: Mapping[int, int] = {}
 ENOUGH = 3  # samples from which a period is sure
 GPX_FLASH = 121
 
@@ -88,7 +94,7 @@ def _unshown(field: Field, shown: Any) -> Any:
 # -- streams -----------------------------------------------------------------------------------------------------------
 
 
-class _Heard:
+class Heard:
     """What came while listening: how often, how long, for each data set.
 
     Args:
@@ -136,6 +142,14 @@ class _Heard:
         steady = (device > 0) & (device < LISTEN_S * 1e9)
         return float(np.median(device[steady] if steady.any() else arrival)) / 1e6
 
+    def count(self, did: int) -> int:
+        """How many packets came of a data set."""
+        return len(self._times.get(did, ()))
+
+    def forget(self, did: int) -> None:
+        """Nothing of it came yet."""
+        self._times.pop(did, None)
+
     def streaming(self) -> list[int]:
         """What came more than once."""
         return [did for did, times in self._times.items() if len(times) > 1]
@@ -151,13 +165,16 @@ def sources_of(params: Values, flash: Values) -> dict[str, float]:
     return {pace: float(told.get(pace) or usual) for pace, usual in DEFAULT_MS.items()}
 
 
-def streams(ask: Ask, *, quick: bool = False, also: Iterable[int] = ()) -> Dialogue[Values]:
+def streams(
+    ask: Ask, *, quick: bool = False, also: Iterable[int] = (), asked: Mapping[int, int] = NOTHING
+) -> Dialogue[Values]:
     """The value of the setting `streams`.
 
     Args:
         ask: reads a data set.
         quick: which there are is enough; their periods may stay unknown.
         also: data sets without a bit that are listened for too.
+        asked: multiples that the device has just been asked for: what is measured is the source's period then.
     """
     rmc = yield from ask(RMC)
     listed = dids_of(rmc.get("bits", 0))
@@ -166,13 +183,13 @@ def streams(ask: Ask, *, quick: bool = False, also: Iterable[int] = ()) -> Dialo
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
-    heard = _Heard({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
+    heard = Heard({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
     yield Expect(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
     if not quick and not heard.enough:
         yield Expect(heard.take, LISTEN_S - LEAST_S, "streams")
-    rows = [_stream(did, heard, sources) for did in dict.fromkeys((*listed, *heard.streaming()))]
+    rows = [_stream(did, heard, sources, asked.get(did)) for did in dict.fromkeys((*listed, *heard.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
-    return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0)}
+    return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
 
 
 def _maybe(ask: Ask, did: int) -> Dialogue[Values]:
@@ -183,8 +200,26 @@ def _maybe(ask: Ask, did: int) -> Dialogue[Values]:
         return {}
 
 
-def _stream(did: int, heard: _Heard, sources: Mapping[str, float]) -> dict[str, Any]:
+def _stream(did: int, heard: Heard, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
     row = STREAMS[did]
-    source_ms, interval = sources[row.pace], heard.interval_ms(did)
-    period = 1 if interval is None or row.pace == EVENT else max(1, round(interval / source_ms))
-    return {"did": did, "period": period, "size": heard.sizes.get(did, 0), "source_ms": source_ms}
+    interval, size = heard.interval_ms(did), heard.sizes.get(did, 0)
+    bases = [sources[pace] for pace in row.paces]
+    if interval is None or row.pace == EVENT:
+        period, base = 1, bases[0]
+    elif asked:
+        period = asked
+        base = next((base for base in bases if abs(base * asked - interval) <= CLOSE * interval), interval / asked)
+    else:
+        period, base = multiple(interval, bases)
+    return {"did": did, "period": period, "size": size, "source_ms": base}
+
+
+def multiple(interval_ms: float, bases: Sequence[float]) -> tuple[int, float]:
+    """Of which source's period a distance is a multiple, and which; of none it is once itself, or nearly a multiple of
+    the last."""
+    for base in bases:
+        period = max(1, round(interval_ms / base))
+        if abs(interval_ms - period * base) <= CLOSE * interval_ms:
+            return period, base
+    period = max(1, round(interval_ms / bases[-1]))
+    return period, interval_ms / period

@@ -4,6 +4,7 @@
     DID_RMC bit         ──>  the same at n = 1; a GPX has DID_GPX_RMC, with bits of its own
     the sources         NAV    INS, PIMU           DID_FLASH_CONFIG.startupNavDtMs, DID_SYS_PARAMS.navOutputPeriodMs now
                         IMU    DID_IMU             DID_FLASH_CONFIG.startupImuDtMs, DID_SYS_PARAMS.imuSamplePeriodMs now
+                               (document; of DID_IMU and DID_IMU_MAG the header says startupNavDtMs: see OTHER_PACES)
                         SLOW   barometer, magnetometer   about 20 ms
                         GNSS   all that begins with DID_GPS   DID_FLASH_CONFIG.startupGPSDtMs
                         FAST   everything else     1 ms
@@ -31,6 +32,8 @@ DEFAULT_MS: Mapping[str, float] = {NAV: 7, IMU: 14, SLOW: 20, GNSS: 200, FAST: 1
 """The document's default periods."""
 
 _PACES = {3: NAV, 4: NAV, 5: NAV, 65: NAV, 66: NAV, 58: IMU, 52: SLOW, 53: SLOW, 86: NAV, 85: IMU}
+OTHER_PACES: Mapping[int, str] = {58: NAV, 85: NAV}
+"""What the header of the SDK says where the document says otherwise; it is looked at first, being the newer of both."""
 _EVENTS = (37, 68, 72, 119)
 _GROUPS = (
     ("Navigation", (4, 5, 65, 66, 48, 50, 67, 55, 87, 71)),
@@ -101,6 +104,12 @@ class Stream:
     pace: str
     rmc_bit: int
     simple: bool
+
+    @property
+    def paces(self) -> tuple[str, ...]:
+        """Every source that may time it, the likeliest first."""
+        other = OTHER_PACES.get(self.did)
+        return (self.pace,) if other is None else (other, self.pace)
 
 
 def _rmc_bits() -> Mapping[str, int]:

@@ -32,6 +32,7 @@ from protocols.isb.commands import (
     SYSTEM_COMMANDS,
     fields_of,
 )
+from protocols.isb.compare import same_pace
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
 from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.plain import packet_of
@@ -181,12 +182,33 @@ def _padded(values: Values) -> Values:
     return {**values, "nmeaBroadcastMsgs": [*messages, *empty]}
 
 
-def streams_frames(values: Values) -> list[bytes]:
-    """The requests that begin these streams (not those that end others), and what keeps them."""
-    out = [frames.get_data(did, period=period) for did, period in chosen(values).items()]
+def streams_frames(values: Values, old: Values | None = None) -> list[bytes]:
+    """The requests that begin these streams and end others, and what keeps them.
+
+    Args:
+        old: what the device sends now, where that is known: what is so already is not asked for.
+    """
+    wanted = chosen(values)
+    now = {one["did"]: one for one in (old or {}).get("streams", [])}
+    ended = [did for did in now if did not in wanted] if "streams" in values else []
+    out = [frames.build(STOP_DID, did) for did in ended]
+    rows = touched(values.get("streams", []), now)
+    out += [frames.get_data(row["did"], period=row.get("period", 1)) for row in rows]
     if kept(values):
         out.append(system_command(1))
     return out
+
+
+def touched(wanted: Sequence[Values], now: Mapping[int, Values]) -> list[Values]:
+    """The rows that are not as the device has them: those, and no other, are sent. One that was read and never heard
+    is as it was read."""
+    found = []
+    for row in wanted:
+        there = now.get(row["did"])
+        unheard = there is not None and row.get("size") == 0 and row.get("period", 1) == 1
+        if there is None or not (unheard or same_pace(row, there)):
+            found.append(row)
+    return found
 
 
 def chosen(values: Values) -> dict[int, int]:

@@ -87,7 +87,9 @@ class XbusDriver:
         row = _row(command, values, model)
         return _frame(row, values, model)
 
-    def setting_frames(self, setting: str, values: Values, known: Known, *, held: bool = False) -> list[bytes]:
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
         model = model_of(known.product)
         return [_write_frame(_kept(setting, model), values, model, held=held)]
 

@@ -25,7 +25,7 @@ UNKNOWN = "The product is not known yet, so all that its family has is listed; r
 async def get_forms(desk: OneDesk) -> Forms:
     """Every setting and command, as forms."""
     known = desk.known
-    return forms_of(desk.driver, desk.session.info.protocol, known, "" if known.product else UNKNOWN)
+    return forms_of(desk.driver, desk.session.info.protocol, known, "" if known.product else UNKNOWN, desk.values)
 
 
 @router.post("/preview", responses=responses(404, 409, 422))

@@ -157,7 +157,8 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
             owner = _alike(desk, desk_of(ref.device, desks)) if ref.device else desk
             snapshot = await _load(owner, desks, ref.snapshot)
             title = snapshot.title or ref.snapshot
-            return SideValues(title, snapshot.values, snapshot.missing, product=snapshot.product)
+            told = owner is desk and not snapshot.imported
+            return SideValues(title, snapshot.values, snapshot.missing, product=snapshot.product, told=told)
         case "text":
             snapshot = _of_protocol(desk, await _parsed(ref.text))
             return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)

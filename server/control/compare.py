@@ -35,6 +35,7 @@ class SideValues:
         missing: setting → why this side does not have it.
         otherwise: why it does not have a setting that is not in `missing`.
         product: whose settings they are, where that is known.
+        told: the device that is on the left has told them itself, so they may go back whatever the tables allow.
     """
 
     title: str
@@ -42,6 +43,7 @@ class SideValues:
     missing: Mapping[str, str] = field(default_factory=dict)
     otherwise: str = "not in it"
     product: str = ""
+    told: bool = False
 
     def lacks(self, name: str) -> str:
         return self.missing.get(name, self.otherwise)
@@ -61,6 +63,10 @@ def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -
             side = left if row.name not in left.values else right
             found.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
             continue
+        if not right.told and row.write and any(
+            left.values[row.name].get(name) != value for name, value in right.values[row.name].items()
+        ):
+            _wrong(row, right.values[row.name], found)
         _setting(driver, row, left.values[row.name], right.values[row.name], found)
     return found
 
@@ -94,8 +100,6 @@ def _meant(row: Setting, path: str) -> str:
 
 
 def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: Difference) -> None:
-    if row.write and any(left.get(name) != value for name, value in right.items()):
-        _wrong(row, right, found)
     common = {name for name in left if name in right}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
     if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):

@@ -17,10 +17,10 @@ follows from the type:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from protocols.dialogues import Driver, Known
+from protocols.dialogues import Driver, Known, Values
 from protocols.labels import spoken
 from protocols.layouts import is_open
 from protocols.limits import bounds, is_whole
@@ -28,13 +28,20 @@ from protocols.schema import Command, Field, Setting
 from server.control.forms import CommandForm, Editor, FieldForm, Forms, OutputChoice, SettingForm, StreamChoice
 from server.wire import BitsInfo
 
+NOTHING: Mapping[str, Values] = {}
 REALS = (">f4", "<f4", ">f8", "<f8", "fp1220", "fp1632")
 FORWARDS = "ForwardGnssData"  # an MTi that has this command takes RTCM; any Inertial Sense device does
 _PRECISIONS, _COORDINATES = [0, 1, 2, 3], [0, 4, 8]
 
 
-def forms_of(driver: Driver, protocol: str, known: Known, note: str = "") -> Forms:
-    """Every setting and command of a device, as forms."""
+def forms_of(
+    driver: Driver, protocol: str, known: Known, note: str = "", values: Mapping[str, Values] = NOTHING
+) -> Forms:
+    """Every setting and command of a device, as forms.
+
+    Args:
+        values: its settings, as far as they have been read: streams that are off are told at its own rates.
+    """
     settings = list(driver.settings(known))
     commands = list(driver.commands(known))
     groups = dict.fromkeys([*(row.group for row in settings), *(row.group for row in commands)])
@@ -48,7 +55,7 @@ def forms_of(driver: Driver, protocol: str, known: Known, note: str = "") -> For
         settings=[setting_form(setting) for setting in settings],
         commands=[command_form(command) for command in commands],
         outputs=output_choices(known) if "outputs" in editors else [],
-        streams=stream_choices() if "streams" in editors else [],
+        streams=stream_choices(values) if "streams" in editors else [],
         corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
         note=note,
     )
@@ -206,9 +213,12 @@ def output_choices(known: Known) -> list[OutputChoice]:
     ]
 
 
-def stream_choices() -> list[StreamChoice]:
+def stream_choices(values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
     """What an Inertial Sense device can stream."""
-    from protocols.isb.streams import DEFAULT_MS, STREAMS
+    from protocols.isb.load import periods_ms
+    from protocols.isb.streams import STREAMS
+
+    periods = periods_ms(values)
 
     return [
         StreamChoice(
@@ -218,7 +228,7 @@ def stream_choices() -> list[StreamChoice]:
             group=stream.group,
             size=-1 if stream.counted else stream.size,
             rmc_bit=stream.rmc_bit,
-            source_ms=DEFAULT_MS[stream.pace],
+            source_ms=periods[stream.did],
             simple=stream.simple,
         )
         for stream in STREAMS.values()

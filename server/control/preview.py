@@ -76,7 +76,7 @@ def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> P
     frames: list[bytes] = []
     if not found:
         try:
-            frames = driver.setting_frames(name, values, known, held=held)
+            frames = driver.setting_frames(name, values, known, held=held, old=present.values.get(name))
         except EncodeError as error:
             found = [FieldProblem(error.path, sentence(error))]
     if found:

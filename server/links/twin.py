@@ -7,7 +7,8 @@
 So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
 
     twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd; ?product=MTi-680G another product
-    twin:isb                        an IMX-5, inertial data and navigation at 100 Hz, on 921 600 Bd
+    twin:isb                        an IMX-5, inertial data and navigation at 100 Hz, on 921 600 Bd; ?imu_source=imu one
+                                    that times DID_IMU as the document says, not (nav) as the header does
     twin:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
                                     (Secure frames are made with the source's key; without one, with one nobody knows)
     ?rate=400                       samples/s
@@ -62,7 +63,7 @@ LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
 OPTIONS = (
     *("product", "mode", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
-    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed"),
+    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed", "imu_source"),
 )
 MODES = ("lite", "safety", "secure")
 
@@ -94,7 +95,7 @@ def _mti() -> tuple[str, ...]:
 
 FAMILIES: Mapping[str, Family] = {
     "xbus": Family(_mti, 88, options=("product", *MOODS)),
-    "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product",)),
+    "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product", "imu_source")),
     "idtp": Family(lambda: (), 104, options=("mode",)),  # of Safety; Secure has 56 more
 }
 SECURE_BYTES = 56
@@ -127,6 +128,7 @@ class TwinOptions:
     unplug_s: float = 0.0
     away_s: float = 5.0
     seed: int = 0
+    imu_source: str = "nav"
     moods: Moods = NONE
 
     @classmethod
@@ -171,6 +173,7 @@ class TwinOptions:
             unplug_s=source.number("unplug_s", 0, 0, 86_400, "s"),
             away_s=source.number("away_s", 5, 0, 3600, "s"),
             seed=source.whole("seed", 0, 0, 2**31),
+            imu_source=source.choice("imu_source", "nav", ("nav", "imu")),
         )
 
 
@@ -213,6 +216,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             start_ns=start_ns,
             clock_drift_ppm=drift,
             clock_jump=jump,
+            imu_source=options.imu_source,
             road=1.0,
             baud=options.faults.baud,
         )

@@ -19,6 +19,7 @@ from protocols.layouts import EncodeError
 from recordings import durable
 from server.api.errors import ApiError
 from server.control import trials
+from server.control.compare import SideValues, compare
 from server.control.desk import Desk
 from server.control.wishes import changes_of
 from server.links.twin import TwinLink
@@ -97,6 +98,12 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
             back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
             with pytest.raises(ApiError, match="dynamicModel"):
                 changes_of(desk, back)
+            first = next(iter(here.desks.snapshots.told("isb", desk.serial_number)))
+            now = SideValues("now", desk.values)
+            for told in (True, False):
+                found = compare(desk.driver, desk.known, now, SideValues("before", first, told=told))
+                assert bool(found.changes) == told
+                assert bool(found.problems) != told
             wish = changes_of(desk, back, lambda: here.desks.snapshots.told("isb", desk.serial_number))
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.held)))
             assert (job.state, job.outcomes) == ("done", [])

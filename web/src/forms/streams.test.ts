@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { paceWords, streamed, streamRows, told } from "./streams";
+import { paceWords, streamed, streamRows } from "./streams";
 import type { StreamChoice } from "./types";
 
 const choice = (did: number, source_ms: number): StreamChoice => ({
@@ -18,17 +18,17 @@ it("switches streams on and off, and says what was", () => {
   const slower = streamed(before, rows[0]!, 5, before[0]!);
   expect(streamRows(CHOICES, slower, before)[0]?.was).toBe("was 143 Hz");
   const more = streamed(slower, rows[1]!, 1, before[0]!);
-  expect(more).toEqual([{ did: 4, period: 5, size: 0 }, { did: 13, period: 1, size: 0 }]);
-  expect(streamed(more, streamRows(CHOICES, more, before)[0]!, undefined, before[0]!)).toEqual([{ did: 13, period: 1, size: 0 }]);
+  expect(more).toEqual([{ did: 4, period: 5, size: 0 }, { did: 13, period: 1, size: 0, source_ms: 200 }]);
+  expect(streamed(more, streamRows(CHOICES, more, before)[0]!, undefined, before[0]!)).toEqual([{ did: 13, period: 1, size: 0, source_ms: 200 }]);
 });
 
 it("keeps a stream that the table does not know", () => {
   expect(streamRows(CHOICES, [{ did: 500, period: 2 }], []).at(-1)).toMatchObject({ title: "Not in the table", place: 0, was: "was off" });
 });
 
-it("takes a device's own periods from what its streams cost", () => {
-  const entries = [{ did: 4, period: 2 }];
-  const own = told(CHOICES, entries, [{ path: "streams.0", title: "", bytes_per_s: 4400 }], "streams");
-  expect(paceWords(own[0], 2)).toBe("50 Hz");
-  expect(paceWords(own[1], 1)).toBe("5.0 Hz");
+it("shows the rate that was measured, whatever the table says of the source", () => {
+  const entries = [{ did: 4, period: 2, source_ms: 16 }];
+  expect(streamRows(CHOICES, entries, entries).map((row) => paceWords(row.choice, row.period))).toEqual(["31 Hz", "5.0 Hz", "as it comes"]);
+  const slower = [{ did: 4, period: 4, source_ms: 16 }];
+  expect(streamRows(CHOICES, slower, entries)[0]?.was).toBe("was 31 Hz");
 });

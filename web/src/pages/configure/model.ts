@@ -135,6 +135,10 @@ export class Model {
     const [body, snapshots] = await Promise.all([server.values(this.id), server.snapshots(this.id)]);
     if (snapshots.ok) this.snapshots.value = snapshots.value;
     if (!body.ok) return;
+    if (this.forms.peek()?.streams.length && body.value.info.taken !== this.body.peek()?.info.taken) {
+      const forms = await server.forms(this.id); // streams that are off have rates of the device, too, once it was read
+      if (forms.ok) this.forms.value = forms.value;
+    }
     this.#follow(body.value.values);
     this.body.value = body.value;
     this.previews.value = {};

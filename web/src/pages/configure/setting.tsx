@@ -6,7 +6,6 @@ import { changesOf, touches } from "../../forms/edits";
 import { Fields } from "../../forms/field";
 import { OutputsTable } from "../../forms/outputs-table";
 import type { Sheet } from "../../forms/sheet";
-import { type StreamEntry, told } from "../../forms/streams";
 import { StreamsTable } from "../../forms/streams-table";
 import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, Values } from "../../forms/values";
@@ -110,11 +109,10 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
   if (list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
-  const presentStreams = (model.present.value[form.name]?.[list.name] ?? []) as readonly StreamEntry[];
   const table = { sheet, field: list, load, hot: model.hot.value };
   return (
     <>
-      {form.editor === "outputs" ? <OutputsTable {...table} choices={forms.outputs} /> : <StreamsTable {...table} choices={told(forms.streams, presentStreams, model.loadOf(`=${form.name}`)?.parts ?? [], list.name)} />}
+      {form.editor === "outputs" ? <OutputsTable {...table} choices={forms.outputs} /> : <StreamsTable {...table} choices={forms.streams} />}
       {rest.length > 0 && <Fields sheet={sheet} fields={rest} />}
     </>
   );

@@ -1,0 +1,202 @@
+"""Reading without disturbing: what streamed before a dialogue streams after it.
+
+    body      Send GET DID_GPS1_SAT, period 0     Expect its answer
+                 │ it streams: not sent              │ the next packet of the stream is the answer
+                 │ it does not: sent                 v
+                 v                                   the body
+    after it  what was asked all the same, and streamed: does it still?  ──no──>  GET_DATA with its period
+
+A GET_DATA of period 0 ends the stream of what it asks for: the document says so ("Set data rate to zero to disable
+broadcast and pull a single packet"), and so does the vendor's code, where a single request takes the place of the
+broadcast of the same port, data set, size and offset. So a data set that streams is not asked for at all: its next
+packet is waited for. What streams is told by DID_RMC, and, of what has no bit there, by listening: while the dialogue
+runs, and for `LOOK_S` before the first request of something that could stream. What streams less often than that, and
+has no bit, is not known to stream.
+
+A dialogue that itself begins and ends streams is left alone in that: what it changed is not put back.
+
+Source: ISB document, "Data source update rates"; inertial-sense-sdk 2.7.1, com_manager.cpp, getDataRequest.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from protocols.dialogues import Act, Dialogue, Expect, RefusedError, Send, SilentError, StoppedError, T
+from protocols.events import Event
+from protocols.isb import frames
+from protocols.isb.commands import RMC, SYS_CMD
+from protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
+from protocols.isb.listening import Ask, Heard
+from protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
+
+PREAMBLE = bytes((frames.FIRST, frames.SECOND))
+LOOK_S = 0.25
+PASSIVE_S = 5.0  # for the next packet of a stream, instead of an answer
+ANSWER_S = 0.3
+BACK_TRIES = 2
+
+
+def undisturbed(body: Dialogue[T], ask: Ask) -> Dialogue[T]:
+    """`body`, and what it must not have ended.
+
+    Args:
+        ask: reads a data set.
+    """
+    watch = _Watch(ask)
+    answer: Any = None
+    error: BaseException | None = None
+    while True:
+        try:
+            act = body.send(answer) if error is None else body.throw(error)
+        except StopIteration as end:
+            result: T = end.value
+            break
+        except RefusedError:
+            yield from watch.mend()
+            raise
+        answer, error = None, None
+        try:
+            answer = yield from watch.do(act)
+        except StoppedError as stopped:
+            yield from watch.mend_blindly()
+            error = stopped
+        except Exception as thrown:
+            error = thrown
+    yield from watch.mend()
+    return result
+
+
+class _Watch:
+    """What streams, and what was asked for although it does."""
+
+    def __init__(self, ask: Ask) -> None:
+        self._ask = ask
+        self._heard = Heard(set())
+        self._looked = False
+        self._listed: set[int] = set()  # by DID_RMC
+        self._begun: dict[int, int] = {}  # by the body: data set → multiple
+        self._answers: Counter[int] = Counter()  # packets that were asked for, and are no stream
+        self._mute: set[int] = set()  # of whose stream nothing came in time
+        self._waiting = -1  # the data set whose stream is listened to instead of asking
+        self._asked: set[int] = set()  # although they stream
+
+    def do(self, act: Act) -> Dialogue[Any]:
+        """One act of the body, or what stands for it."""
+        if isinstance(act, Send):
+            return (yield from self._send(act))
+        if not isinstance(act, Expect):
+            return (yield act)
+        did, self._waiting = self._waiting, -1
+        timeout_s = max(act.timeout_s, PASSIVE_S) if did >= 0 else act.timeout_s
+        answer = yield Expect(self._hearing(act.match), timeout_s, act.what)
+        if did >= 0 and answer is None:
+            self._mute.add(did)
+        return answer
+
+    def _hearing(self, match: Callable[[Event], Any]) -> Callable[[Event], Any]:
+        def both(event: Event) -> Any:
+            self._heard.only(event)
+            return match(event)
+
+        return both
+
+    def _send(self, act: Send) -> Dialogue[None]:
+        did = _single(act.frame)
+        if did is None:
+            self._note(act.frame)
+            yield act
+            return
+        yield from self._look()
+        if self._streams(did):
+            if did not in self._mute:
+                self._waiting = did
+                return
+            self._asked.add(did)
+        self._answers[did] += 1
+        yield act
+
+    def _look(self) -> Dialogue[None]:
+        if self._looked:
+            return
+        self._looked = True
+        yield Expect(self._hearing(lambda _: None), LOOK_S, "streams")
+        try:
+            self._listed = set(dids_of((yield from self._ask(RMC)).get("bits", 0)))
+        except (RefusedError, SilentError):  # a GPX has another; of one that is silent the body says so
+            return
+
+    def _streams(self, did: int) -> bool:
+        return did in self._listed or did in self._begun or self._heard.count(did) > 1 + self._answers[did]
+
+    def _note(self, packet: bytes) -> None:
+        """What the body begins and ends on purpose."""
+        kind = packet[2] & TYPE_MASK if packet[:2] == PREAMBLE else -1
+        if kind == GET_DATA:
+            did, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 12))
+            self._forget(did)
+            if period:
+                self._begun[did] = period
+        elif kind == STOP_DID:
+            self._forget(packet[3])
+        elif kind in (-1, STOP_ALL_PORTS, STOP_CURRENT_PORT) or (kind == SET_DATA and packet[3] in (RMC, SYS_CMD)):
+            for did in STREAMS:
+                self._forget(did)
+            self._looked = False  # a sentence, too, may stop everything
+
+    def _forget(self, did: int) -> None:
+        self._listed.discard(did)
+        self._begun.pop(did, None)
+        self._asked.discard(did)
+        self._mute.discard(did)
+        self._heard.forget(did)
+        self._answers.pop(did, None)
+
+    # -- afterwards
+
+    def mend(self) -> Dialogue[None]:
+        """Begin again what was asked for, streamed, and does not any more; looked at once more."""
+        for _ in range(BACK_TRIES if self._asked else 0):
+            for did in sorted(self._asked):
+                if not (yield from self._ended(did)):
+                    self._asked.discard(did)
+                    continue
+                yield Send(frames.get_data(did, period=self._period(did)))
+
+    def mend_blindly(self) -> Dialogue[None]:
+        """The same where nothing can be waited for any more: what was asked for although it streamed is begun."""
+        for did in sorted(self._asked):
+            yield Send(frames.get_data(did, period=self._period(did)))
+
+    def _ended(self, did: int) -> Dialogue[bool]:
+        """Does it not stream any more?"""
+        if STREAMS[did].rmc_bit >= 0:
+            try:
+                return did not in dids_of((yield from self._ask(RMC)).get("bits", 0))
+            except (RefusedError, SilentError):
+                return False
+        wait_s = max(ANSWER_S, 3e-3 * (self._heard.interval_ms(did) or 0))
+        return not (yield Expect(lambda event: _is(event, did), wait_s, "streams"))
+
+    def _period(self, did: int) -> int:
+        """The multiple at which it came; 1 where that was never heard."""
+        if did in self._begun:
+            return self._begun[did]
+        interval, base = self._heard.interval_ms(did), DEFAULT_MS[STREAMS[did].pace]
+        return max(1, round(interval / base)) if interval and base else 1
+
+
+def _is(event: Event, did: int) -> bool | None:
+    heard = Heard(set())
+    heard.only(event)
+    return True if did in heard.sizes else None
+
+
+def _single(packet: bytes) -> int | None:
+    """The data set of which a packet asks for one value, where it is one that can stream."""
+    if packet[:2] != PREAMBLE or packet[2] & TYPE_MASK != GET_DATA:
+        return None
+    did, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 12))
+    return did if did in STREAMS and not period else None
