@@ -7,8 +7,7 @@
 So what is tested with a twin is what runs with a sensor: the port, the reading thread, the rate, an unplugged cable.
 
     twin:xbus                       an MTi-630 at 100 Hz on a line of 115 200 Bd; ?product=MTi-680G another product
-    twin:isb                        an IMX-5, inertial data and navigation at 100 Hz, on 921 600 Bd; ?imu_source=imu one
-                                    that times DID_IMU as the document says, not (nav) as the header does
+    twin:isb                        an IMX-5 at 100 Hz on 921 600 Bd; ?imu_source=nav|imu what times DID_IMU
     twin:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
                                     (Secure frames are made with the source's key; without one, with one nobody knows)
     ?rate=400                       samples/s
