@@ -63,8 +63,10 @@ def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -
             side = left if row.name not in left.values else right
             found.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
             continue
-        if not right.told and row.write and any(
-            left.values[row.name].get(name) != value for name, value in right.values[row.name].items()
+        if (
+            not right.told
+            and row.write
+            and any(left.values[row.name].get(name) != value for name, value in right.values[row.name].items())
         ):
             _wrong(row, right.values[row.name], found)
         _setting(driver, row, left.values[row.name], right.values[row.name], found)
