@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,12 +113,17 @@ class Text:
 
 @dataclass(frozen=True, slots=True)
 class Reject:
-    """A candidate that failed: `reason` is a word of the protocol's list ("bad_checksum", "bad_size", "truncated")."""
+    """A candidate that failed: `reason` is a word of the protocol's list ("bad_checksum", "bad_size", "truncated").
+
+    Of a frame that is whole and yet refused, `device` is who sent it, and `detail` says why in words; "" otherwise.
+    """
 
     offset: int
     size: int
     reason: str
     arrival_ns: int = 0
+    device: str = ""
+    detail: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +170,39 @@ class Decoder(Protocol):
     @property
     def buffered(self) -> int:
         """Bytes held back because their frame is incomplete."""
+
+
+@runtime_checkable
+class Remembers(Protocol):
+    """A decoder that refuses frames it has seen before, and must not forget them with a connection.
+
+    What is remembered is the last verified number of each device of the stream.
+    """
+
+    def remembered(self) -> Mapping[int, int]:
+        """Of every device with a verified frame so far."""
+
+    def recall(self, numbers: Mapping[int, int]) -> None:
+        """What an earlier decoder of the same stream remembered."""
+
+    def rearm(self, device: str = "") -> None:
+        """Accept whatever number comes next, of one device or ("") of all. For an operator to ask for."""
+
+
+class Doubt(Protocol):
+    """A setting that the stream contradicts, and why."""
+
+    @property
+    def unit(self) -> str: ...
+    @property
+    def reason(self) -> str: ...
+
+
+@runtime_checkable
+class Doubts(Protocol):
+    """A decoder whose unit of time is a setting; `contradiction` once arrival speaks for another."""
+
+    contradiction: Doubt | None
 
 
 def batches(events: list[Event]) -> Iterator[Batch]:

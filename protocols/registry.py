@@ -60,7 +60,8 @@ class ProtocolInfo:
         listing: makes what turns a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes, with which `warm` runs everything once.
         settings: what decoder and listing can be told beside, by keyword: "key" (bytes), "min_mode" (0 to 2),
-            "replay_check", "show_unverified" (bool), "schema" (idtp/vendor.py).
+            "replay_check", "show_unverified" (bool), "schema" (idtp/vendor.py), "time_unit",
+            "rotation" (idtp/decoder.py).
         datagrams: whether the decoder can be told, by that keyword, that every chunk is a datagram.
         identity: what an answer tells of the device: "product", "serial_number", "firmware", those that it tells.
         greeting: what may be sent to any device of the protocol, whatever it does, to learn who it is; b"" for nothing.
@@ -132,7 +133,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             idtp_likeness,
             IdtpListing,
             idtp_build(4, bytes(36), sequence=1, mode=1) + idtp_build(6, bytes(16), sequence=3),
-            frozenset(("key", "min_mode", "replay_check", "show_unverified", "schema")),
+            frozenset(("key", "min_mode", "replay_check", "show_unverified", "schema", "time_unit", "rotation")),
             datagrams=True,
             protection=idtp_protection,
             sender="IDTP device",

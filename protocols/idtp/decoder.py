@@ -13,7 +13,7 @@ batches of their own whose `verified` is False, with a clock of their own, and t
 ## Time
 
 The timestamp counts in a unit that the document only recommends (µs), so it is a setting; 32 bits of µs wrap every 71.6
-minutes and are unwrapped, for each device apart.
+minutes and are unwrapped, for each device apart. Where arrival speaks for another unit, `contradiction` says so.
 
 What a person should know, once for each device, comes as a Reply named "Warning": a newer version, payloads of an
 unexpected length, a successor protocol.
@@ -30,20 +30,20 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from protocols.clocks import Unwrap
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Doubt, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
-from protocols.idtp.frames import VERSION_AT
+from protocols.idtp.frames import SECURE, VERSION_AT
 from protocols.idtp.payloads import Payload, Rotation, Shown
-from protocols.idtp.sequence import KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
+from protocols.idtp.sequence import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream import Cut, IdtpStream
+from protocols.idtp.units import UNITS, UnitWatch
 from protocols.idtp.vendor import Schema
 from protocols.jit import BYTES, INTS, NOTHING, ROWS, compiled, unsigned
 from protocols.schema import Direction, Message
 from protocols.stream import StreamDecoder
 
 WRAP = 2**32
-UNITS: Mapping[str, int] = {"ns": 1, "us": 1_000, "ms": 1_000_000, "s": 1_000_000_000}
 KNOWN_MINOR = 1
 WARNING = Message(-1, "Warning", kind="indication", doc="What a person should know about a device.")
 
@@ -113,7 +113,10 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 datagrams=datagrams,
             )
         )
+        self._time_unit = time_unit
         self._tick_ns = UNITS[time_unit]
+        self._watches: dict[int, UnitWatch] = {}  # by source
+        self.contradiction: Doubt | None = None  # a unit that the arrival of the frames speaks for
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}
         self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see sequence.py
@@ -130,6 +133,15 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         if device and not (device.isdecimal() and int(device) <= 0xFFFF):
             raise ValueError(f"a device is a number from 0 to 65535, given {device!r}")
         self._stream.sequences.rearm(int(device) if device else None)
+
+    def remembered(self) -> Mapping[int, int]:
+        """See events.Remembers."""
+        heard = (source_of(source) for source in self._clocks)
+        return self._stream.sequences.remembered(device for device, unverified in heard if not unverified)
+
+    def recall(self, numbers: Mapping[int, int]) -> None:
+        """See events.Remembers."""
+        self._stream.sequences.recall(numbers)
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""
@@ -168,10 +180,14 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         kind = self._kinds.get(key) or self._learn(key)
         payload, device = kind.payload, kind.device
         clock = self._clocks.get(key >> SOURCE_SHIFT) or self._clock(key >> SOURCE_SHIFT)
+        if self._watches:
+            self._watch(key >> SOURCE_SHIFT, rows[TIMESTAMP], arrivals)
         time = clock.tick(stamp, int(arrivals[0])) * self._tick_ns
         for _, step, by in clock.steps:
             events.append(Step(offset, step, by * self._tick_ns, int(arrivals[0]), device))
-        if lost:
+        if lost > FAR and rows[MODE, 0] < SECURE:
+            self._jumped(sender, lost, cut, 0, events)
+        elif lost:
             events.append(Gap(offset, lost, "sequence", int(arrivals[0]), time, device))
         if cut.judged.other:
             self._newer(cut, events)
@@ -231,6 +247,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
 
     def _unwrap(self, source: int, raw: Ints, arrivals: Ints, offsets: Ints, events: list[Event]) -> Ints:
         clock = self._clocks.get(source) or self._clock(source)
+        if self._watches:
+            self._watch(source, raw, arrivals)
         ticks = clock.ticks(raw, arrivals)
         for i, kind, by in clock.steps:
             device = str(source_of(source)[0])
@@ -239,15 +257,34 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
 
     def _clock(self, source: int) -> Unwrap:
         clock = self._clocks[source] = Unwrap(WRAP, tick_ns=self._tick_ns)
+        if len(self._clocks) == 1:  # the unit is one for all: the first device tells
+            self._watches[source] = UnitWatch(self._time_unit)
         return clock
 
-    @staticmethod
-    def _gaps(cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
+    def _watch(self, source: int, raw: Ints, arrivals: Ints) -> None:
+        """Hold the timestamps of the first second against their arrival."""
+        watch = self._watches.get(source)
+        if watch is None:
+            return
+        watch.look(raw, arrivals)
+        if watch.done:
+            self.contradiction = watch.found
+            del self._watches[source]
+
+    def _gaps(self, cut: Cut, offsets: Ints, times: Ints, events: list[Event]) -> None:
         missing = cut.judged.rows[LOST]
         for i in np.flatnonzero(missing).tolist():
             device = str(int(cut.table[SENDER, i]))
             lost = int(missing[i])
+            if lost > FAR and cut.judged.rows[MODE, i] < SECURE:
+                self._jumped(int(device), lost, cut, i, events)
+                continue
             events.append(Gap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
+
+    def _jumped(self, device: int, lost: int, cut: Cut, row: int, events: list[Event]) -> None:
+        """Below Secure anybody can forge a number: what a far jump passes over is told, not counted as lost."""
+        words = f"its sequence number jumped ahead by {lost + 1}, which is not counted as lost"
+        self._warn(device, "jump", words, cut, row, events)
 
     # -- what a person should know -------------------------------------------------------------------------------------
 

@@ -52,6 +52,7 @@ class IdtpDevice:
         drop, corrupt: share of frames that never leave, or leave with one bit turned.
         clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
         clock_jump: (device time s, by s): the timestamp jumps once.
+        tick_ns: what its timestamp counts in.
     Raises:
         ValueError: an output that there is not, or no key.
     """
@@ -71,6 +72,7 @@ class IdtpDevice:
         corrupt: float = 0.0,
         clock_drift_ppm: float = 0.0,
         clock_jump: tuple[float, float] | None = None,
+        tick_ns: int = 1_000,
     ) -> None:
         if mode == SECURE and not key:
             raise ValueError("a Secure device needs a key")
@@ -85,7 +87,8 @@ class IdtpDevice:
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._mode, self._key = mode, key
         self._seed, self._drop, self._corrupt = seed, drop, corrupt
-        self._jump = clock_jump and (round(clock_jump[0] * 1e6), round(clock_jump[1] * 1e6))
+        self._jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
+        self._tick_ns = tick_ns
         self._sequence = sequence
         self._block = 0
         self._waiting: list[tuple[int, int, bytes]] = []  # (time, type, payload) of this block not sent yet, last first
@@ -109,9 +112,9 @@ class IdtpDevice:
 
     def _send(self, time_ns: int, kind: int, payload: bytes, out: list[bytes]) -> None:
         number, self._sequence = self._sequence, (self._sequence + 1) & 0xFFFFFFFF
-        stamp = time_ns // 1000
-        if self._jump and stamp >= self._jump[0]:
-            stamp += self._jump[1]
+        if self._jump and time_ns >= self._jump[0]:
+            time_ns += self._jump[1]
+        stamp = time_ns // self._tick_ns
         frame = build(
             kind,
             payload,

@@ -33,6 +33,7 @@ class IdtpListing:
         key, min_mode, replay_check, show_unverified: see stream.py. A file has no arrival times, so that nothing in it
             is ever silent.
         schema: rows of the vendor's own payload types, see vendor.py.
+        time_unit, rotation: of what is decoded; a listing shows what is on the wire.
     """
 
     def __init__(
@@ -43,6 +44,8 @@ class IdtpListing:
         replay_check: bool = True,
         show_unverified: bool = False,
         schema: Schema | None = None,
+        time_unit: str = "us",
+        rotation: str = "enu_from_body",
     ) -> None:
         self._stream = IdtpStream(
             key=key, min_mode=min_mode, replay_check=replay_check, show_unverified=show_unverified

@@ -16,7 +16,8 @@ false one. Therefore
     silence     when nothing of a device was accepted for 3 s, an older number is a restart. By arrival time, so it
                 never happens in a file that is read without.
 
-In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). Where
+In Secure mode, and for a device whose last frame was Secure, only a person starts a sequence anew (`rearm`). The last
+verified numbers outlive a decoder (`remembered`, `recall`): a new connection is no reason to accept an old frame. Where
 weaker frames are accepted beside Secure ones, a verified frame is judged by the verified ones before it alone: a forged
 number can neither lock the device out nor make an old frame new. A frame changes the state only after all its other
 checks have passed; a Secure frame that could not be verified never does, and is not judged.
@@ -26,6 +27,7 @@ Source: IDTP v2.1.0, section 6.1, with its erratum 6.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,7 +121,13 @@ def judge(
         if unverified:
             continue
         device = unsigned(table[SENDER, f])  # not a row of its own: a view costs more than all of this
-        if states[device, KNOWN]:
+        if not states[device, KNOWN]:
+            recalled = mode == SECURE and check and states[device, VERIFIED] != 0
+            if recalled and not 0 < (sequence - states[device, LAST_VERIFIED]) & MASK < HALF:
+                out[LOST, f] = -STALE
+                dropped += 1
+                continue
+        else:
             ahead = (sequence - states[device, LAST]) & MASK
             verdict = FRAME
             if check and (ahead != 1 or mode == SECURE):
@@ -182,6 +190,20 @@ class Sequences:
         n = table.shape[1]
         rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
         return Judged(rows, *judge(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
+
+    def remembered(self, devices: Iterable[int]) -> dict[int, int]:
+        """The last verified number of each of these devices that had one."""
+        return {one: int(self._states[one, LAST_VERIFIED]) for one in devices if self._states[one, VERIFIED]}
+
+    def recall(self, numbers: Mapping[int, int]) -> None:
+        """What `remembered` told of an earlier connection: verified frames up to these numbers are old."""
+        for device, number in numbers.items():
+            self._states[device, VERIFIED] = 1
+            self._states[device, LAST_VERIFIED] = number
+
+    def last_of(self, device: int, mode: int) -> int:
+        """The number by which the next frame of a device in this mode is judged."""
+        return int(self._states[device, LAST_VERIFIED if mode == SECURE else LAST])
 
     def rearm(self, device: int | None = None) -> None:
         """Forget the sequence of a device, or of all: its next frame is a first one. For a person to ask for."""

@@ -10,16 +10,17 @@ from one into the next, so each is searched on its own: what is incomplete at it
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from protocols.events import Reject
-from protocols.framing import OFFSET, REASONS, SIZE, Bytes, Ints
-from protocols.idtp.frames import LITE, SECURE, scanner
-from protocols.idtp.sequence import LOST, Judged, Sequences
+from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
+from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
+from protocols.idtp.sequence import LOST, MASK, Judged, Sequences
 from protocols.nmea import Found
 from protocols.stream import Cut as Whole
 from protocols.stream import Stream
@@ -43,6 +44,11 @@ class Cut:
     judged: Judged
     rejects: list[Reject]
 
+
+INTACT = ("no_key", "below_min_mode")
+"""Why a scan refuses a frame whose header is right and whose number can be read."""
+
+REFUSED_DEVICES, REFUSED_NUMBERS = 64, 4096  # remembered
 
 _NEVER = re.compile(rb"(?!)")
 
@@ -80,6 +86,7 @@ class IdtpStream:
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
         self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
         self.sequences = Sequences(check=replay_check, keyed=key is not None)
+        self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
         self._datagrams = datagrams
         self._waiting: list[tuple[bytes, int]] = []
 
@@ -124,17 +131,54 @@ class IdtpStream:
         """Without what its sequence number says is old."""
         table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
         judged = self.sequences.judge(whole.array, table, arrivals)
+        if rejects:
+            self._refuse(whole, rejects)
+        if judged.gaps and self._refused:
+            self._unlose(whole, table, judged)
         if judged.dropped:
             lost = judged.rows[LOST]
             for i in np.flatnonzero(lost < 0).tolist():
-                offset, size = whole.start + int(table[OFFSET, i]), int(table[SIZE, i])
-                rejects.append(Reject(offset, size, REASONS[-lost[i]], int(arrivals[i])))
+                at, size = int(table[OFFSET, i]), int(table[SIZE, i])
+                sender, mode = int(table[SENDER, i]), whole.data[at + MODE_AT]
+                number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
+                detail = f"number {number} after {self.sequences.last_of(sender, mode)}"
+                reject = Reject(whole.start + at, size, REASONS[-lost[i]], int(arrivals[i]), str(sender), detail)
+                rejects.append(reject)
+                self._remember(sender, number)
             rejects.sort(key=_offset)
             good = lost >= 0
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
             judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
         return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
+
+    def _refuse(self, whole: Whole, rejects: list[Reject]) -> None:
+        """Whole frames that a setting refuses have numbers too: who does not see them must not miss them."""
+        for i, reject in enumerate(rejects):
+            if reject.reason not in INTACT:
+                continue
+            at = reject.offset - whole.start
+            header = whole.data[at : at + DEVICE_AT + 2]
+            sender = int.from_bytes(header[DEVICE_AT:], "little")
+            self._remember(sender, int.from_bytes(header[SEQUENCE_AT : SEQUENCE_AT + 4], "little"))
+            rejects[i] = replace(reject, device=str(sender))
+
+    def _remember(self, sender: int, number: int) -> None:
+        if sender in self._refused or len(self._refused) < REFUSED_DEVICES:
+            self._refused.setdefault(sender, deque(maxlen=REFUSED_NUMBERS)).append(number)
+
+    def _unlose(self, whole: Whole, table: Ints, judged: Judged) -> None:
+        """Frames that came and were refused were not lost."""
+        for i in np.flatnonzero(judged.rows[LOST] > 0).tolist():
+            refused = self._refused.get(int(table[SENDER, i]))
+            if not refused:
+                continue
+            at, missing = int(table[OFFSET, i]), int(judged.rows[LOST, i])
+            number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
+            between = sum(0 < (number - one) & MASK <= missing for one in set(refused))
+            judged.rows[LOST, i] = missing - between
+            if missing - between == 0:
+                judged.gaps -= 1
 
 
 def _offset(reject: Reject) -> int:

@@ -128,7 +128,8 @@ def test_gap_of_fifty() -> None:
 @pytest.mark.parametrize("case", ALL["sequence"], ids=lambda case: f"{case['last']}-{case['received']}")
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_sequence(case: dict[str, Any], mode: int) -> None:
-    """The rule of the vectors. Below Secure, a jump beyond 2^16 counts from the second frame on."""
+    """The rule of the vectors. Below Secure, a jump beyond 2^16 counts from the second frame on,
+    and what it passes over, which anybody may have forged, is not lost."""
     last, received = case["last"], case["received"]
     frames = [build(0, bytes(12), sequence=n, mode=mode, key=KEY) for n in (last, received) if n is not None]
     far = last is not None and mode < SECURE and case["serial_accept"] and received - last > 1 << 16
@@ -139,7 +140,7 @@ def test_sequence(case: dict[str, Any], mode: int) -> None:
     rejects = [event.reason for event in events if isinstance(event, Reject)]
     lost = sum(event.missing for event in events if isinstance(event, Gap))
     if far:
-        assert (accepted, rejects, lost) == (2, ["far_ahead"], case["lost"] + 1)
+        assert (accepted, rejects, lost) == (2, ["far_ahead"], 0)
     else:
         assert accepted == (last is not None) + case["serial_accept"]
         assert rejects == ([] if case["serial_accept"] else ["stale"])
