@@ -1,8 +1,8 @@
 /**
- * Add a device by its address, or give the key of one that is there. The server judges what was typed; what it says, with its hint,
+ * Add a device by its address, or say how one that is there is read: its key, the unit of its timestamps. The server judges what was typed; what it says, with its hint,
  * stands under the field. A key is sent and forgotten: neither the page nor an answer keeps it.
  */
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { api, type HowToRead, type Outcome, type Problem } from "../ui/api";
 import { Dialog } from "../ui/dialog";
@@ -24,9 +24,30 @@ const PROTOCOLS: readonly (readonly [value: string, words: string])[] = [
   ["idtp", "IDTP"],
 ];
 
+const TIME_UNITS: readonly (readonly [value: string, words: string])[] = [
+  ["", "By arrival, usually µs"],
+  ["us", "Microseconds"],
+  ["ms", "Milliseconds"],
+  ["ns", "Nanoseconds"],
+  ["s", "Seconds"],
+];
+
+const ROTATIONS: readonly (readonly [value: string, words: string])[] = [
+  ["enu_from_body", "Body to ENU"],
+  ["body_from_enu", "ENU to body"],
+];
+
+export interface Begin {
+  readonly id: string;
+  readonly source: string;
+  readonly protocol: string;
+  readonly time_unit: string;
+  readonly rotation: string;
+}
+
 interface Props {
-  /** The device that a key is given for; undefined for a new one. */
-  readonly begin: { readonly id: string; readonly source: string; readonly protocol: string } | undefined;
+  /** The device whose reading is changed; undefined for a new one. */
+  readonly begin: Begin | undefined;
   readonly onClose: () => void;
   /** Called with the id of the device. */
   readonly onAdded: (id: string | undefined) => void;
@@ -35,6 +56,8 @@ interface Props {
 const source = signal("");
 const protocol = signal("");
 const key = signal("");
+const timeUnit = signal("");
+const rotation = signal("enu_from_body");
 const busy = signal(false);
 const problem = signal<Problem | undefined>(undefined);
 
@@ -45,12 +68,25 @@ function wrongKey(text: string): Problem | undefined {
 }
 
 /** Adds the device that the form describes, or changes how the one that is there is read. */
-async function send(address: string, id: string | undefined): Promise<Outcome<{ readonly id: string }>> {
+async function send(address: string, begin: Begin | undefined): Promise<Outcome<{ readonly id: string }>> {
+  const idtp = isIdtp();
   const how: HowToRead = {
     ...(protocol.value ? { protocol: protocol.value } : {}),
     ...(key.value.trim() ? { key: key.value.trim() } : {}),
+    ...(idtp && timeUnit.value !== (begin?.time_unit ?? "") ? { time_unit: timeUnit.value } : {}),
+    ...(idtp && rotation.value !== (begin?.rotation || "enu_from_body") ? { rotation: rotation.value } : {}),
   };
-  return id === undefined ? api.addDevice(address, how) : api.readDevice(id, how);
+  return begin === undefined ? api.addDevice(address, how) : api.readDevice(begin.id, how);
+}
+
+function isIdtp(): boolean {
+  return protocol.value === "" || protocol.value === "idtp";
+}
+
+/** Is there something to send about a device that is there? */
+function changed(begin: Begin): boolean {
+  const how = [protocol.value !== begin.protocol, timeUnit.value !== begin.time_unit, rotation.value !== (begin.rotation || "enu_from_body")];
+  return key.value.trim() !== "" || how.some(Boolean);
 }
 
 export function AddDevice({ begin, onClose, onAdded }: Props) {
@@ -61,6 +97,8 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     problem.value = undefined;
     key.value = "";
     protocol.value = begin?.protocol ?? "";
+    timeUnit.value = begin?.time_unit ?? "";
+    rotation.value = begin?.rotation || "enu_from_body";
     if (begin) source.value = begin.source;
     focus();
     return () => {
@@ -75,7 +113,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     problem.value = wrongKey(key.value.trim());
     if (problem.value) return focus();
     busy.value = true;
-    const outcome = await send(address, begin?.id);
+    const outcome = await send(address, begin);
     busy.value = false;
     problem.value = outcome.ok ? undefined : outcome.problem;
     if (!outcome.ok) {
@@ -90,7 +128,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
     field.current?.focus();
   };
   return (
-    <Dialog title={begin ? "Give the key" : "Add a device"} onClose={onClose}>
+    <Dialog title={begin ? "How it is read" : "Add a device"} onClose={onClose}>
       <form class="form" onSubmit={(event) => void submit(event)}>
         <label for="source">Address</label>
         <div class="field">
@@ -112,17 +150,23 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
           />
         </div>
         <div class="pair">
-          <ProtocolChoice />
-          {(protocol.value === "" || protocol.value === "idtp") && <KeyField input={keyField} />}
+          <Choice id="protocol" label="Protocol" of={protocol} choices={PROTOCOLS} />
+          {isIdtp() && <KeyField input={keyField} />}
         </div>
+        {(protocol.value === "idtp" || begin?.protocol === "idtp") && (
+          <div class="pair">
+            <Choice id="time-unit" label="Unit of its timestamps" of={timeUnit} choices={TIME_UNITS} />
+            <Choice id="rotation" label="Its quaternion turns" of={rotation} choices={ROTATIONS} />
+          </div>
+        )}
         {problem.value && <Wrong problem={problem.value} />}
         {!begin && <Examples take={take} />}
         <div class="row">
           <button type="button" class="btn" onClick={onClose}>
             Cancel
           </button>
-          <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && key.value.trim() === "")}>
-            {busy.value ? "Sending…" : begin ? "Use this key" : "Add"}
+          <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !changed(begin))}>
+            {busy.value ? "Sending…" : begin ? "Read it so" : "Add"}
           </button>
         </div>
       </form>
@@ -130,19 +174,26 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
   );
 }
 
-function ProtocolChoice() {
+interface ChoiceProps {
+  readonly id: string;
+  readonly label: string;
+  readonly of: Signal<string>;
+  readonly choices: readonly (readonly [value: string, words: string])[];
+}
+
+function Choice({ id, label, of, choices }: ChoiceProps) {
   return (
     <div>
-      <label for="protocol">Protocol</label>
+      <label for={id}>{label}</label>
       <div class="select">
         <select
-          id="protocol"
-          value={protocol.value}
+          id={id}
+          value={of.value}
           onChange={(event) => {
-            protocol.value = event.currentTarget.value;
+            of.value = event.currentTarget.value;
           }}
         >
-          {PROTOCOLS.map(([value, words]) => (
+          {choices.map(([value, words]) => (
             <option value={value}>{words}</option>
           ))}
         </select>

@@ -1,6 +1,7 @@
 /** What the page's components share beyond the store: which sheet is open, the last problem, ports heard, a slow clock. */
 import { computed, effect, signal } from "@preact/signals";
 import { frame, view } from "../data/view";
+import type { Begin } from "../forms/add-device";
 import type { Deps } from "../panels/deps";
 import { api, type Outcome, type Port, type Problem } from "../ui/api";
 import { isHeld, type PageState, pageState } from "../ui/state";
@@ -8,13 +9,8 @@ import type { DeviceInfo, RawPayload } from "../wire/types";
 import { route } from "./route";
 
 export type Overlay = "help" | "add" | "track" | "describe" | undefined;
-/** The device that a key is given for. */
-export interface KeyFor {
-  readonly id: string;
-  readonly source: string;
-  readonly protocol: string;
-}
-export const keyFor = signal<KeyFor | undefined>(undefined);
+/** The device whose reading is changed. */
+export const keyFor = signal<Begin | undefined>(undefined);
 /** The payload that is being described. */
 export const describing = signal<RawPayload | undefined>(undefined);
 /** A panel that lies over the plots while the window is narrow. */
@@ -110,7 +106,8 @@ export async function scanPorts(): Promise<void> {
 
 /** Asks for the key of a device that is open: it is used from there on. All devices of a link have one key. */
 export function askKey(device: DeviceInfo): void {
-  keyFor.value = { id: linkOf(device), source: device.source, protocol: device.protocol };
+  const { source, protocol, time_unit, rotation } = device;
+  keyFor.value = { id: linkOf(device), source, protocol, time_unit, rotation };
   overlay.value = "add";
 }
 

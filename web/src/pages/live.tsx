@@ -20,7 +20,7 @@ import { type App, describing, folded, keyFor, overlay, select, sheet } from "./
 import { Bar, Dock } from "./bar";
 import { Describe } from "./describe";
 import { Rail } from "./rail";
-import { KeyBand } from "./trust";
+import { KeyBand, RearmBand } from "./trust";
 import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
 
 export function LivePage({ app }: { readonly app: App }) {
@@ -42,6 +42,7 @@ export function LivePage({ app }: { readonly app: App }) {
         <h1 class="vh">Live{app.device.value ? `: ${app.device.value.name}` : ""}</h1>
         <ProblemBand />
         <KeyBand app={app} />
+        <RearmBand app={app} />
         <Centre app={app} />
       </main>
       <Side app={app} />

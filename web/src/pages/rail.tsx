@@ -13,7 +13,7 @@ import { Icon } from "../ui/icons";
 import { Mounted } from "../ui/mounted";
 import { markOf, shortSource } from "../ui/state";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
-import { type App, connect, linkOf, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app";
+import { type App, askKey, connect, linkOf, overlay, ports, run, scanning, scanPorts, select, sheet, tick } from "./app";
 
 /** The device whose removal was asked for once; asking twice removes it. */
 const removing = signal<string | undefined>(undefined);
@@ -173,7 +173,7 @@ function Why({ app, device, health, gaps }: WhyProps) {
   const left = device.next_try === null ? 0 : Math.ceil(device.next_try - now);
   const next = left > 0 ? `next try ${left} s` : "";
   const words = [ago, next].filter(Boolean).join(" · ");
-  const [tone, name] = NAMES[device.status];
+  const [tone, name] = WANTS[device.wants] ?? NAMES[device.status];
   const wanted = device.status === "connecting" && keyWanted(health) !== ""; // it is heard, and refused
   return (
     <span class="why">
@@ -182,6 +182,12 @@ function Why({ app, device, health, gaps }: WhyProps) {
     </span>
   );
 }
+
+/** What a device waits for while bytes come and nothing of them can be shown. */
+const WANTS: Readonly<Partial<Record<DeviceInfo["wants"], readonly [string, string]>>> = {
+  key: ["warn", "Key missing"],
+  rearm: ["warn", "Restarted"],
+};
 
 const NAMES: Readonly<Record<Exclude<DeviceInfo["status"], "live">, readonly [string, string]>> = {
   connecting: ["", "Connecting"],
@@ -214,6 +220,11 @@ function Acts({ device, shared }: { readonly device: DeviceInfo; readonly shared
       {device.status !== "live" && (
         <button type="button" class="btn small edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
           {device.status === "ended" ? "Play again" : "Try now"}
+        </button>
+      )}
+      {device.protocol === "idtp" && (
+        <button type="button" class="btn small" onClick={() => askKey(device)}>
+          Reading…
         </button>
       )}
       <span class="grow" />

@@ -1,6 +1,32 @@
 /** Data that are refused or shown without a check, and what to do about it: bands of their own, never on the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/trust";
-import { type App, askKey } from "./app";
+import { api } from "../ui/api";
+import { type App, askKey, linkOf, run } from "./app";
+
+/** Secure devices on the link of the selected one that restarted: their frames are refused until an operator re-arms them. */
+export function RearmBand({ app }: { readonly app: App }) {
+  const device = app.device.value;
+  if (!device) return null;
+  const link = app.store.devices.value.find(({ id }) => id === linkOf(device)) ?? device;
+  return (
+    <>
+      {link.rearm.map((sender) => (
+        <div class="band caution" role="status" data-rearm={sender} key={sender}>
+          <span class="dot warn" />
+          <b>Sequence of {sender} restarted</b>
+          <span class="mid">
+            Device {sender} sends old sequence numbers, which Secure mode refuses. Re-arm it if you restarted it. If nobody did, somebody may be playing
+            captured frames again.
+          </span>
+          <span class="grow" />
+          <button type="button" class="btn edge" onClick={() => void run(api.rearmDevice(link.id, sender))}>
+            Re-arm {sender}
+          </button>
+        </div>
+      ))}
+    </>
+  );
+}
 
 /** For the selected device: frames that need a key, a key that does not fit, or data that nobody could check. */
 export function KeyBand({ app }: { readonly app: App }) {

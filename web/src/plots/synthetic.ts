@@ -18,7 +18,7 @@ const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis
 
 export const DEVICE: DeviceInfo = {
   id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", protection: "", baud: null,
-  message: "", hint: "", tries: [], next_try: null, last_arrival: null, notices: [], parent: "",
+  message: "", hint: "", tries: [], next_try: null, last_arrival: null, notices: [], rearm: [], wants: "", time_unit: "", rotation: "", parent: "",
 };
 
 export const STATUS_BITS: readonly BitsInfo[] = [

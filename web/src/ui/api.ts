@@ -72,6 +72,10 @@ export interface HowToRead {
   readonly protocol?: string;
   /** For Secure frames, hex. Goes to the server and is kept nowhere else. */
   readonly key?: string;
+  /** Of the timestamps of IDTP; "" for microseconds, unless their arrival says otherwise. */
+  readonly time_unit?: string;
+  /** Which way the quaternion of an IDTP device turns; "" for body to ENU. */
+  readonly rotation?: string;
   /** TOML that describes a vendor's own payload types. */
   readonly schema?: string;
 }
@@ -82,6 +86,8 @@ export const api = {
   readDevice: (id: string, how: HowToRead) => request<{ readonly id: string }>("POST", `/api/devices/${encodeURIComponent(id)}/reading`, how),
   removeDevice: (id: string) => request<unknown>("DELETE", `/api/devices/${encodeURIComponent(id)}`),
   retryDevice: (id: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/retry`, {}),
+  /** Accept whatever sequence number a Secure device of this link sends next. */
+  rearmDevice: (id: string, sender: string) => request<unknown>("POST", `/api/devices/${encodeURIComponent(id)}/rearm`, { sender }),
   /** A cheap request that tells why the WebSocket does not open: refused, or nobody there. */
   probe: () => request<unknown>("GET", "/api/devices"),
   /** Whether a tile server is configured, and whom its tiles are owed to. */

@@ -18,7 +18,11 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   tries: [],
   next_try: null,
   last_arrival: null,
-  notices: [],
+  notices: [], rearm: [], wants: "", time_unit: "", rotation: "",
+  rearm: [],
+  wants: "",
+  time_unit: "",
+  rotation: "",
   parent: "",
 });
 

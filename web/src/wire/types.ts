@@ -38,6 +38,8 @@ export type Severity = "" | "caution" | "fault";
 
 export type DeviceStatus = "connecting" | "live" | "lost" | "denied" | "idle" | "ended";
 
+export type Wants = "" | "key" | "rearm";
+
 export type EventKind = "gap" | "reject" | "clock" | "link" | "reply" | "text" | "marker" | "device" | "command";
 
 export type Level = "info" | "caution" | "fault";
@@ -135,6 +137,14 @@ export interface DeviceInfo {
   readonly last_arrival: number | null;
   /** standing remarks: a high USB latency timer and its fix */
   readonly notices: readonly string[];
+  /** senders whose sequence restarted: an operator may re-arm them */
+  readonly rearm: readonly string[];
+  /** what it waits for while nothing of it can be shown */
+  readonly wants: Wants;
+  /** as which its timestamps are read, where that is a setting: "ms"; "" for the usual one */
+  readonly time_unit: string;
+  /** which way its quaternion turns, where that is a setting: "body_from_enu"; "" for the usual one */
+  readonly rotation: string;
   /** the first device on the same link, where that has several; link, retry and removal are its own */
   readonly parent: string;
 }
