@@ -51,6 +51,7 @@ from server.live.hub import Hub
 from server.live.journal import Journal
 from server.live.reading import Reading
 from server.live.recognition import Speech
+from server.live.sequence_store import SequenceStore
 from server.live.sessions import OpenLink, Sessions
 from server.metrics import Metrics
 from server.turnstile import Turnstile
@@ -81,7 +82,9 @@ def create_app(
     now_ns = now_ns or steady_clock()
     reading = config.reading()
     hub = Hub(lambda: now_ns() / 1e9, history_s=config.history_s, budget=config.memory_mb * 1024 * 1024)
-    sessions = Sessions(hub, open_link, speech or default_speech.speech(), LinkSettings(now_ns=now_ns))
+    links = LinkSettings(now_ns=now_ns)
+    numbers = SequenceStore(config.data)
+    sessions = Sessions(hub, open_link, speech or default_speech.speech(), links, sequences=numbers)
 
     desks = Desks(hub, sessions, config.data, config.trial_s)
     packer = Packer(lambda path: catalogue.finished(path))

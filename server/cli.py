@@ -1,4 +1,4 @@
-"""The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`,
+"""The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
 `record`, `replay`, `decode`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
@@ -17,7 +17,7 @@ from pathlib import Path
 from server.commands.common import UsageError, check_protocol, no_file, reading_of, settled, warm
 from server.commands.options import COMMANDS, parser
 from server.config import ConfigError, load
-from server.live.reading import ReadingError, taken_from
+from server.live.reading import ReadingError, key_text, taken_from
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -129,6 +129,17 @@ def _commands(options: argparse.Namespace) -> None:
         raise UsageError(str(error)) from None
 
 
+def _rearm(options: argparse.Namespace) -> None:
+    from server.commands.rearm import RearmError, Wish, rearm
+
+    token = key_text(options.token) if options.token else ""
+    data = load(data=options.data).data
+    try:
+        print(rearm(Wish(options.device, options.server, token, data)))
+    except RearmError as error:
+        raise UsageError(str(error)) from None
+
+
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is no time")
@@ -195,6 +206,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "compose": _compose,
     "send": _send,
     "commands": _commands,
+    "rearm": _rearm,
     "record": _record,
     "replay": _replay,
     "decode": _decode,

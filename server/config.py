@@ -84,6 +84,8 @@ class Config:
         protocol: of those sources; "" to guess.
         key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
             vendor types; unverified: show Secure frames without a key, marked (see server/live/reading.py).
+        time_unit: of the timestamps of IDTP, "ns", "us", "ms" or "s"; "" for microseconds, unless their arrival says
+            otherwise; rotation: which way a device's quaternion turns, "enu_from_body" (also "") or "body_from_enu".
         trial_s: how long a person has to keep settings that could have cut the line, before they go back.
         history_s, memory_mb: how far back the server remembers samples, whichever is less.
         view_token, control_token: "" means that one is made when it is needed.
@@ -110,6 +112,8 @@ class Config:
     min_mode: str = ""
     schema: str = ""
     unverified: bool = False
+    time_unit: str = ""
+    rotation: str = ""
     trial_s: float = 20.0
     history_s: float = 600.0
     memory_mb: int = 256
@@ -140,7 +144,8 @@ class Config:
         """
         key = key_text(self.key) if self.key else ""
         schema = schema_text(self.schema) if self.schema else ""
-        return reading(self.protocol, key, self.min_mode, self.unverified, schema)
+        told = (self.protocol, key, self.min_mode, self.unverified, schema)
+        return reading(*told, time_unit=self.time_unit, rotation=self.rotation)
 
     @property
     def scheme(self) -> str:

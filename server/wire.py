@@ -88,6 +88,7 @@ assert HEADER.size == 40
 Dtype = Literal["f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]
 Severity = Literal["", "caution", "fault"]
 DeviceStatus = Literal["connecting", "live", "lost", "denied", "idle", "ended"]
+Wants = Literal["", "key", "rearm"]
 EventKind = Literal["gap", "reject", "clock", "link", "reply", "text", "marker", "device", "command"]
 Level = Literal["info", "caution", "fault"]
 
@@ -170,6 +171,10 @@ class DeviceInfo:
     next_try: float | None = None  # unix seconds of the next attempt
     last_arrival: float | None = None
     notices: list[str] = field(default_factory=list)  # standing remarks: a high USB latency timer and its fix
+    rearm: list[str] = field(default_factory=list)  # senders whose sequence restarted: an operator may re-arm them
+    wants: Wants = ""  # what it waits for while nothing of it can be shown
+    time_unit: str = ""  # as which its timestamps are read, where that is a setting: "ms"; "" for the usual one
+    rotation: str = ""  # which way its quaternion turns, where that is a setting: "body_from_enu"; "" for the usual one
     parent: str = ""  # the first device on the same link, where that has several; link, retry and removal are its own
 
 

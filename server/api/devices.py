@@ -32,6 +32,12 @@ class HowToRead(BaseModel):
         "", description="weakest mode of IDTP that is accepted; empty: secure with a key, else lite"
     )
     unverified: bool = Field(False, description="without a key, show Secure frames, marked as unverified")
+    time_unit: Literal["", "ns", "us", "ms", "s"] = Field(
+        "", description="unit of the timestamps of IDTP; empty: microseconds, unless their arrival says otherwise"
+    )
+    rotation: Literal["", "enu_from_body", "body_from_enu"] = Field(
+        "", description="which way the quaternion of an IDTP device turns; empty: body to ENU"
+    )
     schema_text: str = Field(
         "", alias="schema", max_length=100_000, description="TOML that describes a vendor's own payload types of IDTP"
     )
@@ -40,7 +46,15 @@ class HowToRead(BaseModel):
         """The same, checked. ApiError where something cannot be used."""
         try:
             key = self.key.get_secret_value()
-            return read_as(self.protocol, key, self.min_mode, self.unverified, self.schema_text)
+            return read_as(
+                self.protocol,
+                key,
+                self.min_mode,
+                self.unverified,
+                self.schema_text,
+                time_unit=self.time_unit,
+                rotation=self.rotation,
+            )
         except ReadingError as error:
             raise bad_setting(error) from None
 
@@ -120,4 +134,30 @@ async def read_device(body: HowToRead, request: Request, session: OneSession) ->
     A `schema` is added to the descriptions that there are."""
     check_protocol(body.protocol, request)
     await session.read_as(changed(session.reading, body.reading(), body.model_fields_set))
+    return session.info
+
+
+class Rearm(BaseModel):
+    """Whose sequence may begin anew."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    sender: str = Field(
+        "",
+        pattern=r"^[0-9]{0,5}$",
+        description="as the stream names it (an IDTP device id); empty: every one of the link",
+    )
+
+
+@router.post("/{device}/rearm", responses=responses(400, 404, 422))
+async def rearm_device(body: Rearm, session: OneSession) -> wire.DeviceInfo:
+    """Accept whatever sequence number a Secure device sends next. Only who has restarted it can know that this is
+    right: until its next frame comes, captured ones would be taken for new."""
+    try:
+        session.rearm(body.sender)
+    except ValueError as error:
+        raise ApiError(400, "bad-device", f"{str(error)[:1].upper()}{str(error)[1:]}.", "") from None
+    except OSError as error:
+        hint = "The device is re-armed until the server ends; free some space to have it kept."
+        raise ApiError(503, "not-kept", f"The re-arming cannot be kept: {error.strerror or error}.", hint) from None
     return session.info

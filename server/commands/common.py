@@ -45,6 +45,8 @@ def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check:
         bool(options.unverified),
         schema_text(options.schema) if options.schema else "",
         replay_check,
+        options.time_unit or "",
+        options.rotation or "",
     )
 
 

@@ -9,10 +9,10 @@ from typing import NoReturn
 
 from server import logs
 from server.config import default_data
-from server.live.reading import MODES
+from server.live.reading import MODES, ROTATIONS, TIME_UNITS
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "record", "replay", "decode")
+COMMANDS = ("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode")
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 OUTPUTS = (
     "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
@@ -102,6 +102,12 @@ def parser() -> argparse.ArgumentParser:
     manual.add_argument("--protocol", default="", metavar="NAME", help="xbus, isb or idtp (all when left out)")
     _add_data(manual)
 
+    rearm = commands.add_parser("rearm", help="accept a Secure device again whose sequence restarted")
+    rearm.add_argument("device", nargs="?", default="", metavar="DEVICE", help="IDTP device id (all when left out)")
+    rearm.add_argument("--server", default="http://127.0.0.1:8080", metavar="URL", help="the running server")
+    rearm.add_argument("--token", default="", metavar="TOKEN", help="its control token, or @FILE that holds it")
+    _add_data(rearm)
+
     record = commands.add_parser("record", help="record a source into a file, without a page")
     record.add_argument("source", metavar="SOURCE", help=SOURCES)
     record.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="of the recording, .mcap")
@@ -137,6 +143,14 @@ def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
     command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
     command.add_argument(
         "--min-mode", choices=MODES, help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)"
+    )
+    command.add_argument(
+        "--time-unit", choices=TIME_UNITS, help="of the timestamps of IDTP (us, unless their arrival says otherwise)"
+    )
+    command.add_argument(
+        "--rotation",
+        choices=ROTATIONS,
+        help="which way the quaternion of an IDTP device turns: body to ENU (the default), or ENU to body",
     )
     command.add_argument("--schema", metavar="FILE", help="descriptions of vendor types, see protocols/idtp/vendor.py")
     command.add_argument(

@@ -30,6 +30,7 @@ from server.links.base import LinkSettings, steady_clock
 from server.live import speech
 from server.live.hub import Hub
 from server.live.reading import Reading
+from server.live.sequence_store import SequenceStore
 from server.live.session import Session
 from server.live.sessions import Sessions
 
@@ -100,7 +101,9 @@ def record(wish: Wish, notes: TextIO) -> str:
 async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
     now_ns = steady_clock()
     hub = Hub(lambda: now_ns() / 1e9, history_s=1)
-    sessions = Sessions(hub, open_link, speech.speech(), LinkSettings(now_ns=now_ns))
+    sessions = Sessions(
+        hub, open_link, speech.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(wish.data)
+    )
     desks = Desks(hub, sessions, wish.data, 20)
     recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent, follow_clock=False), None, time.time_ns)
     heard = Heard()

@@ -64,6 +64,8 @@ def _config(options: argparse.Namespace) -> Config:
         min_mode=options.min_mode,
         schema=options.schema,
         unverified=options.unverified,
+        time_unit=options.time_unit,
+        rotation=options.rotation,
         sources=options.sources or None,
         tls=options.tls,
         tls_cert=options.tls_cert,

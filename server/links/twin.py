@@ -21,9 +21,11 @@ So what is tested with a twin is what runs with a sensor: the port, the reading 
     ?drop=0.01 ?corrupt=0.01        share of frames lost, or with one bit flipped
     ?burst_ms=16                    a USB adapter with its latency timer at 16 ms, or when 62 bytes have gathered;
     ?packet=0                       ... however many have gathered
+    ?clock=ms                       an IDTP device whose timestamps count milliseconds; also ns, us, s
     ?drift_ppm=50                   the device clock runs fast by so much
     ?jump_s=20                      after 20 s the device clock jumps ahead by 10 s
-    ?reset_s=30                     every 30 s the device resets, and its clock begins anew
+    ?reset_s=30                     every 30 s the device resets: its clock begins anew, and so does the sequence of an
+                                    IDTP device
     ?unplug_s=30 ?away_s=5          after 30 s it is unplugged, and back, freshly powered, 5 s later
     ?seed=1                         another noise, another sequence of faults
 """
@@ -61,10 +63,11 @@ JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
 OPTIONS = (
-    *("product", "mode", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
+    *("product", "mode", "clock", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
     *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed", "imu_source"),
 )
 MODES = ("lite", "safety", "secure")
+CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ def _mti() -> tuple[str, ...]:
 FAMILIES: Mapping[str, Family] = {
     "xbus": Family(_mti, 88, options=("product", *MOODS)),
     "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product", "imu_source")),
-    "idtp": Family(lambda: (), 104, options=("mode",)),  # of Safety; Secure has 56 more
+    "idtp": Family(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
 }
 SECURE_BYTES = 56
 
@@ -119,6 +122,7 @@ class TwinOptions:
     protocol: str = "xbus"
     product: str = "MTi-630"
     mode: str = "safety"
+    clock: str = "us"
     rate: float = 100.0
     faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
     drift_ppm: float = 0.0
@@ -150,6 +154,7 @@ class TwinOptions:
             protocol=source.place,
             product=source.choice("product", products[0], products) if products else "",
             mode=mode,
+            clock=source.choice("clock", "us", tuple(CLOCKS)),
             rate=rate,
             faults=Faults(
                 drop=source.number("drop", 0, 0, 1),
@@ -206,6 +211,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             key=(key or secrets.token_bytes(32)) if options.mode == "secure" else None,
             clock_drift_ppm=drift,
             clock_jump=jump,
+            tick_ns=CLOCKS[options.clock],
         )
     if options.protocol == "isb":
         return IsbDevice(

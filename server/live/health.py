@@ -68,7 +68,8 @@ class Figures:
         self.rejects_by: Counter[str] = Counter()  # reason → how many
         self.verified: int | None = None  # samples; None where a protocol has no such notion
         self.unverified: int | None = None
-        self.last_arrival: float | None = None
+        self.last_arrival: float | None = None  # of bytes
+        self.last_sample: float | None = None  # of something that was read in them
         self.latency = Histogram(LATENCIES_S)  # s
         self._waiting_since: float | None = None
 
@@ -91,6 +92,7 @@ class Figures:
         if meter is None:
             meter = self.messages[message] = Meter()
         meter.add(count, now)
+        self.last_sample = max(now, self.last_sample or now)
 
     def rejected(self, reasons: Iterable[str]) -> None:
         """Candidates that failed, each for a reason."""

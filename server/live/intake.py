@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from protocols.captureclock import CaptureClock
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.framing import REFUSED
 from protocols.hostclock import HostClock, Part
 from protocols.pieces import Pieces
 from protocols.sentences import Sentences
@@ -286,7 +287,8 @@ class Intake:
         if self._last_time is not None and len(hosts):
             hosts = np.maximum(hosts, self._last_time)
         pauses = self._pauses(hosts) if not self._line.timed else ()
-        rejects = []
+        rejects: list[Reject] = []
+        damaged: list[Reject] = []  # what is refused for another reason says nothing of the line
         for event in events:
             if isinstance(event, Batch):
                 continue
@@ -295,8 +297,10 @@ class Intake:
                 self._incidents.text(event)
             elif isinstance(event, Reject):
                 rejects.append(event)
+                if event.reason not in REFUSED:
+                    damaged.append(event)
             elif isinstance(event, Gap):
-                self._gap(event, offsets, hosts, len(rejects) + self._rejects_before)
+                self._gap(event, offsets, hosts, len(damaged) + self._rejects_before)
             elif isinstance(event, Step):
                 if event.kind == "reset" or (event.kind == "jump" and event.by_ns < -BACK_NS):
                     self._resets.append(event.arrival_ns / 1e9)
@@ -313,9 +317,9 @@ class Intake:
             self._refused(rejects)
         if len(hosts):
             self._last_time = float(hosts[-1])
-            self._rejects_before = sum(reject.offset > offsets[-1] for reject in rejects)
+            self._rejects_before = sum(reject.offset > offsets[-1] for reject in damaged)
         else:
-            self._rejects_before += len(rejects)
+            self._rejects_before += len(damaged)
 
     def _pauses(self, hosts: NDArray[np.float64]) -> list[float]:
         """Tell where a capture, by the device's clock, has a hole; when each ended, unix s."""

@@ -101,7 +101,7 @@ def health(
         bytes_per_s=figures.bytes.rate(now),
         capacity=capacity,
         jitter_ms=clock.jitter_ns() / 1e6 if clock is not None and known else None,
-        last_arrival=figures.last_arrival,
+        last_arrival=figures.last_sample or figures.last_arrival,
         drift_ppm=clock.drift_ppm if clock is not None and known else None,
         uncertainty_ms=clock.uncertainty_ns / 1e6 if clock is not None and known else None,
         time_cause=cause,

@@ -19,7 +19,9 @@ from typing import Any
 from urllib.parse import unquote_plus
 
 MODES = ("lite", "safety", "secure")
-OPTIONS = ("protocol", "key", "min_mode", "unverified")
+TIME_UNITS = ("ns", "us", "ms", "s")
+ROTATIONS = ("enu_from_body", "body_from_enu")
+OPTIONS = ("protocol", "key", "min_mode", "unverified", "time_unit", "rotation")
 ON, OFF = ("1", "", "true", "yes", "on"), ("0", "false", "no", "off")
 
 
@@ -38,6 +40,8 @@ class Reading:
         unverified: without a key, show Secure frames, marked.
         replay_check: whether frames with an old sequence number are refused.
         schema: rows of the vendor's own payload types (protocols/idtp/vendor.py).
+        time_unit: of the timestamps of IDTP, of TIME_UNITS; "" for microseconds, unless their arrival says otherwise.
+        rotation: which way the quaternion of an IDTP device turns, of ROTATIONS; "" for body to ENU.
     """
 
     protocol: str = ""
@@ -46,6 +50,8 @@ class Reading:
     unverified: bool = False
     replay_check: bool = True
     schema: Mapping[int, Any] | None = field(default=None, repr=False)
+    time_unit: str = ""
+    rotation: str = ""
 
     def settings(self, known: Collection[str]) -> dict[str, Any]:
         """What a protocol that knows these settings is told (registry.ProtocolInfo.settings)."""
@@ -55,6 +61,8 @@ class Reading:
             "show_unverified": self.unverified,
             "replay_check": self.replay_check,
             "schema": self.schema,
+            "time_unit": self.time_unit or None,
+            "rotation": self.rotation or None,
         }
         return {name: value for name, value in told.items() if name in known and value is not None}
 
@@ -66,6 +74,8 @@ def reading(
     unverified: bool = False,
     schema: str = "",
     replay_check: bool = True,
+    time_unit: str = "",
+    rotation: str = "",
 ) -> Reading:
     """A Reading of words.
 
@@ -76,15 +86,17 @@ def reading(
     Raises:
         ReadingError: one of them cannot be used.
     """
-    return Reading(protocol, _key(key) if key else None, _mode(min_mode), unverified, replay_check, _schema(schema))
+    secret = _key(key) if key else None
+    units = (_one_of("time_unit", time_unit, TIME_UNITS), _one_of("rotation", rotation, ROTATIONS))
+    return Reading(protocol, secret, _mode(min_mode), unverified, replay_check, _schema(schema), *units)
 
 
 def changed(old: Reading, new: Reading, given: Collection[str]) -> Reading:
-    """`old` with those settings of `new` that were given: "protocol", "key", "min_mode", "unverified", "schema_text".
+    """`old` with those settings of `new` that were given: OPTIONS, and "schema_text".
 
     Descriptions of vendor types are added to those that there are; one of the same type takes its place.
     """
-    changes = {name: getattr(new, name) for name in ("protocol", "key", "min_mode", "unverified") if name in given}
+    changes = {name: getattr(new, name) for name in OPTIONS if name in given}
     if "schema_text" in given:
         changes["schema"] = {**(old.schema or {}), **(new.schema or {})} or None
     return replace(old, **changes)
@@ -145,6 +157,10 @@ def taken_from(source: str, given: Reading) -> tuple[str, Reading]:
                 given = replace(given, key=_key(value))
             case "min_mode":
                 given = replace(given, min_mode=_mode(value))
+            case "time_unit":
+                given = replace(given, time_unit=_one_of(name, value, TIME_UNITS))
+            case "rotation":
+                given = replace(given, rotation=_one_of(name, value, ROTATIONS))
             case "unverified":
                 if value not in ON + OFF:
                     raise ReadingError("unverified is 1 or 0")
@@ -167,9 +183,13 @@ def _key(text: str) -> bytes:
 def _mode(text: str) -> int | None:
     if not text:
         return None
-    if text not in MODES:
-        raise ReadingError(f"min_mode is {text!r}, not one of {', '.join(MODES)}")
-    return MODES.index(text)
+    return MODES.index(_one_of("min_mode", text, MODES))
+
+
+def _one_of(name: str, text: str, known: tuple[str, ...]) -> str:
+    if text and text not in known:
+        raise ReadingError(f"{name} is {text!r:.40}, not one of {', '.join(known)}")
+    return text
 
 
 def _schema(text: str) -> Mapping[int, Any] | None:

@@ -21,21 +21,23 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
-from typing import Literal
 
-from protocols.events import Event
+from protocols.events import Doubt, Doubts, Event
 from server import wire
 from server.links.base import Chunk, Link, LinkError
-from server.listeners import Listeners
 from server.live.advice import Advice
+from server.live.audience import Audience
 from server.live.deafness import Deafness, not_understood
+from server.live.greeting import Greeting
 from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.patience import SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
 from server.live.recognition import Speech, Unknown
+from server.live.restarts import Restarts
 from server.live.senders import Reader, Senders
+from server.live.sequence_store import SequenceStore
 
 log = logging.getLogger("imuscope.session")
 
@@ -45,16 +47,15 @@ IDLE_LOOK_S = 0.05
 STALL_S = 0.25  # without a byte for so long, an incomplete frame is given up; a frame at 9600 Bd takes 0.1 s
 STALL_LOOKS = 3  # ticks that found nothing new, too: a silence that was this process's own gives nothing up
 
-Direction = Literal["rx", "tx"]
 
-
-class Session:
+class Session(Audience):
     """One device.
 
     Args:
         device: DeviceInfo.id, unique in this run.
         link: closed; it is opened again after each loss.
         reading: how to read it; its protocol is guessed where it says none.
+        sequences: where the last numbers of Secure devices are kept; None: with this process.
     """
 
     def __init__(
@@ -64,7 +65,9 @@ class Session:
         hub: Hub,
         speech: Speech,
         reading: Reading = Reading(),  # noqa: B008 - frozen
+        sequences: SequenceStore | None = None,
     ) -> None:
+        super().__init__()
         info = wire.DeviceInfo(
             id=device,
             name=short(link.source),
@@ -78,14 +81,15 @@ class Session:
         self._set = self._portrait.set
         self._link = link
         self._hub, self._speech, self._reading = hub, speech, reading
-        self._greeted = False
-        self._greeting: asyncio.Task[None] | None = None
+        self._greeting = Greeting(self.send, link.source)
         self._senders = Senders(hub, self._portrait, speech.title)
         self._figures = self._senders.own.figures
         self.latency = self._figures.latency  # s, from the arrival of bytes until their samples are handed on
         self._incidents = self._senders.own.incidents
         self._advice = Advice(self._incidents, speech.messages_in, speech.title)
         self._intake: Reader | None = None
+        self._decoder: object = None
+        self.restarts = Restarts(link.kind, sequences)
         self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
@@ -96,9 +100,6 @@ class Session:
         self._retry_now = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._off_flush = hub.on_flush(self._drain)
-        self._events: Listeners[[Event]] = Listeners()
-        self._chunk_listeners: Listeners[[bytes, int, Direction]] = Listeners()
-        self._sent: Listeners[[bytes, int]] = Listeners()
         self._sending = asyncio.Lock()
         self._closing: list[Callable[[], Awaitable[None]]] = []
 
@@ -135,9 +136,8 @@ class Session:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
             self._task = None
-        if self._greeting is not None:
-            self._greeting.cancel()
-            await asyncio.gather(self._greeting, return_exceptions=True)
+        await self._greeting.close()
+        self.restarts.keep()
         await self._link.close()
         self._off_flush()
         self._senders.leave()
@@ -163,6 +163,7 @@ class Session:
         self._senders.read_anew()
         self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
         self._intake, self._unknown = None, Unknown(self._speech.guess)
+        self._set(wants="", rearm=[])
         if protocol := reading.protocol or self.info.protocol:
             self._begin(protocol)
         self._set(message="", hint="", notices=self._notices)
@@ -193,7 +194,7 @@ class Session:
         self._opened_at = self._hub.now()
         self._unknown = Unknown(self._speech.guess)
         self._intake = None
-        self._greeted = False
+        self._greeting.anew()
         if self._reading.protocol:
             self._begin(self._reading.protocol)
         message = f"{self._link.source} is open, no byte yet."
@@ -302,24 +303,9 @@ class Session:
         """Bytes of this connection from an offset that the decoder told; b"" where they are gone."""
         return self._intake.bytes_at(offset, size) if self._intake is not None else b""
 
-    def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
-        """Call `callback(data, time)` with all that is sent; returns what takes it off."""
-        return self._sent.add(callback)
-
-    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `callback` with every event of the decoder, in its order; returns what takes it off. It is called in the
-        event loop, so it must be quick. Goes on over reconnections, after which offsets count from 0 again."""
-        return self._events.add(callback)
-
-    def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
-        """Call `callback(data, time, direction)` with every chunk that came ("rx") or was sent ("tx"), once each;
-        time in ns since the Unix epoch. Returns what takes it off."""
-        return self._chunk_listeners.add(callback)
-
     def _heard(self, events: Sequence[Event]) -> None:
-        if self._events:
-            for event in events:
-                self._events.tell(event)
+        self.restarts.hear(events)
+        self._tell_events(events)
 
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -344,15 +330,18 @@ class Session:
 
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
+        decoder = self._decoder = self._speech.decoder(protocol, self._reading, self._link.kind)
+        self.restarts.begin(decoder, self._reading)
         self._intake = Reader(
             self._hub,
             self._senders,
-            self._speech.decoder(protocol, self._reading, self._link.kind),
+            decoder,
             line=Line.of(self._link),
             about=self._speech.about(protocol),
             on_events=self._heard,
         )
-        self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol))
+        read = {"time_unit": self._reading.time_unit, "rotation": self._reading.rotation}
+        self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol), **read)
         kept, self._unknown.chunks = self._unknown.chunks, []
         for chunk in kept:
             self._feed(chunk)
@@ -412,9 +401,10 @@ class Session:
     def _came_alive(self) -> None:
         back = self.info.status == "lost"
         self._retry_s = FIRST_RETRY_S
-        hint = self._advice.hint
-        self._set(status="live", message="", hint=hint, next_try=None, last_arrival=self._figures.last_arrival)
-        self._greet()
+        hint, last = self._advice.hint, self._figures.last_arrival
+        self._set(status="live", message="", hint=hint, wants="", next_try=None, last_arrival=last)
+        if self._intake is not None and not self._intake.identity.product and self._link.kind != "file":
+            self._greeting.ask(self._speech.about(self.info.protocol).greeting)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._incidents.say("link", "info", text, data={"kind": "back" if back else "live"})
         if self._died_at is not None and back and self._figures.last_arrival is not None:
@@ -431,29 +421,36 @@ class Session:
         samples = self._intake.samples
         new = self._advice.refused(self._figures.rejects_by, live=live)
         new |= self._advice.look(self._hub.now(), self.info.protocol, samples=samples, at_once=at_once)
+        new |= self._advice.restarted(self.restarts.waiting)
         if new:
-            self._set(notices=self._notices, hint=self._advice.hint)
+            self._set(notices=self._notices, hint=self._advice.hint, rearm=list(self.restarts.waiting))
             if self.info.status == "connecting" and self._advice.message:
-                self._set(message=self._advice.message)
+                self._set(message=self._advice.message, wants=self._advice.wants)
+        if isinstance(self._decoder, Doubts) and self._decoder.contradiction is not None:
+            self._doubt(self._decoder.contradiction)
+
+    def _doubt(self, doubt: Doubt) -> None:
+        """Arrival speaks for another unit of the timestamps: it is taken where nobody has named one."""
+        if self._advice.doubted(doubt, given=bool(self._reading.time_unit)) and not self._reading.time_unit:
+            self._reading = replace(self._reading, time_unit=doubt.unit)
+            self._begin(self.info.protocol)
+        self._set(notices=self._notices)
 
     @property
     def _notices(self) -> list[str]:
         return [*self._link.notices, *self._advice.notices]
 
-    def _greet(self) -> None:
-        """Ask a device that has been heard who it is, once for each connection, unless it has said so."""
-        intake, link = self._intake, self._link
-        if self._greeted or intake is None or intake.identity.product or link.kind == "file":
-            return
-        self._greeted = True
-        greeting = self._speech.about(self.info.protocol).greeting
+    def rearm(self, device: str = "") -> None:
+        """Accept whatever sequence number comes next, of one device of the stream or ("") of all.
 
-        async def ask() -> None:
-            with contextlib.suppress(LinkError):  # no way back, or nobody there any more: reading finds that out
-                await self.send(greeting)
-
-        if greeting:
-            self._greeting = asyncio.get_running_loop().create_task(ask(), name=f"greeting {self.info.source}")
+        Raises:
+            ValueError, OSError: see Restarts.rearm.
+        """
+        self.restarts.rearm(self._decoder, device)
+        self._advice.restarted(self.restarts.waiting)
+        text = f"Re-armed: the next sequence number of {f'device {device}' if device else 'every device'} is accepted."
+        self._incidents.say("device", "info", text)
+        self._set(notices=self._notices, hint=self._advice.hint, rearm=list(self.restarts.waiting), wants="")
 
     def tick(self, now: float) -> None:
         """Ten times a second: stalls, silence, sums of what happened."""
@@ -474,7 +471,7 @@ class Session:
                 hint = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
                 self._fell_silent(f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
             elif self.info.status == "live" and self._deafness.look(now, self._figures, meant=self._patience.hushed):
-                self._fell_silent(*not_understood(self._link))
+                self._fell_silent(*(self._advice.refusal(self._figures) or not_understood(self._link)))
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
@@ -482,7 +479,8 @@ class Session:
 
     def _fell_silent(self, text: str, hint: str) -> None:
         self._incidents.say("link", "fault", text, data={"kind": "silent"})
-        self._set(status="lost", message=text, hint=hint, last_arrival=self._figures.last_arrival)
+        wants = self._advice.wants if self.restarts.waiting else ""
+        self._set(status="lost", message=text, hint=hint, wants=wants, last_arrival=self._figures.last_arrival)
         if self._intake is not None:
             self._intake.samples = 0  # the next sample makes it live again
 

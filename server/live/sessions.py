@@ -15,10 +15,12 @@ from server.listeners import Listeners
 from server.live.hub import Hub
 from server.live.reading import OPTIONS, Reading, ReadingError, taken_from
 from server.live.recognition import Speech
+from server.live.sequence_store import EVERY_S, SequenceStore
 from server.live.session import Session
 
 TICK_S = 0.1
 HEALTH_EVERY = 5  # ticks
+SAVE_EVERY = round(EVERY_S / TICK_S)
 WALL_STEP_S = 0.05  # NTP slews at most 0.5 ms/s; more than this between two ticks is a step
 MOST_DEVICES = 64
 OPTIONS_HINT = f"A source may say {', '.join(OPTIONS)} after its question mark."
@@ -35,6 +37,7 @@ class Sessions:
         speech: the protocols.
         settings: for the links; `protocol` and `key` are filled in per source.
         wall_ns: the wall clock, which may step; a step is told as an event and moves no sample.
+        sequences: where the last numbers of Secure devices are kept; None: with this process.
     """
 
     def __init__(
@@ -45,12 +48,15 @@ class Sessions:
         settings: LinkSettings,
         *,
         wall_ns: Callable[[], int] = time.time_ns,
+        sequences: SequenceStore | None = None,
     ) -> None:
         self._hub = hub
         self._open_link = open_link
         self._speech = speech
         self._settings = settings
         self._wall_ns = wall_ns
+        self._sequences = sequences or SequenceStore(None)
+        self._saving: asyncio.Task[None] | None = None
         self._sessions: dict[str, Session] = {}
         self._added: Listeners[[Session]] = Listeners()
         self._next_id = 1
@@ -68,6 +74,7 @@ class Sessions:
             self._ticker.cancel()
             await asyncio.gather(self._ticker, return_exceptions=True)
         await asyncio.gather(*(self.remove(device) for device in list(self._sessions)))
+        await asyncio.to_thread(self._sequences.save)
 
     def add(self, source: str, reading: Reading = Reading()) -> Session:  # noqa: B008 - frozen
         """Open a source.
@@ -90,7 +97,7 @@ class Sessions:
         link = self._open_link(source, replace(self._settings, protocol=reading.protocol, key=reading.key))
         device = str(self._next_id)
         self._next_id += 1
-        session = self._sessions[device] = Session(device, link, self._hub, self._speech, reading)
+        session = self._sessions[device] = Session(device, link, self._hub, self._speech, reading, self._sequences)
         self._added.tell(session)
         session.start()
         return session
@@ -147,6 +154,12 @@ class Sessions:
             self._hub.report_health([health for session in sessions for health in session.healths(now)])
             self._hub.report_raws([payload for session in sessions for payload in session.raws(now)])
         self._watch_wall_clock()
+        if self._ticks % SAVE_EVERY == 0:
+            for session in self._sessions.values():
+                session.restarts.keep()
+            if self._saving is None or self._saving.done():
+                saving = asyncio.to_thread(self._sequences.save)
+                self._saving = asyncio.get_running_loop().create_task(saving, name="sequences")
 
     def _watch_wall_clock(self) -> None:
         offset = self._wall_ns() - self._settings.now_ns()

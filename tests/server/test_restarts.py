@@ -1,0 +1,311 @@
+"""Secure devices over lost connections and new starts of the server, and the unit of timestamps."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import stat
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from server.links.base import LinkError, LinkSettings
+from server.live import speech
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.sequence_store import MOST, SequenceStore, newer
+from server.live.session import Session
+from tests.server.fakes import Clock, FakeLink
+
+KEY = bytes(range(32))
+SECURELY = Reading("idtp", KEY)
+
+
+class Stage:
+    """A session with the real IDTP decoder; time passes with the frames that are sent."""
+
+    def __init__(self, reading: Reading = SECURELY, store: SequenceStore | None = None, kind: str = "serial") -> None:
+        self.clock = Clock()
+        self.hub = Hub(self.clock)
+        self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
+        self.link.kind = kind  # type: ignore[assignment]
+        self.session = Session("1", self.link, self.hub, speech.speech(), reading, store)
+
+    async def settle(self) -> None:
+        for _ in range(3):
+            await asyncio.sleep(0)
+        await asyncio.sleep(0.001)
+        self.hub.flush()
+
+    async def send(self, *frames: bytes, every: float = 0.01) -> None:
+        for frame in frames:
+            self.clock.move(every)
+            self.link.send(frame)
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            self.hub.flush()
+            self.session.tick(self.clock())
+        await self.settle()
+
+    async def reconnect(self) -> None:
+        opened = self.link.opened
+        self.link.die(LinkError("gone", "It is gone."))
+        while self.link.opened == opened:
+            self.session.retry()
+            await asyncio.sleep(0.001)
+        await self.settle()
+
+    @property
+    def info(self) -> Any:
+        return self.hub.devices["1"]
+
+    @property
+    def samples(self) -> int:
+        return sum(meter.total for meter in self.session._figures.messages.values())
+
+    @property
+    def refused(self) -> dict[str, int]:
+        return dict(self.session._figures.rejects_by)
+
+
+def play(test: Callable[[Stage], Coroutine[Any, Any, None]], stage: Callable[[], Stage] = Stage) -> None:
+    async def run() -> None:
+        made = stage()
+        made.session.start()
+        await made.settle()
+        await test(made)
+        await made.session.close()
+
+    asyncio.run(run())
+
+
+def frame(sequence: int, mode: int = SECURE, *, device: int = 102, stamp: int | None = None) -> bytes:
+    stamp = sequence * 10_000 if stamp is None else stamp
+    return build(1, bytes(12), timestamp=stamp & 0xFFFFFFFF, sequence=sequence, device=device, mode=mode, key=KEY)
+
+
+def captured(first: int = 0, count: int = 50) -> list[bytes]:
+    return [frame(first + k) for k in range(count)]
+
+
+def test_captured_frames_were_accepted_again_after_a_reconnect() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*captured())
+        assert stage.samples == 50
+        for _ in range(2):
+            await stage.reconnect()
+            await stage.send(*captured())
+        assert stage.samples == 50
+        assert stage.refused == {"stale": 100}
+        await stage.send(*captured(50, 10))
+        assert stage.samples == 60
+
+    play(test)
+
+
+def test_captured_frames_were_accepted_again_after_a_new_start(tmp_path: Path) -> None:
+    async def first(stage: Stage) -> None:
+        await stage.send(*captured(7))
+
+    async def second(stage: Stage) -> None:
+        await stage.send(*captured(7), *captured(57, 5))
+        assert (stage.samples, stage.refused) == (5, {"stale": 50})
+
+    store = SequenceStore(tmp_path)
+    play(first, lambda: Stage(store=store))
+    store.save()
+    play(second, lambda: Stage(store=SequenceStore(tmp_path)))
+    path = tmp_path / "secure-sequences.json"
+    assert KEY.hex() not in path.read_text()
+    assert stat.S_IMODE(path.stat().st_mode) & 0o022 == 0
+
+
+def test_another_key_is_another_device(tmp_path: Path) -> None:
+    store = SequenceStore(tmp_path)
+    store.note(KEY, {102: 500})
+    store.save()
+    assert SequenceStore(tmp_path).recall(KEY) == {102: 500}
+    assert SequenceStore(tmp_path).recall(bytes(32)) == {}
+
+
+def test_what_is_played_again_is_no_replay_attack(tmp_path: Path) -> None:
+    """A recording of Secure frames is heard each time, and leaves nothing behind."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(*captured())
+        await stage.reconnect()
+        await stage.send(*captured())
+        assert stage.samples == 100
+
+    store = SequenceStore(tmp_path)
+    play(test, lambda: Stage(store=store, kind="file"))
+    store.save()
+    assert not (tmp_path / "secure-sequences.json").exists()
+
+
+def test_a_restarted_secure_device_was_locked_out_without_a_word() -> None:
+    """It is said what happened, not that a rate is wrong, and an operator lets it in again."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(*captured(1000))
+        assert stage.info.status == "live"
+        await stage.send(*captured(0, 250))
+        assert stage.samples == 50
+        assert stage.info.status == "lost"
+        assert "Sequence restarted: 102" in stage.info.message
+        assert "number 249 after 1049" in stage.info.message or "after 1049" in stage.info.message
+        assert "re-arm" in stage.info.hint
+        assert "rate" not in stage.info.message + stage.info.hint
+        assert (stage.info.rearm, stage.session.infos[0].wants) == (["102"], "rearm")
+        age = stage.clock() - stage.session.health(stage.clock()).last_arrival
+        assert age == pytest.approx(2.5, abs=0.2)  # of the last sample, not of the last byte
+        stage.session.rearm("102")
+        await stage.send(*captured(250, 20))
+        assert stage.samples == 70
+        assert (stage.info.status, stage.info.rearm, stage.info.wants) == ("live", [], "")
+        assert not any("restarted" in notice for notice in stage.info.notices)
+
+    play(test)
+
+
+def test_a_replay_beside_the_device_itself_is_no_restart() -> None:
+    async def test(stage: Stage) -> None:
+        for k in range(60):
+            await stage.send(frame(1000 + k), frame(k))
+        assert stage.info.rearm == []
+        assert stage.info.status == "live"
+
+    play(test)
+
+
+def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(frame(1000 + k, SAFETY) for k in range(20)))
+        await stage.send(*(frame(k, SAFETY) for k in range(250)))
+        assert "old sequence numbers" in stage.info.message
+        assert "rate" not in stage.info.message + stage.info.hint
+        await stage.send(*(frame(250 + k, SAFETY) for k in range(100)))
+        assert stage.info.status == "live"
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
+    """A device that mixes modes: what a setting refuses is neither lost nor damaged."""
+
+    async def test(stage: Stage) -> None:
+        for k in range(0, 60, 3):
+            await stage.send(frame(k, LITE), frame(k + 1, SECURE), frame(k + 2, LITE))
+        assert stage.refused == {"no_key": 20}
+        assert stage.session._figures.lost == 0
+        assert not [event for event in stage.hub.log if event.kind == "gap"]
+        await stage.send(frame(60, SECURE), frame(63, LITE))
+        (gap,) = [event for event in stage.hub.log if event.kind == "gap"]
+        assert gap.samples == 2
+        assert "damaged frame" not in gap.text
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+def test_a_forged_jump_was_counted_as_a_billion_lost_samples() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(frame(k, SAFETY) for k in range(10)))
+        await stage.send(frame(1 << 30, SAFETY), frame((1 << 30) + 1, SAFETY))
+        assert stage.session._figures.lost == 0
+        assert any("jumped ahead by 10737418" in event.text for event in stage.hub.log)
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+def test_a_missing_key_is_asked_for() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*captured())
+        assert (stage.info.status, stage.info.wants) == ("connecting", "key")
+        await stage.session.read_as(SECURELY)
+        await stage.send(*captured(50))
+        assert (stage.info.status, stage.info.wants) == ("live", "")
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+# -- the unit of timestamps --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("unit", "ticks", "every"), [("ms", 10, 0.01), ("ns", 10_000_000, 0.01), ("s", 0.2, 0.2)])
+def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: float) -> None:
+    """A sender in another unit: it is noticed within some seconds, with the reason, and read rightly from then on."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(*(frame(k, SAFETY, stamp=round(1000 + k * ticks)) for k in range(250)), every=every)
+        assert stage.info.time_unit == unit
+        (notice,) = stage.info.notices
+        assert notice.startswith(f"Timestamps are read with time_unit={unit}: they advance by")
+        channel = next(iter(stage.hub.channels.values()))
+        time = channel.ring.read()[1]
+        assert time[-1] - time[-101] == pytest.approx(100 * every, abs=0.02 if unit != "s" else 1.1)
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
+    async def test(stage: Stage) -> None:
+        await stage.send(*(frame(k, SAFETY, stamp=1000 + k * 10) for k in range(150)))
+        assert stage.info.time_unit == "us"
+        (notice,) = stage.info.notices
+        assert "contradict their arrival" in notice
+        assert "time_unit=ms" in notice
+
+    play(test, lambda: Stage(Reading("idtp", time_unit="us")))
+
+
+def test_a_backlog_says_nothing_of_the_unit() -> None:
+    """A minute that a link held back arrives at once, and then the device goes on as usual."""
+
+    async def test(stage: Stage) -> None:
+        await stage.send(*(frame(k, SAFETY) for k in range(6000)), every=0.0)
+        await stage.send(*(frame(6000 + k, SAFETY) for k in range(200)))
+        assert stage.info.time_unit == ""
+        assert stage.info.notices == []
+
+    play(test, lambda: Stage(Reading("idtp")))
+
+
+# -- the store ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_store_is_bounded_and_survives_rubbish(tmp_path: Path) -> None:
+    store = SequenceStore(tmp_path)
+    store.note(KEY, {device: device for device in range(MOST + 100)})
+    store.save()
+    path = tmp_path / "secure-sequences.json"
+    assert sum(len(one) for one in json.loads(path.read_text()).values()) == MOST
+    for rubbish in ("", "null", "[1]", '{"a": 1}', '{"a": {"x": [1, 2]}}', '{"a": {"1": [-1, 2]}}', "{" * 100_000):
+        path.write_text(rubbish)
+        assert SequenceStore(tmp_path).recall(KEY) == {}
+
+
+def test_two_processes_keep_the_newer_number(tmp_path: Path) -> None:
+    one, two = SequenceStore(tmp_path), SequenceStore(tmp_path)
+    one.note(KEY, {1: 500, 2: 7})
+    one.save()
+    two.note(KEY, {1: 400, 3: 9})
+    two.save()
+    assert SequenceStore(tmp_path).recall(KEY) == {1: 500, 2: 7, 3: 9}
+    assert two.forget(KEY, 1) == 1
+    assert SequenceStore(tmp_path).recall(KEY) == {2: 7, 3: 9}
+    assert newer(3, 0xFFFFFFFE)
+    assert not newer(5, 5)
+
+
+def test_a_full_disk_takes_nothing_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("server.live.sequence_store.durable.write", refuse)
+    store = SequenceStore(tmp_path)
+    store.note(KEY, {1: 5})
+    store.save()
+    assert store.recall(KEY) == {1: 5}
