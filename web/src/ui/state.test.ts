@@ -19,10 +19,6 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   next_try: null,
   last_arrival: null,
   notices: [], rearm: [], wants: "", time_unit: "", rotation: "",
-  rearm: [],
-  wants: "",
-  time_unit: "",
-  rotation: "",
   parent: "",
 });
 
