@@ -1,5 +1,5 @@
 """The command line: `imuscope`, `imuscope serve`, `ports`, `doctor`, `inspect`, `compose`, `send`, `commands`, `rearm`,
-`record`, `replay`, `decode`.
+`record`, `replay`, `decode`, `simulate`.
 
 Exit status 0, or 1 with one clear line on standard error and no traceback. Nothing heavy is imported before it is
 needed: `--help` and `--version` answer at once. The folder for compiled code is settled before numba is imported.
@@ -198,6 +198,20 @@ def _serve(options: argparse.Namespace) -> None:
     serve(options)
 
 
+def _simulate(options: argparse.Namespace) -> None:
+    warm(options.data)
+    from server.commands import replaying, simulate
+    from server.live.reading import key_text, reading
+
+    try:
+        device = simulate.options_of(options.device)
+        place = replaying.address(options.tcp) if options.tcp is not None else None
+        key = reading(key=key_text(options.key)).key if options.key is not None else None
+        simulate.simulate(device, key, options.pty, place, sys.stdout)
+    except (simulate.SimulateError, replaying.ReplayError) as error:
+        raise UsageError(str(error)) from None
+
+
 _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "serve": _serve,
     "ports": _ports,
@@ -210,6 +224,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "record": _record,
     "replay": _replay,
     "decode": _decode,
+    "simulate": _simulate,
 }
 
 

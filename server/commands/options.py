@@ -12,7 +12,10 @@ from server.config import default_data
 from server.live.reading import MODES, ROTATIONS, TIME_UNITS
 from server.version import VERSION
 
-COMMANDS = ("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode")
+COMMANDS = (
+    *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode"),
+    "simulate",
+)
 SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
 OUTPUTS = (
     "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
@@ -128,6 +131,14 @@ def parser() -> argparse.ArgumentParser:
     replay.add_argument("--device", default="", metavar="D", help="which one, where the recording has several")
     replay.add_argument("--protocol", default="", metavar="NAME", help="of a capture (recognised when left out)")
     _add_data(replay)
+
+    simulate = commands.add_parser("simulate", help="a simulated device for other programs")
+    simulate.add_argument("device", metavar="FAMILY[?OPTIONS]", help="xbus?product=MTi-680G, isb, idtp?mode=lite, …")
+    door = simulate.add_mutually_exclusive_group(required=True)
+    door.add_argument("--pty", type=Path, metavar="PATH", help="be a serial port, found at this path")
+    door.add_argument("--tcp", metavar="[HOST]:PORT", help="listen there (127.0.0.1 without a host)")
+    simulate.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: @FILE that holds hex, or hex")
+    _add_data(simulate)
 
     decode = commands.add_parser("decode", help="turn a recording, log or capture into files of other programs")
     decode.add_argument("file", type=Path, metavar="FILE", help="a recording, a vendor's log, a raw capture")

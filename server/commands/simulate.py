@@ -1,0 +1,194 @@
+"""A simulated device for other programs: `imuscope simulate xbus?product=MTi-680G (--pty PATH | --tcp :PORT)`.
+
+    $ imuscope simulate xbus?product=MTi-680G --pty /tmp/imu
+    MTi-680G at /tmp/imu (/dev/pts/5), 115200 Bd. Ctrl-C ends it.
+
+The device is the one that `imuscope twin:xbus` shows, with the same options (server/links/twin.py), behind a real
+pseudo-terminal: PATH is a symbolic link to it, and a program that opens it at another rate than the device's hears
+noise. Over TCP there is no rate; one client after the other, or several at once, speak to the same device, whose bytes
+all of them get. The device is switched on from the start and keeps its settings until the command ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import termios
+from pathlib import Path
+from typing import TextIO
+
+from server.links.base import LinkError
+from server.links.sources import Source
+from server.links.twin import Bench, TwinOptions, make_device
+
+PREFIX = "twin:"
+RATE_LOOK_S = 0.05  # how soon the TCP side follows a new rate of the device
+MOST_WAITING = 1 << 20  # bytes that wait for a TCP client; one that is further behind is disconnected
+
+
+class SimulateError(Exception):
+    """Why there is no simulated device, in one sentence."""
+
+
+def options_of(text: str) -> TwinOptions:
+    """The device that a person named, such as "xbus?product=MTi-680G".
+
+    Raises:
+        SimulateError: there is none of that kind, or an option is wrong.
+    """
+    try:
+        return TwinOptions.of(Source.parse(text if text.startswith(PREFIX) else PREFIX + text))
+    except LinkError as error:
+        raise SimulateError(str(error).replace(PREFIX, "")) from None
+
+
+def simulate(
+    options: TwinOptions, key: bytes | None, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
+) -> None:
+    """Run the device until a signal ends it.
+
+    Args:
+        key: of Secure frames (IDTP).
+        pty: where the symbolic link to its port is made.
+        tcp: (host, port) to listen at, where there is no `pty`.
+        out: told once where the device is.
+    Raises:
+        SimulateError: the link cannot be made, or nothing can listen there.
+    """
+    bench = Bench(lambda start_ns: make_device(options, start_ns, key), options)
+    try:
+        if pty is not None:
+            _link(pty, bench.slave)
+        asyncio.run(_run(bench, options, pty, tcp, out))
+    finally:
+        bench.stop()
+        if pty is not None and _points_to(pty, bench.slave):
+            pty.unlink()
+
+
+async def _run(bench: Bench, options: TwinOptions, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO) -> None:
+    ended = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ended.set)
+    baud = options.faults.baud or 115_200
+    set_rate(bench.slave, baud)
+    bridge = Bridge(bench) if tcp is not None else None
+    where = f"{pty} ({bench.slave})"
+    if bridge is not None and tcp is not None:
+        where = f"tcp://{await bridge.listen(*tcp)}"
+    bench.start()
+    name = options.product or options.protocol.upper()
+    print(f"{name} at {where}, {baud} Bd. Ctrl-C ends it.", file=out, flush=True)
+    await ended.wait()
+    if bridge is not None:
+        await bridge.close()
+
+
+class Bridge:
+    """Carries bytes between the port of a bench and TCP clients; the port follows the device's rate."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._port = os.open(bench.slave, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._clients: set[asyncio.StreamWriter] = set()
+        self._server: asyncio.Server | None = None
+        self._follower: asyncio.Task[None] | None = None
+
+    async def listen(self, host: str, port: int) -> str:
+        """Begin; HOST:PORT where clients connect.
+
+        Raises:
+            SimulateError: the address is taken, or is none of this machine's.
+        """
+        try:
+            self._server = await asyncio.start_server(self._serve, host or "127.0.0.1", port)
+        except OSError as error:
+            raise SimulateError(f"Nothing can listen at {host or '127.0.0.1'}:{port}: {error.strerror}.") from None
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._port, self._from_device)
+        self._follower = loop.create_task(self._follow(), name="rate of the port")
+        name, number = self._server.sockets[0].getsockname()[:2]
+        return f"{name}:{number}"
+
+    async def close(self) -> None:
+        """Disconnect everybody."""
+        asyncio.get_running_loop().remove_reader(self._port)
+        if self._follower is not None:
+            self._follower.cancel()
+        for client in list(self._clients):
+            client.close()
+        if self._server is not None:
+            self._server.close()
+        os.close(self._port)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._clients.add(writer)
+        with contextlib.suppress(OSError):
+            while data := await reader.read(4096):
+                await self._to_device(data)
+        self._clients.discard(writer)
+        writer.close()
+
+    async def _to_device(self, data: bytes) -> None:
+        while data:
+            try:
+                data = data[os.write(self._port, data) :]
+            except BlockingIOError:
+                await asyncio.sleep(0.001)
+
+    def _from_device(self) -> None:
+        try:
+            data = os.read(self._port, 4096)
+        except OSError:
+            return
+        for client in list(self._clients):
+            if client.transport.get_write_buffer_size() > MOST_WAITING:
+                self._clients.discard(client)
+                client.transport.abort()
+            else:
+                client.write(data)
+
+    async def _follow(self) -> None:
+        known = 0
+        while True:
+            device = self._bench.device
+            if device is not None and device.baud != known:
+                known = device.baud
+                set_rate(self._bench.slave, known)
+            await asyncio.sleep(RATE_LOOK_S)
+
+
+def set_rate(port: str, baud: int) -> None:
+    """Have a terminal speak at this rate, where it knows it."""
+    speed = getattr(termios, f"B{baud}", None)
+    if speed is None:
+        return
+    handle = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        settings = termios.tcgetattr(handle)
+        settings[4] = settings[5] = speed
+        termios.tcsetattr(handle, termios.TCSANOW, settings)
+    finally:
+        os.close(handle)
+
+
+def _link(path: Path, port: str) -> None:
+    """A symbolic link to the port, in place of one that an earlier run left."""
+    try:
+        if path.is_symlink() and os.readlink(path).startswith("/dev/pts/"):
+            path.unlink()
+        path.symlink_to(port)
+    except FileExistsError:
+        raise SimulateError(f"{path} exists and is no link to a port. Choose another path.") from None
+    except OSError as error:
+        raise SimulateError(f"{path} cannot be made: {error.strerror}.") from None
+
+
+def _points_to(path: Path, port: str) -> bool:
+    try:
+        return os.readlink(path) == port
+    except OSError:
+        return False
