@@ -6,9 +6,10 @@
     audit    licences, known vulnerabilities               what the lock files name
     tests    vitest; pytest: units, server; real browser   TypeScript; Python
 
-The tests of one file run one after the other, the files beside each other: they often wait. What failed beside other
-work is judged once more, alone. Of the parts before, two run beside each other. Every part runs, also after one has
-failed; the end shows each one's closing line, pytest's last, and the exit status is 0 only when all is well. Names of
+The tests of one file run one after the other, the files beside each other: they often wait. A test that fails has
+failed: what failed beside other work is run once more, alone, only to say whether it fails there too. Of the parts
+before, two run beside each other. Every part runs, also after one has failed; the end shows each one's closing line,
+pytest's last, and the exit status is 0 only when all is well. Names of
 parts run these alone (`tests/check.py ruff pytest`); `--deep` draws many more examples in the property tests;
 everything after `--` goes to pytest (`tests/check.py pytest -- -k clocks`).
 """
@@ -41,7 +42,7 @@ class Part:
     name: str
     command: Callable[[argparse.Namespace], list[str]]
     closing: str = ""  # how the line begins that says how it ended; "" for the last one
-    alone: Callable[[argparse.Namespace], list[str]] | None = None  # judges again what failed beside other work
+    alone: Callable[[argparse.Namespace], list[str]] | None = None  # runs again what failed beside other work
     is_narrow: bool = False  # one core is enough for it: two of these run beside each other
 
 
@@ -93,13 +94,13 @@ PARTS = (
 
 
 def run(part: Part, options: argparse.Namespace, env: dict[str, str]) -> Outcome:
-    """Run one part, then alone what failed of it beside other work."""
+    """Run one part; where it failed, tell too whether what failed does so alone. It has failed in either case."""
     outcome = _run(part, part.command(options), env)
     if part.alone is None or outcome.status != 1:
         return outcome
     again = _run(part, part.alone(options), env)
-    closing = f"{outcome.closing}; alone: {again.closing}"
-    return Outcome(part.name, again.status, outcome.seconds + again.seconds, closing)
+    print(f"{part.name}: what failed ran once more, alone: {again.closing}", flush=True)
+    return Outcome(part.name, outcome.status, outcome.seconds + again.seconds, outcome.closing)
 
 
 def run_all(parts: Sequence[Part], options: argparse.Namespace, env: dict[str, str]) -> list[Outcome]:
@@ -134,6 +135,7 @@ def _run(part: Part, command: list[str], env: dict[str, str]) -> Outcome:
         say(line)
         if line.strip():
             lines.append(line.strip())
+    process.stdout.close()
     status = process.wait()
     print("".join(held), end="", flush=True)
     closing = [line for line in lines if line.startswith(part.closing)] or lines

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import resource
@@ -323,6 +324,18 @@ def test_a_full_disk_is_one_sentence_and_what_is_written_stays(tmp_path: Path) -
     with pytest.raises(RecordingError, match="closed"):
         writer.chunk("1", "rx", b"more", 0)
     writer.close()  # a second goodbye hurts nobody
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_no_empty_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(handle: int, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(RecordingError, match="disk is full"):
+        Writer(tmp_path / "a.mcap", ABOUT)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_notes_are_found_by_topic(tmp_path: Path) -> None:

@@ -17,6 +17,11 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
     assert not config.is_loopback
 
 
+def test_a_relative_data_folder_is_found_from_everywhere() -> None:
+    """Processes that decode and export work in other folders."""
+    assert load(data=Path("data")).data == Path.cwd() / "data"
+
+
 def test_defaults_are_loopback() -> None:
     assert load() == Config()
     assert Config().is_loopback

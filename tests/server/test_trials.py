@@ -249,10 +249,11 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
     run(check())
 
 
-def test_a_torn_file_does_not_keep_the_server_from_starting(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ['{"source": "twi', "[" * 100_000, "null"])
+def test_a_damaged_file_does_not_keep_the_server_from_starting(tmp_path: Path, text: str) -> None:
     folder = tmp_path / "trials"
     folder.mkdir()
-    (folder / "xbus-1.json").write_text('{"source": "twi')
+    (folder / "xbus-1.json").write_text(text)
     assert Trials(folder).all() == []
     assert (folder / "xbus-1.json").exists()
 
