@@ -71,6 +71,8 @@ class Batch:
             or float32 type where scale is 1); records are numpy structured arrays. Computed when first asked for.
         verified: False for data whose authenticity was asked for and could not be checked.
         size: bytes of each frame on the wire, 0 where that is not known.
+        header: what each frame's header says beside its payload (a timestamp as sent, a sequence number): name → (n,)
+            array. Computed when first asked for.
     """
 
     message: Message
@@ -81,6 +83,7 @@ class Batch:
     columns: Mapping[str, Array]
     verified: bool = True
     size: int = 0
+    header: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.arrival_ns)

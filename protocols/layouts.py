@@ -381,7 +381,11 @@ def shown(field: Field, wire: Array) -> Array:
     else:
         value = _copied(wire, native(field))
     if field.scale != 1:
-        value *= field.scale
+        parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
+        if parts and abs(parts * field.scale - 1) < 1e-12:
+            value /= parts  # 9999 hundredths are 99.99; times 0.01 they would be 99.99000000000001
+        else:
+            value *= field.scale
     if field.bias != 0:
         value += field.bias
     if field.column_major:

@@ -52,6 +52,7 @@ MOST_COLUMNS = 500
 _TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
 ODD = "\ufffd"
 NO_UTF8 = "Some characters are not UTF-8; they are left out."
+_FRAME = re.compile(r"(ENU|NED|NWU|ECEF|body)\b")  # of quantities, as exports name them
 _HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
 _AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
 
@@ -113,7 +114,7 @@ class CsvSource(TableSource):
         super().__init__(path, "csv")
         self._skip, self._delimiter, heads, first = _beginning(path)
         found = [_HEAD.match(head) for head in heads]
-        self._heads = [(match["name"], match["unit"] or "") if match else ("", "") for match in found]
+        self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in found]
         self._time = next((i for i, (name, _) in enumerate(self._heads) if _time_unit(name) is not None), None)
         if self._time is None:
             hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
@@ -240,6 +241,11 @@ def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
     if len(heads) > MOST_COLUMNS:
         raise RecordingError(f"{path.name} has {len(heads)} columns; {MOST_COLUMNS} are read.", "Leave some out.")
     return skip, delimiter, heads, first
+
+
+def _unit(told: str) -> str:
+    """The unit of what stands in brackets behind a name; beside it, or alone, a frame may stand there ("m/s; NED")."""
+    return ";".join(part.strip() for part in told.split(";") if not _FRAME.match(part.strip()))
 
 
 def _time_unit(name: str) -> str | None:

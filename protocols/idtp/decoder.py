@@ -24,16 +24,17 @@ Source: IDTP v2.1.0, with its errata.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
 from protocols.clocks import Unwrap
-from protocols.events import Batch, Doubt, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Doubt, Event, Gap, Late, Reject, Reply, Step
 from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
-from protocols.idtp.frames import SECURE, VERSION_AT
+from protocols.idtp.frames import SECURE, TIMESTAMP_AT, VERSION_AT
 from protocols.idtp.payloads import Payload, Rotation, Shown
 from protocols.idtp.sequence import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream import Cut, IdtpStream
@@ -196,7 +197,9 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         gathered = np.ndarray((1, payload.width), np.uint8, bytearray(cut.data[body : body + payload.width]))
         shown = Shown(payload, gathered, rows[MODE], kind.unverified, self._rotation)
         offsets, times = np.array((offset,)), np.array((time,))
-        events.append(Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size))
+        header = Late(partial(_header, cut.data, cut.start, offsets))
+        batch = Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size, header)
+        events.append(batch)
 
     def _batch(self, cut: Cut, key: int, which: Ints | None, offsets: Ints, times: Ints, events: list[Event]) -> Batch:
         """The frames of one key; `which` None: all of them."""
@@ -215,7 +218,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         gathered = np.empty((len(starts), payload.width), np.uint8)
         gather(cut.array, starts, gathered)
         shown = Shown(payload, gathered, modes, kind.unverified, self._rotation)
-        return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified, size)
+        header = Late(partial(_header, cut.data, cut.start, offsets))
+        return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified, size, header)
 
     def _learn(self, key: int) -> _Kind:
         """What a key stands for."""
@@ -319,6 +323,13 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 values = {"warning": "these bytes speak INDT, the successor of IDTP, which is not read here"}
                 yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)
                 return
+
+
+def _header(data: bytes, start: int, offsets: Ints) -> Mapping[str, Any]:
+    """Timestamp and sequence number as the frames at `offsets` sent them."""
+    at = (offsets - start + TIMESTAMP_AT)[:, None] + np.arange(8)
+    both = np.frombuffer(data, np.uint8)[at].view("<u4")
+    return {"timestamp": both[:, 0], "sequence": both[:, 1]}
 
 
 def _groups(keys: Ints) -> Iterator[tuple[int, Ints | None]]:

@@ -22,7 +22,7 @@ import numpy as np
 import pyarrow as pa
 
 from recordings.exporters.comma import heading, lines
-from recordings.exporters.joined import WINDOW
+from recordings.exporters.joined import WINDOW, spoken
 from recordings.exporters.joined import heading as named
 from recordings.exporters.wish import ExportError, Step, Wish, usual_interval, with_unit
 
@@ -55,9 +55,10 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     first, last = sizes[leader["id"]]
     with out.open("wb") as file:
         file.write(f"# {_rule(wish, leader, others)}\n".encode())
-        units = [column["unit"] for info in (leader, *(held.info for held in others)) for column in info["columns"]]
+        chosen = [leader, *(held.info for held in others)]
+        told = [(column["unit"], spoken(info["frame"])) for info in chosen for column in info["columns"]]
         names = [*_names(wish, leader), *(name for held in others for name in held.names)]
-        heads = [with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
+        heads = [with_unit(name, *one) for name, one in zip(names, told, strict=True)]
         heading(file, ["time (s)", "arrival (s)", *heads])
         for lo in range(first, last, WINDOW):
             hi = min(lo + WINDOW, last)

@@ -7,7 +7,8 @@
 
 They are joined by (time, arrival): an outer join, so nothing is left out; where a quantity has no sample of a moment
 its cell is empty. Where one has several rows at one moment, the first goes with the first of the others, and so on.
-Tables (`rows`: satellites) have many rows a moment by nature, and stand for themselves.
+Tables (`rows`: satellites) have many rows a moment by nature, and stand for themselves. What the device's own clock
+said of each row, and its UTC where it knows that, stand behind the two times.
 
 Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
 """
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from recordings.columns import Columns, Exact
@@ -41,18 +43,29 @@ class Table:
         device: id of the device.
         channels: ChannelInfo as in the manifest.
         names: a heading for each column of each channel, unique in the table, without unit.
+        clocks: what is known of the device's clock, described like channels.
     """
 
     name: str
     device: str
     channels: list[Mapping[str, Any]] = field(default_factory=list)
     names: list[list[str]] = field(default_factory=list)
+    clocks: list[Mapping[str, Any]] = field(default_factory=list)
 
     @property
-    def columns(self) -> list[tuple[str, Mapping[str, Any]]]:
-        """Heading and ColumnInfo of every column."""
-        pairs = zip(self.names, self.channels, strict=True)
-        return [(name, column) for names, info in pairs for name, column in zip(names, info["columns"], strict=True)]
+    def is_rows(self) -> bool:
+        """Whether it has many rows a moment."""
+        return any(info["kind"] == "rows" for info in self.channels)
+
+    @property
+    def columns(self) -> list[tuple[str, Mapping[str, Any], str]]:
+        """Heading, ColumnInfo and frame of every column, those of the clocks first."""
+        pairs = zip(self.names, [*self.clocks, *self.channels], strict=True)
+        return [
+            (name, column, str(info["frame"]))
+            for names, info in pairs
+            for name, column in zip(names, info["columns"], strict=True)
+        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,32 +94,53 @@ def tables(wish: Wish) -> list[Table]:
     found: dict[tuple[Any, ...], Table] = {}
     for info in wish.infos:
         alone = info["name"] if info["kind"] == "rows" else ""
-        name = info["message"] if not alone or alone == info["message"] else f"{info['message']}.{alone}"
+        name = f"{info['message']}.{alone.removeprefix(info['message'] + '.')}" if alone else info["message"]
+        name = info["message"] if alone == info["message"] else name
         name = name if info["verified"] else f"{name}.unverified"
         table = found.setdefault((info["device"], name), Table(name, info["device"]))
         table.channels.append(info)
     for table in found.values():
+        verified = table.channels[0]["verified"]
+        table.clocks = [
+            info
+            for info in wish.clocks
+            if (info["device"], info["message"], info["verified"])
+            == (table.device, table.channels[0]["message"], verified)
+        ]
         _name(table)
     return list(found.values())
 
 
 def _name(table: Table) -> None:
-    seen: dict[str, int] = {"time": 1, "arrival": 1}
+    """Unique headings: a quantity that comes in several frames has them in its name, a layout that changed a number."""
+    frames: dict[str, set[str]] = {}
     for info in table.channels:
+        frames.setdefault(info["name"], set()).add(info["frame"])
+    seen: dict[str, int] = {"time": 1, "arrival": 1}
+    for info in (*table.clocks, *table.channels):
+        frame = str(info["frame"]) if len(frames.get(info["name"], ())) > 1 else ""
         names = []
         for column in info["columns"]:
-            name = heading(info, column)
+            name = heading(info, column, frame)
             seen[name] = seen.get(name, 0) + 1
             names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
         table.names.append(names)
 
 
-def heading(info: Mapping[str, Any], column: Mapping[str, Any]) -> str:
-    """What a column is called among others of its message: "Acceleration.x", "PacketCounter"."""
+def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "") -> str:
+    """What a column is called among others of its message: "Acceleration.x", "PacketCounter", "DID_IMU.time".
+
+    Args:
+        frame: named in it, where the quantity comes in several.
+    """
     quantity = str(info["name"]).rstrip("?").removeprefix(f"{info['message']}.")
     if column["name"] in ("value", quantity):
-        return quantity
-    return str(column["name"]) if quantity == info["message"] else f"{quantity}.{column['name']}"
+        name = quantity
+    elif quantity == info["message"]:
+        name = str(column["name"])
+    else:
+        return f"{quantity}{f'[{frame}]' if frame else ''}.{column['name']}"
+    return f"{info['message']}.{name}" if name in ("time", "arrival") else f"{name}{f'[{frame}]' if frame else ''}"
 
 
 def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
@@ -115,19 +149,42 @@ def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
     Args:
         step: told how far it is, 0..1.
     """
-    numbers = [info["id"] for info in table.channels]
+    numbers = [info["id"] for info in (*(() if table.is_rows else table.clocks), *table.channels)]
     ranges = {number: wish.rows(number) for number in numbers}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
     done = 0
     heads = schema(table)
+    own = sum(len(info["columns"]) for info in table.clocks)
     for window in windows(wish.columns, ranges):
         parts = [wish.columns.exact(number, *window[number]) for number in numbers]
         joined = join(parts)
         arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
+        if table.is_rows:
+            for info in table.clocks:
+                arrays += _of_their_moment(wish.columns, info, joined)
         arrays += [pa.array(values, mask=missing) for values, missing in joined.columns()]
+        arrays = [*arrays[:2], *map(_known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
         step(done / total)
+
+
+def _of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined) -> Iterator[pa.Array]:
+    """What a clock said of each row of a table with many rows a moment."""
+    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+    lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
+    found = columns.exact(clock["id"], lo, hi)
+    theirs = np.where(np.isnan(found.time), found.arrival, found.time)
+    at = np.minimum(np.searchsorted(theirs, key), max(len(theirs) - 1, 0))
+    missing = theirs[at] != key if len(theirs) else np.ones(len(key), bool)
+    for column in found.columns:
+        values = column[at] if len(theirs) else np.zeros(len(key), column.dtype)
+        yield pa.array(values, mask=missing)
+
+
+def _known(values: pa.Array) -> pa.Array:
+    """A clock's values; what it did not know is empty."""
+    return pc.if_else(pc.is_nan(values), None, values) if pa.types.is_floating(values.type) else values
 
 
 def schema(table: Table) -> pa.Schema:
@@ -140,8 +197,9 @@ def schema(table: Table) -> pa.Schema:
         pa.field(name, pa.float64(), metadata={"unit": "s", "label": words, "epoch": "1970-01-01T00:00:00Z"})
         for name, words in about.items()
     ]
-    for name, column in table.columns:
-        told = {"unit": column["unit"], "label": column["label"], "doc": column["doc"]}
+    for name, column, frame in table.columns:
+        frame = frame or ("body" if column["axis"] in ("x", "y", "z") else "")
+        told = {"unit": column["unit"], "frame": frame, "label": column["label"], "doc": column["doc"]}
         fields.append(
             pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
         )
@@ -157,8 +215,14 @@ _TYPES = {
 
 
 def headings(table: Table) -> list[str]:
-    """The first line of a table as text: names with their units."""
-    return ["time (s)", "arrival (s)", *(with_unit(name, column["unit"]) for name, column in table.columns)]
+    """The first line of a table as text: names with their units, and the frame of what is not in body axes."""
+    own = (with_unit(name, column["unit"], spoken(frame)) for name, column, frame in table.columns)
+    return ["time (s)", "arrival (s)", *own]
+
+
+def spoken(frame: str) -> str:
+    """The frame of a quantity, where a heading names it: body axes go without saying."""
+    return "" if frame == "body" else frame
 
 
 def windows(columns: Columns, ranges: Mapping[int, Rows], rows: int = WINDOW) -> Iterator[dict[int, Rows]]:

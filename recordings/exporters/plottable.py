@@ -102,7 +102,7 @@ def _texts(column: pa.Array) -> list[str]:
 def _tree(table: Table) -> Tree:
     """The members of a message, nested as their names are: "I.acc.x" is x of acc of I. Leaves: column of the batch."""
     root: Tree = {"time": 0, "arrival": 1}
-    for at, (name, _) in enumerate(table.columns, start=2):
+    for at, (name, *_) in enumerate(table.columns, start=2):
         *path, last = name.split(".")
         node = root
         for part in path:
@@ -118,7 +118,7 @@ def _tree(table: Table) -> Tree:
 
 
 def _registered(writer: Writer, wish: Wish, table: Table) -> int:
-    columns = [*_TIMES, *(column for _, column in table.columns)]
+    columns = [*_TIMES, *(column for _, column, _ in table.columns)]
     schema = {"title": table.name, **_schema(_tree(table), columns)}
     data = json.dumps(schema, ensure_ascii=False).encode()
     number = writer.register_schema(name=f"imuscope.{table.name}", encoding="jsonschema", data=data)

@@ -50,6 +50,14 @@ class Wish:
         told = self.columns.manifest["channels"]
         return [info for info in told if self._is_chosen(info) and self.columns.rows(info["id"])]
 
+    @property
+    def clocks(self) -> list[Mapping[str, Any]]:
+        """What is known of the devices' own clocks, for the messages of the chosen channels: described as channels are,
+        but of no interest to a plot. Their columns are the clock as sent ("timestamp", "time"), or "utc"."""
+        chosen = {(info["device"], info["message"], info["verified"]) for info in self.infos}
+        told = self.columns.manifest.get("clocks", [])
+        return [info for info in told if (info["device"], info["message"], info["verified"]) in chosen]
+
     def _is_chosen(self, info: Mapping[str, Any]) -> bool:
         return (self.channels is None or info["id"] in self.channels) and self.device in ("", info["device"])
 
@@ -76,6 +84,7 @@ def usual_interval(columns: Columns, channel: int) -> float:
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
 
-def with_unit(name: str, unit: str) -> str:
-    """A column's heading."""
-    return f"{name} ({unit})" if unit else name
+def with_unit(name: str, unit: str, frame: str = "") -> str:
+    """A column's heading: "Acceleration.x (m/s²)", "Velocity.x (m/s; NED)", "Quaternion.q0 (ENU from body)"."""
+    told = "; ".join(filter(None, (unit, frame)))
+    return f"{name} ({told})" if told else name

@@ -25,7 +25,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from protocols import events
+from protocols.schema import Message
 from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
 from recordings.derived import euler_columns
@@ -35,10 +38,11 @@ from recordings.tables import TableSource
 from server import codec, wire
 from server.library.opening_tables import decode_tables
 from server.links.base import LinkKind
-from server.live.channels import Piece
+from server.live.channels import Piece, clock_alone
 from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.portrait import Portrait, short
+from server.live.raws import described
 from server.live.reading import Reading
 from server.live.recognition import GUESS_SCORE, Speech
 from server.live.senders import Reader, Senders
@@ -49,6 +53,11 @@ FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
+CLOCKS = {
+    "utc": "UTC as the device says it, unix time.",
+    "timestamp": "Timestamp of the frame's header, as sent.",
+    "sequence": "Sequence number of the frame's header.",
+}
 EVENTS_SHOWN = 2000  # while it is decoded: telling all of a very bad line again and again would take longer than it
 
 
@@ -56,6 +65,7 @@ class Collector(Hub):
     """Takes what a hub takes, and writes samples to a store."""
 
     tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
+    keeps_clocks = True  # for those who export them
 
     def __init__(self, writer: ColumnsWriter, fared: FaredWriter) -> None:
         super().__init__(self._time, history_s=0)
@@ -66,12 +76,13 @@ class Collector(Hub):
         self.fared = fared
         self._writer = writer
         self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
+        self.clocks: dict[tuple[Any, ...], wire.ChannelInfo] = {}  # what is kept of clocks; channels, but not shown
 
     def _time(self) -> float:
         return self.time
 
     def advertise(self, info: wire.ChannelInfo) -> int:
-        number = len(self.infos) + 1
+        number = len(self.infos) + len(self.clocks) + 1
         self.infos[number] = replace(info, id=number)
         status = tuple(info.kind == "status" and bool(column.bits) for column in info.columns)
         self._writer.channel(number, Shape(tuple(column.dtype for column in info.columns), status))
@@ -86,6 +97,39 @@ class Collector(Hub):
                 self.fared.samples(info.device, info.message, piece.columns[0], piece.columns[1])
             if info.kind in ("quaternion", "matrix"):
                 self._angles(piece)
+
+    def keep_clock(
+        self, device: str, batch: events.Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None
+    ) -> None:
+        message = batch.message
+        sent = {name: (values, "") for name, values in batch.header.items()}
+        if clock_alone(message, described(batch.columns, message.fields)) and message.time in batch.columns:
+            unit = next(field.unit for field in message.fields if field.name == message.time)
+            sent[message.time] = np.asarray(batch.columns[message.time]), unit
+        arrival = batch.arrival_ns / 1e9
+        for kept in (sent, {} if utc is None else {"utc": (utc, "s")}):
+            if kept:
+                number = self._clock_of(device, message, batch.verified, kept)
+                self._writer.append(number, [arrival, time, *(values for values, _ in kept.values())])
+
+    def _clock_of(
+        self, device: str, message: Message, verified: bool, kept: Mapping[str, tuple[NDArray[Any], str]]
+    ) -> int:
+        """The number of what is kept of a message's clock."""
+        dtypes = {name: values.dtype.str[1:] for name, (values, _) in kept.items()}
+        key = device, message.name, verified, *dtypes.items()
+        info = self.clocks.get(key)
+        if info is None:
+            columns = [
+                wire.ColumnInfo(name, dtypes[name], unit, label=CLOCKS.get(name, "Device clock as sent"))  # type: ignore[arg-type]
+                for name, (_, unit) in kept.items()
+            ]
+            number = len(self.infos) + len(self.clocks) + 1
+            info = self.clocks[key] = wire.ChannelInfo(
+                number, device, message.name, message.name, "Clock", "counter", "", "", columns, verified=verified
+            )
+            self._writer.channel(number, Shape(tuple(dtypes.values()), (False,) * len(columns)))
+        return info.id
 
     def _angles(self, piece: Piece) -> None:
         """Euler angles of what is not sent as such (recordings/derived.py)."""
@@ -343,6 +387,7 @@ def _manifest(
         "ended": max(stops) / 1e9 if stops else None,
         "devices": [asdict(info) for info in infos],
         "channels": [asdict(info) for info in hub.infos.values()],
+        "clocks": [asdict(info) for info in hub.clocks.values()],
         "events": [asdict(event) for event in events],
         "events_left_out": hub.left_out,
         "markers": markers,

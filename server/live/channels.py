@@ -80,7 +80,7 @@ class Channels:
     """
 
     def __init__(self, device: str, advertise: Advertise) -> None:
-        self._device = device
+        self.device = device
         self._advertise = advertise
         self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
         self._ids: dict[str, int] = {}
@@ -124,11 +124,11 @@ class Channels:
         else:
             groups = [(f"{message.name}.{name}", [last[name]]) for name in message.apart if name in last]
             rest = [field for field in last.values() if field.name not in message.apart]
-            if not groups or any(field.name != message.time for field in rest):  # a clock alone is the time axis
+            if not clock_alone(message, last):
                 groups.append((message.name, rest))
         cuts = []
         for name, fields in groups:
-            info = _describe(self._device, message, name, fields, batch.columns)
+            info = _describe(self.device, message, name, fields, batch.columns)
             if info is not None:
                 used = tuple(field.name for field in fields)
                 factors = _in_shown_units(info)
@@ -144,6 +144,17 @@ class Channels:
         if key not in self._ids:
             self._ids[key] = self._advertise(info)
         return self._ids[key]
+
+
+def clock_alone(message: Message, fields: Mapping[str, Field]) -> bool:
+    """Is the clock of a message all that its other quantities leave of it? Then it is the time axis, and no quantity.
+
+    Args:
+        fields: those of the message that are described, by name.
+    """
+    if message.split or not any(name in fields for name in message.apart):
+        return False
+    return all(name in message.apart or name == message.time for name in fields)
 
 
 def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:
@@ -166,7 +177,12 @@ def _values(batch: Batch, cut: _Cut) -> list[Array]:
         return out
     # A Python number keeps float32 what it is; integers become float64. The largest float32 in °/s is infinite.
     with np.errstate(over="ignore"):
-        return [column * factor if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+        return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+
+
+def _scaled(column: Array, factor: float) -> Array:
+    """A column in another unit. 99 990 mm are 99.99 m: times 0.001 they would be 99.99000000000001."""
+    return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
 
 
 def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:

@@ -23,6 +23,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.events import Batch
 from server import codec, wire
 from server.listeners import Listeners
 from server.live.channels import Piece
@@ -57,6 +61,7 @@ class Hub:
     """
 
     tells_every_gap = False  # many in a short time are summed up (server/live/incidents.py)
+    keeps_clocks = False  # nobody who looks live asks for the device's own numbers of its clock
 
     def __init__(self, now: Callable[[], float], *, history_s: float = HISTORY_S, budget: int = BUDGET) -> None:
         self.now = now
@@ -103,6 +108,9 @@ class Hub:
         self.channels[channel] = Channel(info, Ring([column.dtype for column in info.columns]))
         self._new_channels.append(info)
         return channel
+
+    def keep_clock(self, device: str, batch: Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None) -> None:
+        """What a device's clock said of samples, and their UTC; asked for where `keeps_clocks`."""
 
     def publish(self, pieces: Iterable[Piece]) -> None:
         """Samples, which go out with the next flush. A channel of a removed device takes none."""

@@ -30,6 +30,7 @@ from server.links.base import Link
 from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.live.causes import NETWORKS, cause_of
 from server.live.channels import Channels
+from server.live.dating import Dating
 from server.live.health import Figures
 from server.live.hub import Hub
 from server.live.incidents import Blame, Incidents
@@ -63,6 +64,7 @@ class About:
     identity: Callable[[Reply], Mapping[str, str]] = _nothing
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
+    utc: Callable[[Batch], NDArray[np.int64] | None] = lambda batch: None
 
 
 @dataclass(slots=True)
@@ -187,6 +189,7 @@ class Intake:
         self._breaks: list[float] = []  # where the clock's mapping began anew, unix s, as far as not told yet
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
+        self._dating = Dating(about.utc)
         self.identity = Identity(about.identity, about.sender)
         self._kinds: set[str] | None = set()  # of foreign messages, while nothing of the protocol's own was heard
         self.samples = 0
@@ -201,6 +204,9 @@ class Intake:
             self._hear(events, self._kinds)
         said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
         self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
+        if self._hub.keeps_clocks:
+            for batch, time, utc in zip(batches, times, self._dating.of(batches, steps), strict=True):
+                self._hub.keep_clock(self._channels.device, batch, time, utc)
         for batch in batches:
             self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)

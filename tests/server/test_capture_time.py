@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pyarrow.parquet import read_table
 
 from protocols.idtp.frames import build as idtp
+from protocols.isb.device import IsbDevice
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb
 from protocols.xbus.device import XbusDevice
 from protocols.xbus.frames import build as xbus
 from recordings.columns import Columns
+from recordings.exporters import Wish, export
 from recordings.importers import open_file
 from server.library.opening import decode
 from server.live import speech
@@ -147,3 +151,65 @@ def test_an_mtb_without_utc_is_dated_by_its_head(tmp_path: Path) -> None:
     frames = [xbus(0x0D, bytes(head)), *(sample(i, 100 * i) for i in range(100))]
     store = opened(tmp_path / "a.mtb", b"".join(frames))
     assert store.manifest["started"] == pytest.approx(1741944413.5, abs=1e-3)
+
+
+# ── the device's own clock in exports ────────────────────────────────────────────────────────────────────────────────
+
+
+def table(store: Columns, folder: Path, message: str) -> list[dict[str, str]]:
+    made = export("csv", Wish(store), folder / "out.csv")
+    (path,) = [one for one in made if one.stem == f"out_{message}"]
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_exports_have_the_devices_clock_and_utc(tmp_path: Path) -> None:
+    """DID_IMU carries its up-time and nothing else that stands apart; UTC is known from the first fix on."""
+    device = IsbDevice(start_ns=0)
+    store = opened(tmp_path / "a.raw", b"".join(device.advance(n * 50_000_000) for n in range(1, 900)))
+    rows = table(store, tmp_path, "DID_INS_1")
+    known = [float(row["utc (s)"]) for row in rows if row["utc (s)"]]
+    assert 0 < len(known) < len(rows)
+    np.testing.assert_allclose(known, [float(row["time (s)"]) for row in rows if row["utc (s)"]], atol=0.011)
+    found = read_table(export("parquet", Wish(store), tmp_path / "out.parquet")[0])
+    assert found.schema.field("utc").metadata[b"unit"] == b"s"
+    interval = np.diff([float(row["time (s)"]) for row in rows])
+    np.testing.assert_allclose(interval, np.median(interval), atol=0.011)
+
+
+def test_the_up_time_that_a_data_set_sends_is_a_column(tmp_path: Path) -> None:
+    store = opened(tmp_path / "a.raw", b"".join(inertial(10 + i / 100) for i in range(100)))
+    rows = table(store, tmp_path, "DID_IMU")
+    assert [float(row["DID_IMU.time (s)"]) for row in rows] == [10 + i / 100 for i in range(100)]
+    assert "utc (s)" not in rows[0]
+
+
+def test_the_header_of_an_idtp_frame_is_in_its_rows(tmp_path: Path) -> None:
+    frames = [idtp(3, bytes(24), timestamp=5000 + 10_000 * i, sequence=7 + i, device=1) for i in range(50)]
+    rows = table(opened(tmp_path / "a.bin", b"".join(frames)), tmp_path, "Imu6")
+    assert [int(row["timestamp"]) for row in rows] == [5000 + 10_000 * i for i in range(50)]
+    assert [int(row["sequence"]) for row in rows] == [7 + i for i in range(50)]
+
+
+def test_two_coordinate_systems_are_two_quantities_by_name(tmp_path: Path) -> None:
+    frames = []
+    for i in range(20):
+        matrix = struct.pack(">HB9f", 0x2024 if i < 10 else 0x2028, 36, *(1, 0, 0, 0, 1, 0, 0, 0, 1))
+        frames.append(sample(i, 100 * i, matrix))
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    head = list(table(store, tmp_path, "MTData2")[0])
+    assert "RotationMatrix[NED from body].m11 (NED from body)" in head
+    assert "RotationMatrix[NWU from body].m11 (NWU from body)" in head
+    assert not any("#2" in name for name in head)
+    schema = read_table(export("parquet", Wish(store), tmp_path / "out.parquet")[0]).schema
+    assert schema.field("RotationMatrix[NED from body].m11").metadata[b"frame"] == b"NED from body"
+
+
+def test_an_import_of_an_export_has_its_units_again(tmp_path: Path) -> None:
+    frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    (path,) = export("csv", Wish(store), tmp_path / "out.csv")
+    again = decode(open_file(path), tmp_path / "again", speech.speech())
+    units = {column["unit"] for info in again.manifest["channels"] for column in info["columns"]}
+    assert "m/s" in units
+    assert not any(";" in unit or "NED" in unit for unit in units)
