@@ -17,7 +17,8 @@ Wire encodings that numpy lacks:
     fp1632   48 bits, value × 2^32, sent as its 4 low bytes and then its 2 high bytes, each big-endian:
              b3 b2 b1 b0 b5 b4                    (MT0101P 2020.A, section 5.3.5)
     bytes    opaque; a column of them is uint8 (n, size)
-    ascii    one byte a character (read as Latin-1, so that any byte survives); padding is not part of the value
+    ascii    one byte a character (read as Latin-1, so that any byte survives); padding is not part of the value;
+             with a second dimension a list of texts
 
 Values here are wire values: unscaled numbers, fixed point as the exact float64. Only columns carry shown units.
 
@@ -112,6 +113,9 @@ def _read(field: Field, payload: bytes, at: int, exact: bool) -> Any:
     raw = payload[at : at + size]
     if field.dtype == "bytes":
         return raw
+    if field.dtype == "ascii" and len(field.shape) == 2:
+        step = field.shape[1]
+        return [_text(field, raw[i : i + step]) for i in range(0, size, step)]
     if field.dtype == "ascii":
         return _text(field, raw)
     if field.fields:
@@ -166,6 +170,8 @@ def _write(field: Field, values: Mapping[str, Any]) -> bytes:
     value = values[field.name]
     if field.dtype == "bytes":
         return _write_bytes(field, value)
+    if field.dtype == "ascii" and len(field.shape) == 2:
+        return _write_texts(field, value)
     if field.dtype == "ascii":
         return _write_text(field, value)
     elements: Any = value if field.shape else [value]
@@ -191,6 +197,13 @@ def _write_bytes(field: Field, value: Any) -> bytes:
     if size is not None and len(value) != size:
         raise EncodeError(f"{field.name} has {size} bytes, given {len(value)}")
     return bytes(value)
+
+
+def _write_texts(field: Field, value: Any) -> bytes:
+    count, size = field.shape
+    if not isinstance(value, (list, tuple)) or len(value) != count:
+        raise EncodeError(f"{field.name} has {count} texts, given {value!r:.80}")
+    return b"".join(_write_text(replace(field, shape=(size,)), one) for one in value)
 
 
 def _write_text(field: Field, value: Any) -> bytes:

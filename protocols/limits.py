@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,10 @@ def _join(at: str, name: str | int) -> str:
 
 def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
     """Problems of one field."""
-    if field.dtype in ("bytes", "ascii"):
+    if field.dtype == "ascii" and len(field.shape) == 2:
+        for place, one in enumerate(value if isinstance(value, (list, tuple)) else [value]):
+            yield from _of_text(replace(field, shape=field.shape[1:]), one, _join(path, place))
+    elif field.dtype in ("bytes", "ascii"):
         yield from _of_text(field, value, path)
     elif not field.shape:
         yield from _of_element(field, value, path)

@@ -204,6 +204,7 @@ ASCE_FIELDS = (
             _select("id", "Sentence.", NMEA_MESSAGES),
             Field("period", "<u2", default=1, doc="Multiple of its source's period; 0 switches it off."),
         ),
+        default=(),
         doc="Sentences and their periods; without any, the device tells those it has.",
     ),
 )

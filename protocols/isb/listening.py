@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,6 +82,8 @@ def _unshown(field: Field, shown: Any) -> Any:
     if field.fields:
         rows = [{part.name: _unshown(part, one[part.name]) for part in field.fields} for one in np.atleast_1d(shown)]
         return rows if field.shape else rows[0]
+    if field.dtype == "ascii" and len(field.shape) == 2:
+        return [_unshown(replace(field, shape=field.shape[1:]), one) for one in np.asarray(shown)]
     if field.dtype == "ascii":
         return np.asarray(shown).tobytes().rstrip(b"\0").decode("latin-1")
     if field.dtype == "bytes":

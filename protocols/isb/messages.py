@@ -43,6 +43,7 @@ Place = tuple[Field, int]
 
 RAW_SETS = (60, 69, 70)
 VELOCITY_SETS = (30, 31)
+EVENT_SET = 119  # its data are text, or bytes, as its type says
 POSITION_SET = 13  # the receiver whose towOffset is that of the device's clock
 DEVICE_INFOS = (1, 93, 120)
 EVB_SETS, GPX_SETS = range(80, 94), range(120, 128)
@@ -235,6 +236,8 @@ def places(
             field, counted = _raw(field, at, offset, size, variant, count)
         if did in VELOCITY_SETS and field.name == "vel" and variant:
             field = replace(field, frame="NED", axes=("north", "east", "down"))
+        if did == EVENT_SET and field.name == "data" and not offset:
+            field = replace(field, dtype="ascii" if variant else "bytes", shape=(max(size - at, 0),))
         place = _cut(field, at, offset, offset + size, counted)
         if place:
             found.append(place)
@@ -299,6 +302,7 @@ def rules() -> Ints:
     for did in VELOCITY_SETS:
         table[did, sorting.VARIANT] = sorting.VELOCITY
     table[POSITION_SET, sorting.VARIANT] = sorting.POSITION
+    table[EVENT_SET, sorting.VARIANT] = sorting.EVENT
     return table
 
 

@@ -30,6 +30,7 @@ from protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYP
 from protocols.isb.messages import (
     BY_NAME,
     COMMANDS,
+    EVENT_SET,
     RAW_SETS,
     ROWS,
     SET_PREFIX,
@@ -39,7 +40,7 @@ from protocols.isb.messages import (
     set_row,
     version_for,
 )
-from protocols.isb.sorting import variant_of
+from protocols.isb.sorting import EVENT_TEXT, variant_of
 from protocols.isb.tables import VERSIONS
 from protocols.layouts import EncodeError, pack, size_of, unpack
 from protocols.plain import flag_names, jsonable
@@ -186,6 +187,8 @@ def _did(name: str, kind: int, given: Any) -> int:
 def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version: str | None) -> tuple[Place, ...]:
     raw = did in RAW_SETS and not offset and "buf" not in fields  # bytes of a type that is not known, or none at all
     variant = int(fields.get("dataType", 0)) if raw else 0
+    if did == EVENT_SET:
+        variant = int(fields.get("msgTypeID") == EVENT_TEXT)
     return places(did, offset, size, version=version if version in VERSIONS else None, variant=variant)
 
 
@@ -198,7 +201,10 @@ def _extent(did: int, fields: Mapping[str, Any], version: str | None) -> tuple[i
             value = fields[field.name]
             open_ended = field.dtype == "bytes" or field.fields or isinstance(value, list)
             length = len(value) // 2 if field.dtype == "bytes" else len(value) if open_ended and field.shape else 1
-            whole = size_of(field) if not field.shape or not open_ended else _step(field) * length
+            texts = field.dtype == "ascii" or not field.shape or not open_ended
+            whole = size_of(field) if texts else _step(field) * length
+            if did == EVENT_SET and field.name == "data":
+                whole = len(value) if field.dtype == "ascii" else len(value) // 2
             stop = max(stop, at + whole)
     return max(start, 0), stop - max(start, 0), start > 0
 

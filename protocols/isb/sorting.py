@@ -54,7 +54,8 @@ STREAMS, CLOCK, CLOCK_AT, CLOCK_MS, WEEK_AT, LIST_AT, LIST_STEP, COUNT_AT, COUNT
     12
 )
 RULES = 12
-NO_VARIANT, RAW_DATA, VELOCITY, POSITION = range(4)
+NO_VARIANT, RAW_DATA, VELOCITY, POSITION, EVENT = range(5)
+EVENT_TYPE_AT, EVENT_TEXT = 16, 2
 
 # The last whole value of each data set, one row per DID; WHOLE_UP of this start of the device.
 WHOLE_KEY, WHOLE_SIZE, WHOLE_UP = range(3)
@@ -91,6 +92,8 @@ def variant_of(data: Bytes, body: int, length: int, did: int, rules: Ints) -> in
         return int(data[body + DATA_TYPE_AT])
     if rules[did, VARIANT] == VELOCITY and length >= VELOCITY_STATUS_AT + 4:
         return 1 if int(data[body + VELOCITY_STATUS_AT + 1]) & VELOCITY_NED >> 8 else 0
+    if rules[did, VARIANT] == EVENT and length >= EVENT_TYPE_AT + 2:
+        return 1 if int(data[body + EVENT_TYPE_AT]) == EVENT_TEXT and int(data[body + EVENT_TYPE_AT + 1]) == 0 else 0
     return 0
 
 

@@ -173,7 +173,8 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
             f"{desk.session.info.name} has no command {name!r:.80}.",
             "Choose one of the list of commands.",
         )
-    values = numbers(row.arguments, values)
+    usual = {one.name: one.default for one in row.arguments if one.default is not None}
+    values = {**usual, **numbers(row.arguments, values)}
     found = problems_of(row.arguments, values)
     if found:
         raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)

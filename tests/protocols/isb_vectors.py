@@ -39,6 +39,24 @@ def by_did(did: int) -> bytes:
     return next(packet(vector) for vector in DATA if vector["did"] == did)
 
 
+TEXTS = {17: ("swVersion", "hwVersion", "extension"), 18: ("swVersion", "hwVersion", "extension"), 37: ("s",)}
+EVENT = 119
+"""Data sets whose texts (and the data of an event, as hex) the vectors have as lists of numbers."""
+
+
+def vendor_fields(vector: dict[str, Any]) -> dict[str, Any]:
+    """The values of a vector with texts as text."""
+    fields = dict(vector["fields"])
+    for name in TEXTS.get(vector["did"], ()):
+        raw = bytes(fields[name])
+        parts = [raw[i : i + 30] for i in range(0, len(raw), 30)] if name == "extension" else [raw]
+        texts = [part.rstrip(b"\0").decode("latin-1") for part in parts]
+        fields[name] = texts if name == "extension" else texts[0]
+    if vector["did"] == EVENT:
+        fields["data"] = bytes(fields["data"]).hex()
+    return fields
+
+
 def leaves(value: Any, name: str = "") -> dict[str, list[Any]]:
     """Plain values by the path of each leaf, as formats.json names them; numbers as lists."""
     if isinstance(value, dict) and (not value or not set(value) <= {"f32", "f64"}):
