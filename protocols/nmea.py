@@ -12,11 +12,11 @@ A sensor's port carries NMEA 0183 sentences between, or instead of, its own fram
 
 Framing is ours: a start, printable characters, a line end within `LONGEST` bytes, no other start between. A sentence
 whose checksum is wrong, or that breaks off, is found too, with an empty name: what is lost is counted. Meaning comes
-from two places: `SENTENCES` below for what an MTi sends and nobody else, pynmeagps for the rest.
+from two places: `SENTENCES` below for what an MTi or an IMX sends and nobody else, pynmeagps for the rest.
 
 Rules for editing: a new sentence is a row in `SENTENCES`. `dtype` "f8" is a number (None when the field is empty),
-"ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM", XSVEL mixes 3
-and 4 decimals).
+"i8" a whole one, "ascii" a word. Widths and decimals are free: the document contradicts itself (PSONCMS has "MM,MMMM",
+XSVEL mixes 3 and 4 decimals).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from protocols import imx_sentences
 from protocols.events import Late
 from protocols.schema import Field, Message
 
@@ -38,6 +39,7 @@ _ADDRESS = re.compile(rb"[$!]([A-Z][A-Z0-9]{2,9})[,*]")
 _SUM = re.compile(rb"\*([0-9A-Fa-f]{2})$")
 _STARTS = re.compile(rb"[$!]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # Python's float takes "1_0" and "inf" too
+_WHOLE = re.compile(r"[+-]?\d{1,20}", re.ASCII)
 STARTS = re.compile(rb"[$!][A-Z]")  # of what is taken for a sentence, good or broken
 
 SOURCE = "MT0101P 2020.A, 5.3.5 SetStringOutputType"
@@ -59,6 +61,7 @@ def _vector(name: str, unit: str) -> tuple[Field, ...]:
 SENTENCES: Mapping[str, Message] = {
     row.name: row
     for row in (
+        *imx_sentences.ROWS,
         Message(
             3,
             "PHTRO",
@@ -201,10 +204,24 @@ def _own(name: str, content: bytes) -> dict[str, Any]:
     words = _text(content).split(",")[1:]
     values: dict[str, Any] = {}
     for row, word in zip(SENTENCES[name].fields, words, strict=False):
-        values[row.name] = word.strip() if row.dtype == "ascii" else _float(word)
-    for index in range(len(SENTENCES[name].fields), len(words)):
-        values[f"field_{index + 1:02d}"] = words[index]
+        values[row.name] = word.strip() if row.dtype == "ascii" else _number_of(row, word)
+    count = len(SENTENCES[name].fields)
+    pair = imx_sentences.PAIRS.get(name)
+    for index in range(count, len(words)):
+        if pair:
+            values[f"{pair[(index - count) % 2]}_{(index - count) // 2 + 1}"] = _whole(words[index])
+        else:
+            values[f"field_{index + 1:02d}"] = words[index]
     return values
+
+
+def _number_of(row: Field, word: str) -> float | int | None:
+    return _float(word) if row.dtype == "f8" else _whole(word)
+
+
+def _whole(word: str) -> int | None:
+    """The whole number of a word; None where it is none."""
+    return int(word) if _WHOLE.fullmatch(word.strip()) else None
 
 
 def _float(word: str) -> float | None:

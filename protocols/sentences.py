@@ -24,9 +24,11 @@ from typing import Any
 import numpy as np
 
 from protocols.events import Batch, Text
+from protocols.nmea import SENTENCES
 from protocols.schema import Field, Message
 
 _XYZ = ("x", "y", "z")
+_NED = ("north", "east", "down")
 _SIDES = re.compile(
     r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$"
 )  # fields that tell which way the number before is
@@ -45,6 +47,23 @@ TOGETHER: Mapping[tuple[str, ...], Field] = {
         "MagneticField", "f8", (3,), unit="a.u.", axes=_XYZ, decimals=4, title="Magnetic field"
     ),
     ("velX", "velY", "velZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3),
+    ("velN", "velE", "velD"): Field("VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, frame="NED"),
+    ("pqrX", "pqrY", "pqrZ"): Field(
+        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
+    ),
+    ("uvwX", "uvwY", "uvwZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, frame="body"),
+    ("nedN", "nedE", "nedD"): Field(
+        "LocalPosition", "f8", (3,), unit="m", axes=_NED, decimals=3, title="Local position", frame="NED"
+    ),
+    ("thetaRoll", "thetaPitch", "thetaYaw"): Field(
+        "EulerAngles", "f8", (3,), unit="rad", axes=("roll", "pitch", "yaw"), decimals=4, title="Euler angles"
+    ),
+    ("dthetaX", "dthetaY", "dthetaZ"): Field(
+        "RotationIncrement", "f8", (3,), unit="rad", axes=_XYZ, decimals=4, title="Rotation increment"
+    ),
+    ("dvelX", "dvelY", "dvelZ"): Field(
+        "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=4, title="Velocity increment"
+    ),
 }
 
 
@@ -66,6 +85,8 @@ ALONE: Mapping[str, Field] = {
     "lon": Field("", "f8", unit="°", title="Longitude", decimals=7, period=360),
     "alt": Field("", "f8", unit="m", title="Height above sea level", decimals=2),
     "sep": Field("", "f8", unit="m", title="Geoid above the ellipsoid", decimals=2),
+    "hae": Field("", "f8", unit="m", title="Height above the ellipsoid", decimals=2),
+    "hMSL": Field("", "f8", unit="m", title="Height above sea level", decimals=2),
     "heave": Field("", "f8", unit="m", title="Heave", decimals=2),
     "spd": Field("", "f8", unit="kn", title="Speed over ground", decimals=2),
     "sogn": Field("", "f8", unit="kn", title="Speed over ground", decimals=2),
@@ -120,13 +141,15 @@ def _message(kind: tuple[str, ...]) -> Message:
     whole = [(group, field) for group, field in TOGETHER.items() if set(group) <= set(names)]
     taken = {one for group, _ in whole for one in group}
     fields = [field for _, field in whole]
-    fields += [_named(one) for one in names if one not in taken]
+    own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else {}
+    fields += [_named(one, own.get(one)) for one in names if one not in taken]
     title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
     return Message(0, name, tuple(fields), apart=tuple(field.name for _, field in whole), title=title)
 
 
-def _named(name: str) -> Field:
-    row = ALONE.get(name, Field("", "f8"))
+def _named(name: str, own: Field | None) -> Field:
+    """A number by itself: as it is known everywhere, else as the table of its sentence has it."""
+    row = ALONE.get(name) or own or Field("", "f8")
     return Field(
         name, "f8", unit=row.unit, decimals=row.decimals, period=row.period, title=row.title, doc=row.title or row.doc
     )

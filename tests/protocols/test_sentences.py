@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from protocols import imx_sentences
 from protocols.events import Text
-from protocols.nmea import SENTENCES, checksum, find
+from protocols.nmea import SENTENCES, SOURCE, checksum, find
 from protocols.schema import Message
 from protocols.sentences import Sentences
 
@@ -15,7 +16,18 @@ def text(name: str, offset: int = 0, **fields: object) -> Text:
     return Text("nmea", name, "", offset, 1, 1_000 + offset, fields)
 
 
-@pytest.mark.parametrize("row", SENTENCES.values(), ids=lambda row: row.name)
+@pytest.mark.parametrize("row", imx_sentences.ROWS, ids=lambda row: row.name)
+def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
+    """They were field_01, field_02 … as text: nothing to plot, and no unit."""
+    numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
+    (batch,) = Sentences().batches([text(row.name, **numbers)])
+    shown = {field.unit for field in batch.message.fields if field.unit}
+    assert shown == {field.unit for field in row.fields if field.unit}
+    vectors = {name[:-1] for name in numbers if name.endswith("X")}
+    assert sum(len(field.axes) == 3 for field in batch.message.fields) >= len(vectors)
+
+
+@pytest.mark.parametrize("row", [row for row in SENTENCES.values() if row.source == SOURCE], ids=lambda row: row.name)
 def test_every_number_of_an_mti_has_its_unit(row: Message) -> None:
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype == "f8"}
     (batch,) = Sentences().batches([text(row.name, **numbers)])
