@@ -159,7 +159,8 @@ def find(data: bytes | memoryview, *, final: bool) -> tuple[list[Found], int]:
                 found.append(sentence)
         else:
             end = body.end(1)
-            cut_short = end == len(data) or data[end:] == b"\r"
+            left = len(data) - end
+            cut_short = left == 0 or (left == 1 and data[end] == 0x0D)
             if cut_short and end - begin <= LONGEST - 4 and not final:
                 return found, begin
             if _ADDRESS.match(data, begin):

@@ -12,6 +12,8 @@ holds some of its bytes (a TSS2 string in the words of a sentence is no string).
 
 from __future__ import annotations
 
+from bisect import bisect_right
+
 import numpy as np
 
 from protocols.events import Reject, Text
@@ -75,11 +77,14 @@ class Stream(AnyStream):
     def _believe(self, texts: list[Text], rejects: list[Reject]) -> None:
         """Report the strings before which all sentences are decided, but for those that a sentence covers."""
         waiting: list[tuple[int, Found]] = []
+        lasts = [last for _, last in self._sentences]  # ascending: sentences share no byte
         for at, one in self._pending:
             end = at + one.size
             if end > self._nmea_at:
                 waiting.append((at, one))
-            elif not any(first < end and at < last for first, last in self._sentences):
+                continue
+            near = bisect_right(lasts, at)  # the first sentence that ends behind where this one begins
+            if near == len(lasts) or self._sentences[near][0] >= end:
                 self._report(one, at, texts, rejects)
         self._pending = waiting
         oldest = min((at for at, _ in waiting), default=self._strings_at)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import re
 import struct
+from bisect import bisect_right
 
 from protocols.nmea import Found
 
@@ -33,6 +34,7 @@ _TSS2_PLACES = (b":", *[_DIGIT] * 5, b" ", *_NUMBER, _LETTER, *_NUMBER, b" ", *_
 _TSS2_SIZE = 25
 EM1000 = struct.Struct("<2xhhhH")
 EM1000_HEAD = b"\x00\x90"
+_EM1000_START = re.compile(rb"\x00(?:\x90|\Z)")
 WINDOW = 600  # strings of several kinds alternate: two more records must come within so many bytes
 _MORE = 2
 
@@ -97,7 +99,8 @@ def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], d
     found: list[Found] = []
     last_end = None if since is None or since < 0 else -since  # end of the last record believed
     at = 0
-    while (at := data.find(EM1000_HEAD[:1], at)) >= 0:
+    while start := _EM1000_START.search(data, at):
+        at = start.start()
         if at + EM1000.size > len(data):
             if not final and _may_become_em1000(data[at:]):
                 return found, at
@@ -108,7 +111,8 @@ def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], d
             continue
         if at + EM1000.size > decided:
             return found, at
-        if any(at < begin < at + EM1000.size for begin in tss2):
+        after = bisect_right(tss2, at)
+        if after < len(tss2) and tss2[after] < at + EM1000.size:
             at += 1
             continue
         carries_on = last_end is not None and at - last_end <= WINDOW

@@ -1,0 +1,100 @@
+"""Work grows with the bytes, not with their square, whatever they are: beginnings of messages that never go on.
+
+Compared is processor time, of one size and of four times as much: linear work takes 4 times as long, a search that
+starts over for each candidate 16 times.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from protocols import nmea, registry
+from protocols.xbus import strings
+from tests.protocols.test_nmea import sentence
+
+SIZE = 4 * 1024
+LARGER = {"longest ubx messages": 16 * 1024, "sentences and strings": 64 * 1024}  # than the longest; to be seen at all
+MOST = 9.0  # times as long; 4 is linear, 16 is quadratic
+
+TSS2 = b":12345 0123F 0456 -0789E\r\n"
+EM1000 = bytes.fromhex("0090 1000 2000 0000 3000")
+FLOODS = {
+    "sentence heads": b"$GPGGA,",
+    "starts of sentences": b"$",
+    "sentences cut before their line end": b"$GPGGA,\r",
+    "xbus preambles": b"\xfa",
+    "longest xbus frames": bytes.fromhex("faff36ff0800"),
+    "isb preambles": b"\xef\x49",
+    "isb heads": bytes.fromhex("ef4904040007"),
+    "idtp preambles": b"IDTP",
+    "ubx preambles": b"\xb5\x62",
+    "longest ubx messages": bytes.fromhex("b5620107ff1f"),
+    "longest rtcm messages": bytes.fromhex("d303ff"),
+    "rtcm heads": bytes.fromhex("d300"),
+    "zeros": b"\0",
+    "strings": TSS2 + EM1000,
+    "sentences and strings": sentence("GPGGA,1") + TSS2 + EM1000,
+}
+
+
+@pytest.fixture(autouse=True)
+def _without_collection() -> Iterator[None]:
+    """Collecting garbage looks at all that there is: with many events that is another square, of the test's own."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+def flood(piece: bytes, size: int) -> bytes:
+    return (piece * (size // len(piece) + 1))[:size]
+
+
+def growth(work: Callable[[bytes], object], piece: bytes, size: int) -> float:
+    """How many times as long four times as many bytes take; the best of two, as others use this machine, too."""
+
+    def cpu_s(data: bytes) -> float:
+        began = time.process_time()
+        work(data)
+        return time.process_time() - began
+
+    few, many = flood(piece, size), flood(piece, 4 * size)
+    cpu_s(few)
+    return min(cpu_s(many) for _ in range(2)) / max(max(cpu_s(few) for _ in range(2)), 1e-4)
+
+
+@pytest.mark.parametrize("name", FLOODS)
+@pytest.mark.parametrize("protocol", registry.PROTOCOLS)
+def test_decoding_a_flood_is_linear(protocol: str, name: str) -> None:
+    def decode(data: bytes) -> None:
+        decoder = registry.lenient(protocol)
+        decoder.feed(data, 1)
+        decoder.drain()
+        decoder.drain(stalled=True)
+
+    assert growth(decode, FLOODS[name], LARGER.get(name, SIZE)) < MOST
+
+
+def test_each_beginning_of_a_sentence_compared_all_that_followed() -> None:
+    """20 MB of `$GPGGA,` took minutes, most of it copying the rest of the data to compare it with a carriage return."""
+    assert growth(lambda data: nmea.find(data, final=False), b"$", 48 * 1024) < 7.5
+
+
+def test_each_record_was_compared_with_every_string() -> None:
+    assert growth(lambda data: strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MOST
+
+
+def test_noise_is_linear() -> None:
+    noise = np.random.default_rng(7).integers(0, 256, 4 * SIZE, np.uint8).tobytes()
+    for protocol in registry.PROTOCOLS:
+
+        def decode(data: bytes, protocol: str = protocol) -> None:
+            decoder = registry.lenient(protocol)
+            decoder.feed(data, 1)
+            decoder.drain(stalled=True)
+
+        assert growth(decode, noise, SIZE) < MOST
