@@ -32,6 +32,8 @@ log = logging.getLogger("imuscope.tape")
 
 GATHER_S = 0.008  # one write for what comes within; a killed process may lose 20 ms, 9 of them in its link
 SYNC_S = 1.0
+MOST_WAITING = 256 << 20  # bytes
+HOLD_S = 0.05
 _BATCH = 4096  # chunks written at once, so that a part ends near its size
 
 Kind = Literal["chunk", "event", "note", "snapshot", "device", "split"]
@@ -92,6 +94,8 @@ class Tape:
         self._shortened: Writer | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake = threading.Event()
+        self._counting = threading.Lock()
+        self._put_bytes = self._taken_bytes = 0
         self._stopping = False
         self._known = Known()
         self._full: deque[Writer] = deque()
@@ -116,9 +120,20 @@ class Tape:
         """Bytes that came or were sent. Never waits."""
         if self.trouble is not None:
             return
+        with self._counting:
+            self._put_bytes += len(data)
         self._queue.append(("chunk", arrival_ns + self.shift_ns, device, direction, data))
         if not self._wake.is_set():
             self._wake.set()
+
+    def room(self) -> None:
+        """Hold whoever puts back for a moment while too much waits: not in a thread that others wait for.
+
+        What is put is never dropped. But a disk that is slower than a link for minutes must not fill the memory; held
+        back, a link fills its own buffers, and TCP its sender's.
+        """
+        if self._put_bytes - self._taken_bytes > MOST_WAITING:
+            time.sleep(HOLD_S)
 
     def event(self, event: Mapping[str, Any], time_ns: int) -> None:
         """Something that happened."""
@@ -218,6 +233,7 @@ class Tape:
         chunks: list[tuple[str, Direction, bytes, int]] = []
         while queue and queue[0][0] == "chunk" and len(chunks) < _BATCH:
             _, time_ns, device, direction, data = queue.popleft()
+            self._taken_bytes += len(data)
             chunks.append((device, direction, data, time_ns))
         if chunks:
             self._writer.chunks(chunks)

@@ -17,6 +17,7 @@ import gc
 import logging
 import signal
 import socket
+import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.serving")
 
 LOOK_S = 3600.0  # between two looks at the certificate on disk
+SWITCH_S = 0.001  # a reading thread waits so long for a busy loop, for each datagram; 5 ms would lose them
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
@@ -213,6 +215,7 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], kee
         RuntimeError: it did not start.
     """
     serving = server(app, on_ready, keeper)
+    sys.setswitchinterval(SWITCH_S)
     gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
 
     def end(*_: object) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from recordings.container import Direction
 from recordings.tape import Tape
 from server import codec, wire
 from server.control.desk import Desk
@@ -65,7 +66,13 @@ class Taking:
         """Record this one, too."""
         device, tape = session.info.id, self.tape
         tape.device(device, about(session.info))
-        self._off[device] = session.chunks(lambda data, time_ns, way: tape.chunk(device, way, data, time_ns))
+
+        def take(data: bytes, time_ns: int, way: Direction) -> None:
+            tape.chunk(device, way, data, time_ns)
+            if way == "rx":  # in the thread that reads the link
+                tape.room()
+
+        self._off[device] = session.chunks(take)
 
         async def left() -> None:
             self._off.pop(device, lambda: None)()

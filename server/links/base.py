@@ -16,6 +16,14 @@ is dead says so at once with a `LinkError` that a person can act on.
 
 A closed link may be opened again. One task reads; any task of the same event loop may write or close.
 
+## When bytes come faster than they are read
+
+`read` gives out about `Flow.at_once` bytes, so that whoever decodes them does a bounded piece of work and then lets
+others go on. What waits is bounded by `MOST_HELD`. Beyond that a link whose sender can be held back is not read from
+(`waits`: TCP, a file); of any other the oldest bytes are dropped and counted in `Flow.left_out`. `Flow.arrivals` hears
+every chunk before that, in the thread that read it: a recording misses nothing that is dropped, and does not wait for
+the event loop.
+
 ## Arrival time
 
 `LinkSettings.now_ns` is the clock for arrival stamps: nanoseconds since the Unix epoch, the monotonic clock plus a wall
@@ -31,9 +39,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from server.listeners import Listeners
 from server.wire import Try
 
 __all__ = ["Chunk", "ErrorKind", "Link", "LinkError", "LinkKind", "LinkSettings", "Progress", "Try", "steady_clock"]
+
+AT_ONCE = 1 << 16
+MOST_HELD = 8 << 20  # bytes that wait to be decoded: some ten seconds of the fastest serial line
+CHUNK_COST = 128  # what a chunk takes in memory and in work beside its bytes
 
 LinkKind = Literal["serial", "tcp", "tcp-listen", "udp", "file", "twin"]
 ErrorKind = Literal["gone", "denied", "busy", "full", "refused", "not-found", "bad-source", "ended"]
@@ -98,6 +111,21 @@ class LinkSettings:
     key: bytes | None = field(default=None, repr=False)
 
 
+@dataclass(slots=True)
+class Flow:
+    """How the bytes of a link are handed on, over all its connections.
+
+    Args:
+        at_once: about how many bytes `read` and `read_now` give out; whoever reads sets it.
+        arrivals: told of every chunk, in the thread that read it.
+        left_out: bytes so far that were dropped because they were not read in time.
+    """
+
+    at_once: int = AT_ONCE
+    arrivals: Listeners[[Chunk]] = field(default_factory=Listeners)
+    left_out: int = 0
+
+
 class Link(ABC):
     """One link.
 
@@ -107,10 +135,12 @@ class Link(ABC):
         capacity: bytes/s that the link can carry, None where that is not known (a network, a file).
         baud: the rate in use, None where there is none.
         notices: standing remarks for the page, each a sentence with its fix.
+        flow: how its bytes are handed on.
         finds_rate: `open` listens at each rate until something is understood.
     """
 
     kind: LinkKind
+    datagrams = False  # a chunk is one: never cut
 
     def __init__(self, source: str, settings: LinkSettings) -> None:
         self.source = source
@@ -118,6 +148,17 @@ class Link(ABC):
         self.capacity: float | None = None
         self.baud: int | None = None
         self.notices: list[str] = []
+        self.flow = Flow()
+
+    @property
+    def waits(self) -> bool:
+        """Its sender can be held back without losing bytes, and nobody minds."""
+        return False
+
+    @property
+    def held(self) -> int:
+        """Bytes that have arrived and were not read."""
+        return 0
 
     @property
     def finds_rate(self) -> bool:
@@ -157,14 +198,14 @@ class Link(ABC):
 
     @abstractmethod
     async def read(self) -> list[Chunk]:
-        """Wait for bytes; then everything that has arrived, oldest first, at least one chunk.
+        """Wait for bytes; then what has arrived, oldest first, at least one chunk and about `flow.at_once` bytes.
 
         Raises:
             LinkError: the link is dead; everything that came before has been returned.
         """
 
     def read_now(self) -> list[Chunk]:
-        """What has arrived by now, which `read` does not return then; may be nothing."""
+        """The same of what has arrived by now, without waiting; may be nothing."""
         return []
 
     def expect(self) -> None:  # noqa: B027 - a link that wakes its reader at once has nothing to do

@@ -65,7 +65,7 @@ class FileLink(Link):
         elif self._protocol:
             self._examiner = threading.Thread(target=self._examine, name=f"examining {self.source}", daemon=True)
             self._examiner.start()
-        self._inbox = Inbox(self.settings.now_ns)
+        self._inbox = Inbox(self)
         self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
         self._thread.start()
 
@@ -138,8 +138,7 @@ class FileLink(Link):
                 inbox.put(Chunk(piece.data, self.settings.now_ns(), anew))
                 anew = False
                 inbox.flush()
-                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.005):
-                    inbox.flush()
+                inbox.wait(FULL_BYTES, self._stop.wait)
         inbox.flush()
 
     def _told(self, pace: Pace) -> Iterator[Piece]:
@@ -170,6 +169,17 @@ class FileLink(Link):
         if self._inbox is None:
             raise closed(self.source)
         return await self._inbox.take()
+
+    def read_now(self) -> list[Chunk]:
+        return [] if self._inbox is None else self._inbox.take_now()
+
+    @property
+    def waits(self) -> bool:
+        return True
+
+    @property
+    def held(self) -> int:
+        return 0 if self._inbox is None else self._inbox.held
 
     async def write(self, data: bytes) -> None:
         raise LinkError("refused", "A file cannot be written to as a device.", "Connect the device itself, or a twin.")

@@ -23,17 +23,17 @@ import select
 import selectors
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
-from server.links.base import Chunk, Link, LinkError
+from server.links.base import CHUNK_COST, MOST_HELD, Chunk, Link, LinkError
 
 log = logging.getLogger(__name__)
 
 WAKE_NS = 9_000_000  # longer than between two flushes for a browser, 8 ms, so that these come first
 ANSWER_NS, AWAITED_NS = 2_000_000, 1_000_000_000  # the same for so long after something was sent
-# A session reads all the time; should it be held up, the kernel's own buffer fills behind this much, as it would
-# behind any slow program, and memory stays bounded.
-BACKLOG_BYTES = 64 << 20
+HOLD_S = 0.005  # between two looks whether a sender must still be held back
+LEAST_BYTES = 1024  # a chunk is not cut into smaller pieces
 READ_BYTES = 1 << 16  # a tty gives at most 4 kB at once, a socket whatever is asked for
 GONE = frozenset({errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.ENOENT})
 
@@ -41,16 +41,19 @@ GONE = frozenset({errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.ENOEN
 class Inbox:
     """Chunks on their way from one thread to one event loop.
 
-    Made inside the running loop that will `take`. `put`, `fail` and `flush` belong to the reading thread.
+    Made inside the running loop that will `take`. `put`, `fail`, `flush` and `wait` belong to the reading thread.
+
+    Args:
+        link: whose they are; it says how they wait (server/links/base.py).
     """
 
-    def __init__(self, now_ns: Callable[[], int]) -> None:
-        self.now_ns = now_ns
+    def __init__(self, link: Link) -> None:
+        self._link = link
         self._loop = asyncio.get_running_loop()
         self._ready = asyncio.Event()
         self._lock = threading.Lock()
-        self._chunks: list[Chunk] = []
-        self._bytes = 0
+        self._chunks: deque[Chunk] = deque()
+        self._size = 0  # of what waits, CHUNK_COST for each chunk included
         self._error: LinkError | None = None
         self._asked = False  # a wake-up is under way that has not been answered by take()
         self._last_wake_ns = 0
@@ -58,9 +61,19 @@ class Inbox:
 
     def put(self, chunk: Chunk) -> None:
         """Add one chunk; the loop hears of it at the next `flush`."""
+        self._link.flow.arrivals.tell(chunk)
         with self._lock:
             self._chunks.append(chunk)
-            self._bytes += len(chunk.data)
+            self._size += len(chunk.data) + CHUNK_COST
+            if self._size > MOST_HELD and not self._link.waits:
+                self._leave_out()
+
+    def _leave_out(self) -> None:
+        """Drop the oldest half: one long hole is less harm than many short ones."""
+        while self._size > MOST_HELD // 2:
+            size = len(self._chunks.popleft().data)
+            self._size -= size + CHUNK_COST
+            self._link.flow.left_out += size
 
     def fail(self, error: LinkError) -> None:
         """The link is dead: `take` raises `error` once it has given out what came before. The first failure counts."""
@@ -83,6 +96,16 @@ class Inbox:
         self._wake()
         return None
 
+    def wait(self, most: int, stopped: Callable[[float], bool]) -> None:
+        """Hold the sender back while more than that waits.
+
+        Args:
+            most: bytes.
+            stopped: sleeps so many seconds; True when the link is being closed.
+        """
+        while self._size > most and self._link.waits and not stopped(HOLD_S):
+            self.flush()
+
     def _wake(self) -> None:
         self._asked = True
         self._last_wake_ns = time.monotonic_ns()
@@ -94,9 +117,23 @@ class Inbox:
         if not self._chunks:
             return []
         with self._lock:
-            chunks, self._chunks = self._chunks, []
-            self._bytes = 0
+            chunks = self._some()
         self._last_wake_ns = time.monotonic_ns()
+        return chunks
+
+    def _some(self) -> list[Chunk]:
+        """The oldest, about as many bytes as are wanted at once."""
+        most, taken, chunks = self._link.flow.at_once, 0, []
+        while self._chunks and taken < most:
+            chunk = self._chunks.popleft()
+            room = max(most - taken, LEAST_BYTES)
+            if len(chunk.data) > room and not self._link.datagrams:  # a large piece of a connection or a file
+                self._chunks.appendleft(Chunk(chunk.data[room:], chunk.arrival_ns))
+                chunk = Chunk(chunk.data[:room], chunk.arrival_ns, chunk.anew)
+                self._size += CHUNK_COST
+            chunks.append(chunk)
+            taken += len(chunk.data) + CHUNK_COST
+        self._size -= taken
         return chunks
 
     def expect(self) -> None:
@@ -104,12 +141,12 @@ class Inbox:
         self._awaited_until_ns = time.monotonic_ns() + AWAITED_NS
 
     @property
-    def backlog(self) -> int:
-        """Bytes that wait for `take`."""
-        return self._bytes
+    def held(self) -> int:
+        """Bytes that wait for `take`, with what they cost beside."""
+        return self._size
 
     async def take(self) -> list[Chunk]:
-        """Wait, then everything that has arrived.
+        """Wait, then what has arrived.
 
         Raises:
             LinkError: the link is dead and drained.
@@ -119,9 +156,7 @@ class Inbox:
                 self._asked = False
                 self._ready.clear()
                 if self._chunks:
-                    chunks, self._chunks = self._chunks, []
-                    self._bytes = 0
-                    return chunks
+                    return self._some()
                 if self._error is not None:
                     raise self._error
             await self._ready.wait()
@@ -158,14 +193,16 @@ class Pump(threading.Thread):
                     if key.data is not None and not self._stopped:
                         key.data()
                 timeout = self.inbox.flush()
-                while self.inbox.backlog > BACKLOG_BYTES and not self._stopped:
-                    time.sleep(0.005)
-                    self.inbox.flush()
+                self.inbox.wait(MOST_HELD, self._sleep)
         except LinkError as error:
             self.inbox.fail(error)
         except Exception as error:  # the thread's top: a link must never die without a word
             log.exception("The reading thread of %s failed.", self.name)
             self.inbox.fail(LinkError("gone", f"Reading failed: {error}.", "The server's log has the details."))
+
+    def _sleep(self, seconds: float) -> bool:
+        time.sleep(seconds)
+        return self._stopped
 
     def stop(self) -> None:
         """End the thread and free its descriptors; what it watched is the caller's. Idempotent."""
@@ -194,7 +231,7 @@ class PumpedLink(Link):
         self._pump.start()
 
     def _new_pump(self) -> Pump:
-        self._inbox = Inbox(self.settings.now_ns)
+        self._inbox = Inbox(self)
         return Pump(self.source, self._inbox)
 
     async def read(self) -> list[Chunk]:
@@ -204,6 +241,10 @@ class PumpedLink(Link):
 
     def read_now(self) -> list[Chunk]:
         return [] if self._inbox is None else self._inbox.take_now()
+
+    @property
+    def held(self) -> int:
+        return 0 if self._inbox is None else self._inbox.held
 
     def expect(self) -> None:
         if self._inbox is not None:

@@ -97,7 +97,7 @@ class ReplayLink(FileLink):
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]
         self._stop.clear()
-        self._inbox = Inbox(self.settings.now_ns)
+        self._inbox = Inbox(self)
         replay = Replay(
             file,
             self.settings.now_ns,
@@ -145,8 +145,7 @@ class ReplayLink(FileLink):
                 for one in replay.take():
                     inbox.put(Chunk(one.data, self.settings.now_ns(), one.anew))
                 inbox.flush()
-                while inbox.backlog > FULL_BYTES and not self._stop.wait(0.005):
-                    inbox.flush()
+                inbox.wait(FULL_BYTES, self._stop.wait)
                 wait_ns = replay.wait_ns()
                 if wait_ns is None:
                     ended = f"{self.path.name} has been played to its end."

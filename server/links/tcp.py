@@ -40,7 +40,16 @@ def tune(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
-class TcpLink(PumpedLink):
+class _Connection(PumpedLink):
+    """What both ways round have in common."""
+
+    @property
+    def waits(self) -> bool:
+        """TCP holds a sender back by itself. But one who is recorded is never held back for who only looks."""
+        return not self.flow.arrivals
+
+
+class TcpLink(_Connection):
     """A connection that we make."""
 
     kind = "tcp"
@@ -138,7 +147,7 @@ class TcpLink(PumpedLink):
             self._socket = None
 
 
-class TcpListenLink(PumpedLink):
+class TcpListenLink(_Connection):
     """A port at which a device may connect.
 
     Attributes:

@@ -440,6 +440,7 @@ class TwinLink(Link):
             hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
             raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
         self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
+        self._serial.flow = self.flow
         try:
             if self._open_baud is None:
                 self._bench.start()  # there must be something to listen to

@@ -22,6 +22,8 @@ BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535
 AT_ONCE = 64  # datagrams read per wake-up of the thread: a burst costs one wait, and stopping stays prompt
 SO_RXQ_OVFL = 40  # Linux, asm-generic/socket.h; the socket module does not name it
+MOST_SENDERS = 64  # remembered: who sends from thousands of ports makes a new one for each datagram
+NAMED = 4  # of them, in a notice
 OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices, not one that changed its address
 _ANCILLARY = socket.CMSG_SPACE(4)
 
@@ -35,6 +37,7 @@ class UdpLink(PumpedLink):
     """
 
     kind = "udp"
+    datagrams = True
 
     def __init__(self, source: str, settings: LinkSettings, host: str, port: int) -> None:
         super().__init__(source, settings)
@@ -44,7 +47,6 @@ class UdpLink(PumpedLink):
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self._heard_ns: dict[tuple[str, int], int] = {}
-        self._look_again_ns = 0
 
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
@@ -84,28 +86,39 @@ class UdpLink(PumpedLink):
                 self._inbox.put(Chunk(data, arrival_ns))
 
     def _notice(self, sender: tuple[str, int], extra: list[tuple[int, int, bytes]], now_ns: int) -> None:
-        """Keep track of who sends and what was lost; cheap while nothing changes."""
-        lost = self.lost
+        """Keep track of who sends and what was lost: for every datagram, so cheap."""
         for level, kind, value in extra:
             if level == socket.SOL_SOCKET and kind == SO_RXQ_OVFL:
-                lost = struct.unpack("=I", value[:4])[0]
-        if sender == self._peer and lost == self.lost and (len(self._heard_ns) == 1 or now_ns < self._look_again_ns):
-            return
-        if self._peer is not None and sender != self._peer:
-            self._heard_ns[self._peer] = now_ns
-        self._heard_ns[sender] = now_ns
-        self._heard_ns = {who: at for who, at in self._heard_ns.items() if now_ns - at < OTHER_SENDER_NS}
-        self._peer, self.lost, self._look_again_ns = sender, lost, now_ns + OTHER_SENDER_NS
-        names = sorted(place_of(*who[:2]) for who in self._heard_ns)
-        notices = [f"Datagrams come from {' and '.join(names)}."]
+                self.lost = struct.unpack("=I", value[:4])[0]
+        heard = self._heard_ns
+        heard.pop(sender, None)
+        heard[sender] = now_ns  # who sent last is the last in it
+        self._peer = sender
+        if len(heard) > MOST_SENDERS:
+            del heard[next(iter(heard))]
+
+    @property
+    def notices(self) -> list[str]:
+        """Who sends, and what was lost; put together when somebody looks."""
+        heard = list(self._heard_ns.items())
+        if not heard:
+            return self._waiting
+        newest = heard[-1][1]
+        names = sorted(place_of(*who[:2]) for who, at in heard if newest - at < OTHER_SENDER_NS)
+        places = " and ".join(names) if len(names) <= NAMED else f"{len(names)} places"
+        notices = [f"Datagrams come from {places if len(names) < MOST_SENDERS else f'{places} or more'}."]
         if len(names) > 1:
             notices.append("Their bytes are mixed into one stream: give each device a port of its own.")
-        if lost:
+        if self.lost:
             notices.append(
-                f"{lost} datagrams were lost in this host's receive buffer: it was busy, or the buffer is small "
+                f"{self.lost} datagrams were lost in this host's receive buffer: it was busy, or the buffer is small "
                 "(`sudo sysctl net.core.rmem_max=8388608`)."
             )
-        self.notices = notices
+        return notices
+
+    @notices.setter
+    def notices(self, waiting: list[str]) -> None:
+        self._waiting = waiting
 
     async def write(self, data: bytes) -> None:
         if self._socket is None or self._peer is None:

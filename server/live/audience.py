@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
 from protocols.events import Event
+from server.links.base import Flow
 from server.listeners import Listeners
 
 Direction = Literal["rx", "tx"]
 
 
 class Audience:
-    """The listeners of one session. Each is called in the event loop, so it must be quick."""
+    """The listeners of one session. Each is called in the event loop but for chunks, so it must be quick.
 
-    def __init__(self) -> None:
+    Args:
+        flow: of its link.
+    """
+
+    def __init__(self, flow: Flow) -> None:
+        self._flow = flow
         self._events: Listeners[[Event]] = Listeners()
-        self._chunk_listeners: Listeners[[bytes, int, Direction]] = Listeners()
         self._sent: Listeners[[bytes, int]] = Listeners()
+        self._closing: list[Callable[[], Awaitable[None]]] = []
 
     def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
         """Call `callback(data, time)` with all that is sent; returns what takes it off."""
@@ -29,9 +35,24 @@ class Audience:
         return self._events.add(callback)
 
     def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
-        """Call `callback(data, time, direction)` with every chunk that came ("rx") or was sent ("tx"), once each;
-        time in ns since the Unix epoch. Returns what takes it off."""
-        return self._chunk_listeners.add(callback)
+        """Call `callback(data, time, direction)` with every chunk that came ("rx", in the link's reading thread) or was
+        sent ("tx"), once each; time in ns since the Unix epoch. Returns what takes it off."""
+        off_sent = self._sent.add(lambda data, time_ns: callback(data, time_ns, "tx"))
+        off_came = self._flow.arrivals.add(lambda chunk: callback(chunk.data, chunk.arrival_ns, "rx"))
+
+        def off() -> None:
+            off_came()
+            off_sent()
+
+        return off
+
+    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
+        """Have something done before the link is closed for good."""
+        self._closing.append(last)
+
+    async def _tell_closing(self) -> None:
+        for last in self._closing:
+            await last()
 
     def _tell_events(self, events: Sequence[Event]) -> None:
         if self._events:

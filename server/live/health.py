@@ -68,6 +68,8 @@ class Figures:
         self.rejects_by: Counter[str] = Counter()  # reason → how many
         self.verified: int | None = None  # samples; None where a protocol has no such notion
         self.unverified: int | None = None
+        self.left_out = 0  # bytes that were dropped because they could not be decoded in time
+        self.left_out_at = float("-inf")  # when that was seen last, unix s
         self.last_arrival: float | None = None  # of bytes
         self.last_sample: float | None = None  # of something that was read in them
         self.latency = Histogram(LATENCIES_S)  # s

@@ -33,6 +33,7 @@ from server.live.channels import Piece
 from server.live.event_log import EventLog
 from server.live.outbox import Frame, History, Outbox, Packet
 from server.live.ring import Ring
+from server.live.slices import Drain, Turns
 from server.version import VERSION
 
 FEW_BROWSERS = 4
@@ -93,7 +94,8 @@ class Hub:
         self._new_channels: list[wire.ChannelInfo] = []
         self._new_events: list[wire.EventInfo] = []
         self._devices_changed = False
-        self._before_flush: list[Callable[[], None]] = []
+        self._turns = Turns()
+        self._rest_until = 0.0  # of the loop's clock: whoever waits for the loop comes first
         self._timer: asyncio.TimerHandle | None = None
         self._last_flush = 0.0
         self._next_trim = 0.0
@@ -223,10 +225,9 @@ class Hub:
 
     # ── flush ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def on_flush(self, drain: Callable[[], None]) -> Callable[[], None]:
+    def on_flush(self, drain: Drain) -> Callable[[], None]:
         """Have `drain` called at the start of each flush; returns what takes it off again."""
-        self._before_flush.append(drain)
-        return lambda: self._before_flush.remove(drain)
+        return self._turns.add(drain)
 
     @property
     def flush_interval(self) -> float:
@@ -240,17 +241,20 @@ class Hub:
                 loop = asyncio.get_running_loop()
             except RuntimeError:
                 return
-            self._timer = loop.call_at(max(loop.time(), self._last_flush + self.flush_interval), self._flush_now, loop)
+            due = max(loop.time(), self._last_flush + self.flush_interval, self._rest_until)
+            self._timer = loop.call_at(due, self._flush_now, loop)
 
     def _flush_now(self, loop: asyncio.AbstractEventLoop) -> None:
         self._timer = None
         self._last_flush = loop.time()
         self.flush()
+        self._rest_until = loop.time() + self._turns.spent
+        if self._turns.more:
+            self.request_flush()
 
     def flush(self) -> None:
         """Drain the sessions, encode what is new once, offer it to every browser."""
-        for drain in self._before_flush:
-            drain()
+        self._turns.turn()
         self._flush_text()
         now = self.now()
         touched, self._touched = self._touched, {}

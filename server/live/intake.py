@@ -42,6 +42,7 @@ RESETS = 100  # remembered
 BACK_NS = 1e9  # a clock that jumps back by more began anew: the first frames after a reset may be lost, or refused
 FULL = 0.9  # share of a link's capacity above which a gap is put down to the link being full
 SETTLED_S = 2.0  # the mapping of a clock follows a step some samples later
+LEFT_OUT_S = 10.0  # a gap so soon after bytes were left out is put down to that
 SLICE_NS = 1_000_000_000  # of a drain, mapped to host time at once
 PAUSE_S = 5.0  # without data, by the clock of a capture, that are worth telling
 NEAR_S = 0.5  # a jump that ends so near the end of a pause is that pause
@@ -375,6 +376,8 @@ class Intake:
 
     def _blame(self, rejects: int) -> Blame:
         """Who lost samples, as far as this end can tell."""
+        if self._hub.now() - self._figures.left_out_at < LEFT_OUT_S:
+            return Blame("host", "this host could not decode them in time, and left bytes out.")
         if rejects:
             frames = f"{rejects} damaged frame{'s' if rejects > 1 else ''}"
             return Blame("wire", f"{frames} came in between, so bytes were damaged on the wire.")

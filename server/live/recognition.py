@@ -2,11 +2,12 @@
 
 chunks ──> kept ──> 1 KiB, or 0.4 s gone by ──> guess ── sure enough ──> the protocol, and all that was kept
              ^                                    │
-             └── at most 16 KiB, newest ── not sure: what it looks like, in words
+             └── about 16 KiB, newest ── not sure: what it looks like, in words; again with 2 KiB, 4, 8 or after 0.4 s
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol as Shape
@@ -19,7 +20,9 @@ from server.live.reading import Reading
 GUESS_BYTES = 1024
 GUESS_S = 0.4  # with fewer bytes than that, after so long
 GUESS_SCORE = 0.5
+LOOK_BYTES = 4 * 1024  # the newest, at one look
 UNKNOWN_BYTES = 16 * 1024  # kept while the protocol is unknown
+NEVER = 1 << 60
 
 
 class Guess(Shape):
@@ -49,25 +52,42 @@ class Unknown:
 
     def __init__(self, guess: Callable[[bytes], Sequence[Guess]]) -> None:
         self._guess = guess
-        self._since = 0.0  # when they were first looked at, unix s
-        self.chunks: list[Chunk] = []
+        self._next = 0.0  # when they are looked at, however many they are; unix s
+        self._enough = GUESS_BYTES
+        self._chunks: deque[Chunk] = deque()
+        self.size = 0  # bytes kept
 
-    @property
-    def size(self) -> int:
-        """Bytes kept."""
-        return sum(len(chunk.data) for chunk in self.chunks)
+    def __bool__(self) -> bool:
+        return bool(self._chunks)
+
+    def add(self, chunk: Chunk) -> None:
+        """Keep it, and the newest of the others."""
+        self._chunks.append(chunk)
+        self.size += len(chunk.data)
+        while len(self._chunks) > 1 and self.size - len(self._chunks[0].data) >= UNKNOWN_BYTES:
+            self.size -= len(self._chunks.popleft().data)
+
+    def taken(self) -> list[Chunk]:
+        """What was kept, which is not kept any more."""
+        chunks, self._chunks, self.size = list(self._chunks), deque(), 0
+        return chunks
 
     def is_due(self, now: float, *, final: bool = False) -> bool:
         """Is there enough to guess from, or has it been long enough? `final`: no more will come."""
-        self._since = self._since or now
-        return final or self.size >= GUESS_BYTES or now - self._since >= GUESS_S
+        self._next = self._next or now + GUESS_S
+        return final or self.size >= self._enough or now >= self._next
 
-    def look(self) -> tuple[Guess | None, str]:
-        """The protocol and why; or None and what they look like at best ("" for nothing): then only the newest stay."""
-        guesses = self._guess(b"".join(chunk.data for chunk in self.chunks))
+    def look(self, now: float) -> tuple[Guess | None, str]:
+        """The protocol and why; or None and what they look like at best ("" for nothing). A look costs as much as
+        decoding does, so the next is due when there is twice as much, and then not before a while."""
+        self._next = now + GUESS_S
+        self._enough = 2 * self.size if 2 * self.size <= UNKNOWN_BYTES else NEVER
+        guesses = self._guess(b"".join(chunk.data for chunk in self._chunks)[-LOOK_BYTES:])
         if guesses and guesses[0].score >= GUESS_SCORE:
             return guesses[0], guesses[0].why
-        size = self.size
-        while size > UNKNOWN_BYTES:
-            size -= len(self.chunks.pop(0).data)
         return None, guesses[0].why if guesses and guesses[0].score > 0 else ""
+
+    def words(self, source: str, why: str) -> str:
+        """What a person is told while nothing is known."""
+        best = f", at best: {why}" if why else ""
+        return f"{self.size} B from {source} look like no known protocol{best}."

@@ -19,18 +19,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from protocols.events import Doubt, Doubts, Event
 from server import wire
-from server.links.base import Chunk, Link, LinkError
+from server.links.base import CHUNK_COST, Chunk, Link, LinkError
 from server.live.advice import Advice
 from server.live.audience import Audience
 from server.live.deafness import Deafness, not_understood
 from server.live.greeting import Greeting
 from server.live.hub import Hub
 from server.live.intake import Line
+from server.live.left_out import LeftOut
 from server.live.patience import SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
@@ -38,6 +39,7 @@ from server.live.recognition import Speech, Unknown
 from server.live.restarts import Restarts
 from server.live.senders import Reader, Senders
 from server.live.sequence_store import SequenceStore
+from server.live.slices import Slices
 
 log = logging.getLogger("imuscope.session")
 
@@ -67,7 +69,7 @@ class Session(Audience):
         reading: Reading = Reading(),  # noqa: B008 - frozen
         sequences: SequenceStore | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(link.flow)
         info = wire.DeviceInfo(
             id=device,
             name=short(link.source),
@@ -94,6 +96,8 @@ class Session(Audience):
         self._opened_at: float | None = None
         self._died_at: float | None = None  # last arrival before the link went while it was live
         self._patience, self._deafness = Patience(), Deafness()
+        self._slices = Slices()
+        self._left_out = LeftOut(self._incidents, self._figures, link.source)
         self._stalled = self._dirty = False
         self._looks = 0  # since bytes came last
         self._retry_s = FIRST_RETRY_S
@@ -101,7 +105,6 @@ class Session(Audience):
         self._task: asyncio.Task[None] | None = None
         self._off_flush = hub.on_flush(self._drain)
         self._sending = asyncio.Lock()
-        self._closing: list[Callable[[], Awaitable[None]]] = []
 
     @property
     def info(self) -> wire.DeviceInfo:
@@ -130,8 +133,7 @@ class Session(Audience):
 
     async def close(self) -> None:
         """Stop, close the link, leave the hub."""
-        for last in self._closing:
-            await last()
+        await self._tell_closing()
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -181,6 +183,7 @@ class Session(Audience):
                 self._connected()
                 while True:
                     self._take(await self._link.read())
+                    await self._slices.room()
             except LinkError as error:
                 await self._link.close()
                 wait = self._explain(error)
@@ -241,7 +244,6 @@ class Session(Audience):
             self._link.expect()
             await self._link.write(data)
             self._sent.tell(data, began_ns)
-            self._chunk_listeners.tell(data, began_ns, "tx")
 
     async def relink(self, baud: int | None = None) -> None:
         """Close the link and open it again, at another rate where one is given; what arrives then is decoded anew.
@@ -265,11 +267,7 @@ class Session(Audience):
         await asyncio.sleep(0)  # it has begun to read when this returns
 
     async def check_rate(self, baud: int) -> None:
-        """Can this end of the link do that rate? For a moment it does; bytes that arrive meanwhile may be lost.
-
-        Raises:
-            LinkError: no, in words.
-        """
+        """Can this end of the link do that rate? As Link.check_rate."""
         await self._link.check_rate(baud)
 
     @property
@@ -291,10 +289,6 @@ class Session(Audience):
         while self._patience.hushed:
             await asyncio.sleep(IDLE_LOOK_S)
 
-    def before_close(self, last: Callable[[], Awaitable[None]]) -> None:
-        """Have something done before the link is closed for good."""
-        self._closing.append(last)
-
     def decode(self) -> None:
         """Decode what has come now instead of with the next flush."""
         self._drain()
@@ -311,22 +305,25 @@ class Session(Audience):
 
     def _take(self, chunks: list[Chunk]) -> None:
         """Bytes came: cheap, as this happens thousands of times a second."""
+        self._keep(chunks)
+        self._hub.request_flush()
+        if self._patience.hushed and self._intake is not None:
+            self._drain()  # somebody waits for an answer, and there are few bytes beside it
+
+    def _keep(self, chunks: list[Chunk]) -> None:
         figures = self._figures
         for chunk in chunks:
             arrival = chunk.arrival_ns / 1e9
             self._patience.heard(arrival, figures.last_arrival)
             figures.heard(len(chunk.data), arrival)
             self._advice.hear(chunk.data)
-            if self._chunk_listeners:
-                self._chunk_listeners.tell(chunk.data, chunk.arrival_ns, "rx")
+            self._slices.take(len(chunk.data) + CHUNK_COST)
             if self._intake is None:
-                self._unknown.chunks.append(chunk)
+                self._unknown.add(chunk)
             else:
                 self._feed(chunk)
+        self._left_out.look(self._link.flow.left_out, self._hub.now())
         self._stalled, self._looks, self._dirty = False, 0, True
-        self._hub.request_flush()
-        if self._patience.hushed and self._intake is not None:
-            self._drain()  # somebody waits for an answer, and there are few bytes beside it
 
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
@@ -342,27 +339,33 @@ class Session(Audience):
         )
         read = {"time_unit": self._reading.time_unit, "rotation": self._reading.rotation}
         self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol), **read)
-        kept, self._unknown.chunks = self._unknown.chunks, []
-        for chunk in kept:
+        for chunk in self._unknown.taken():
             self._feed(chunk)
 
     def _feed(self, chunk: Chunk) -> None:
         """Have a chunk decoded; where a file is played again with it, by a decoder that knows nothing of the last turn:
         it would take the jump back for a reset, a jump or a loss of the device."""
         if chunk.anew:
-            self._drain(final=True)
+            self._decode(final=True)
             self._begin(self.info.protocol)
             self._incidents.again(f"{short(self.info.source)} starts again.", chunk.arrival_ns / 1e9)
         assert self._intake is not None
         self._intake.feed(chunk)
 
-    def _drain(self, *, final: bool = False) -> None:
-        """Decode what has come. Called by the hub before each flush; a fault here is this device's alone."""
-        if self._opened_at is not None and (chunks := self._link.read_now()):
-            self._take(chunks)
-        if not (self._dirty or final):
-            return
-        self._dirty = False
+    def _drain(self, *, final: bool = False) -> bool:
+        """Decode a slice of what has come (server/live/slices.py), before each flush; True when more is waiting."""
+        self._slices.begin()
+        if self._opened_at is not None and not self._slices.full and (chunks := self._link.read_now()):
+            self._keep(chunks)
+        if self._dirty or final:
+            self._dirty = False
+            self._decode(final=final)
+            self._slices.end()
+            self._link.flow.at_once = self._slices.size
+        return self._link.held > 0
+
+    def _decode(self, *, final: bool) -> None:
+        """What has been taken. A fault here is this device's alone."""
         try:
             if self._intake is None:
                 self._recognise(final=final)
@@ -381,22 +384,19 @@ class Session(Audience):
 
     def _recognise(self, *, final: bool) -> None:
         """Guess the protocol from what has been kept."""
-        if not self._unknown.chunks:
+        if not self._unknown:
             return
-        if not self._unknown.is_due(self._hub.now(), final=final):
+        now = self._hub.now()
+        if not self._unknown.is_due(now, final=final):
             self._dirty = True  # look again when the time is over
             return
-        size = self._unknown.size
-        guess, why = self._unknown.look()
+        guess, why = self._unknown.look(now)
         if guess is not None:
             self._incidents.say("device", "info", f"{self.info.source}: {why}")
             self._begin(guess.protocol)
             return
-        words = f", at best: {why}" if why else ""
-        self._set(
-            message=f"{size} B from {self.info.source} look like no known protocol{words}.",
-            hint="Is the baud rate right? Give the protocol if you know it.",
-        )
+        hint = "Is the baud rate right? Give the protocol if you know it."
+        self._set(message=self._unknown.words(self.info.source, why), hint=hint)
 
     def _came_alive(self) -> None:
         back = self.info.status == "lost"
@@ -438,7 +438,7 @@ class Session(Audience):
 
     @property
     def _notices(self) -> list[str]:
-        return [*self._link.notices, *self._advice.notices]
+        return [*self._link.notices, *self._left_out.notices(self._hub.now()), *self._advice.notices]
 
     def rearm(self, device: str = "") -> None:
         """Accept whatever sequence number comes next, of one device of the stream or ("") of all.
@@ -455,12 +455,13 @@ class Session(Audience):
     def tick(self, now: float) -> None:
         """Ten times a second: stalls, silence, sums of what happened."""
         last = self._figures.last_arrival
+        self._left_out.tick(now)
         if self._opened_at is not None:
             if self._notices != self.info.notices:  # who is connected, what was lost: a link may learn it later
                 self._set(notices=self._notices)
             self._looks, looked = self._looks + 1, self._looks + 1 >= STALL_LOOKS
             quiet = self._patience.quiet(now, max(last or 0.0, self._opened_at))
-            if self._intake is None and self._unknown.chunks:
+            if self._intake is None and self._unknown:
                 self._dirty = True
                 self._hub.request_flush()
             if quiet > STALL_S and looked and not self._stalled and self._intake is not None and self._intake.buffered:

@@ -89,7 +89,10 @@ class Quick(Link):
         step = 10**9 // CHUNKS_PER_S
         self._done += 1
         self._clock.ns = base + 10**9
-        return [Chunk(data[n * size : (n + 1) * size], base + (n + 1) * step) for n in range(CHUNKS_PER_S)]
+        chunks = [Chunk(data[n * size : (n + 1) * size], base + (n + 1) * step) for n in range(CHUNKS_PER_S)]
+        for chunk in chunks:
+            self.flow.arrivals.tell(chunk)
+        return chunks
 
     async def write(self, data: bytes) -> None:
         return

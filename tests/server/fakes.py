@@ -72,7 +72,9 @@ class FakeLink(Link):
         return
 
     def send(self, data: bytes, *, anew: bool = False) -> None:
-        self._queue.put_nowait(Chunk(data, self.settings.now_ns(), anew))
+        chunk = Chunk(data, self.settings.now_ns(), anew)
+        self.flow.arrivals.tell(chunk)
+        self._queue.put_nowait(chunk)
 
     def die(self, error: Exception) -> None:
         self._queue.put_nowait(error)

@@ -1,0 +1,106 @@
+"""How much is decoded at once: so much that a turn of the event loop stays short, whatever the bytes are.
+
+    bytes that wait     ████████████████████████████████████
+    a slice             ████                                    some ms of work, by how long the last one took
+    a turn              ████ ▒▒▒▒ ░░░░ ████ ▒▒▒▒ ░░░░           of every session one after the other, TURN_S in all
+    then                the loop goes on; the next turn begins when that has had as long
+
+What a byte costs to decode differs a thousandfold: a good frame costs next to nothing, the beginnings of frames that
+never go on cost most. So the size of a slice follows from the time that was measured, not from what is in it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+
+SLICE_S = 0.003
+LEAST, FIRST, MOST = 1 << 10, 1 << 12, 1 << 18  # bytes
+TURN_S = 0.012
+
+Drain = Callable[[], object]
+"""Does a slice of work; true when more of it waits."""
+
+
+class Slices:
+    """The slices of one session.
+
+    Args:
+        clock: s of processor time of this thread, so that a busy machine does not look like costly bytes.
+    Attributes:
+        size: of the next one, bytes.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
+        self.size = FIRST
+        self._clock = clock
+        self._began = 0.0
+        self._taken = 0
+        self._room = asyncio.Event()
+
+    def take(self, size: int) -> None:
+        """So many bytes were taken, and are to be decoded."""
+        self._taken += size
+
+    @property
+    def full(self) -> bool:
+        """A slice has been taken."""
+        return self._taken >= self.size
+
+    async def room(self) -> None:
+        """Wait until what was taken is decoded, if that is a slice."""
+        while self.full:
+            self._room.clear()
+            await self._room.wait()
+
+    def begin(self) -> None:
+        """From here on what was taken is decoded."""
+        self._began = self._clock()
+
+    def end(self) -> None:
+        """It has been."""
+        size, self._taken = self._taken, 0
+        self._room.set()
+        spent = max(self._clock() - self._began, 1e-6)
+        fitting = int(size * SLICE_S / spent)
+        if spent > SLICE_S and size:
+            self.size = max(LEAST, min(self.size // 2, fitting))
+        elif size > self.size // 2:  # fewer say little: most of it may be what any slice costs
+            self.size = min(MOST, 2 * self.size, max(self.size, fitting))
+
+
+class Turns:
+    """Gives each of many a slice after the other, until the time is over.
+
+    Args:
+        clock: s.
+    Attributes:
+        spent: by the last turn, s.
+        more: whether it left work.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._all: list[Drain] = []
+        self._clock = clock
+        self.spent = 0.0
+        self.more = False
+
+    def add(self, drain: Drain) -> Callable[[], None]:
+        """Have a part in it; returns what takes that off again."""
+        self._all.append(drain)
+        return lambda: self._all.remove(drain)
+
+    def turn(self) -> None:
+        """One turn. Who had no slice in it, or has more to do, comes first in the next."""
+        began = self._clock()
+        waiting = deque(self._all)
+        while waiting and self._clock() - began < TURN_S:
+            drain = waiting.popleft()
+            if drain():
+                waiting.append(drain)
+        self.more = bool(waiting)
+        if waiting:
+            self._all.sort(key=lambda drain: waiting.index(drain) if drain in waiting else len(waiting))
+        self.spent = self._clock() - began

@@ -1,0 +1,174 @@
+"""A flood on one link: work per turn stays short, the others have their turns, what is too much is dropped and told."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import cast
+
+import pytest
+
+from server.links import open_link
+from server.links.base import CHUNK_COST, Chunk, LinkSettings
+from server.links.pump import Inbox
+from server.links.tcp import TcpLink
+from server.links.udp import UdpLink
+from server.live import slices
+from server.live.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
+from tests.faults.stage import stage, until
+
+
+class Clock:
+    """Moved by the work that is done."""
+
+    def __init__(self) -> None:
+        self.s = 0.0
+
+    def __call__(self) -> float:
+        return self.s
+
+
+@pytest.mark.parametrize("byte_s", [1e-9, 1e-7, 1e-6])
+def test_slices_become_as_large_as_fits_their_time(byte_s: float) -> None:
+    async def check() -> None:
+        clock = Clock()
+        made = Slices(clock)
+        for _ in range(40):
+            made.take(made.size)
+            assert made.full
+            made.begin()
+            clock.s += made.size * byte_s
+            made.end()
+        assert made.size == slices.MOST or SLICE_S / 2 <= made.size * byte_s <= SLICE_S
+
+    asyncio.run(check())
+
+
+def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
+    async def check() -> None:
+        clock = Clock()
+        made = Slices(clock)
+        made.take(FIRST)
+        made.begin()
+        clock.s += 0.1
+        made.end()
+        assert made.size == LEAST
+
+    asyncio.run(check())
+
+
+def test_one_that_always_has_more_starves_nobody() -> None:
+    """The turn ends when its time is over, and begins with who had none."""
+    clock, had = Clock(), [0, 0, 0]
+    turns = Turns(clock)
+
+    def work(number: int, more: bool) -> bool:
+        clock.s += TURN_S * 0.6
+        had[number] += 1
+        return more
+
+    for number, more in enumerate((True, True, False)):
+        turns.add(lambda number=number, more=more: work(number, more))  # type: ignore[misc]
+    for _ in range(30):
+        before = clock.s
+        turns.turn()
+        assert clock.s - before <= 2 * 0.6 * TURN_S + 1e-9
+        assert turns.more
+    assert min(had) >= 15
+
+
+def put(inbox: Inbox, count: int, size: int) -> None:
+    for number in range(count):
+        inbox.put(Chunk(bytes([number % 256]) * size, number))
+
+
+def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """64 MB were kept, and decoded in one turn of the event loop. A recording is told before anything is dropped."""
+    monkeypatch.setattr("server.links.pump.MOST_HELD", 10_000)
+
+    async def check() -> None:
+        link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
+        heard: list[Chunk] = []
+        link.flow.arrivals.add(heard.append)
+        inbox = Inbox(link)
+        put(inbox, 100, 1000)
+        assert inbox.held <= 10_000
+        link.flow.at_once = 1 << 20
+        kept = inbox.take_now()
+        assert len(heard) == 100
+        assert kept == heard[-len(kept) :], "the oldest go"
+        assert link.flow.left_out == sum(len(chunk.data) for chunk in heard) - sum(len(chunk.data) for chunk in kept)
+        assert inbox.held == 0
+
+    asyncio.run(check())
+
+
+def test_a_read_gives_out_a_bounded_piece() -> None:
+    async def check() -> None:
+        tcp = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
+        tcp.flow.at_once = 5000
+        inbox = Inbox(tcp)
+        put(inbox, 3, 8000)
+        found = []
+        while chunks := inbox.take_now():
+            assert sum(len(chunk.data) for chunk in chunks) <= 5000
+            found += chunks
+        assert b"".join(chunk.data for chunk in found) == b"".join(bytes([n]) * 8000 for n in range(3))
+        assert inbox.held == 0
+
+        udp = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
+        udp.flow.at_once = 1000
+        inbox = Inbox(udp)
+        put(inbox, 2, 8000)
+        assert [len(chunk.data) for chunk in inbox.take_now()] == [8000], "a datagram is never cut"
+
+    asyncio.run(check())
+
+
+def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("server.links.pump.MOST_HELD", 10_000)
+
+    async def check() -> None:
+        link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
+        inbox = Inbox(link)
+        put(inbox, 20, 1000)
+        looks = iter([False, False, True])
+        inbox.wait(10_000, lambda seconds: next(looks))
+        assert next(looks, None) is None, "it waited until the link was closed"
+        assert link.flow.left_out == 0
+        assert inbox.held == 20 * (1000 + CHUNK_COST)
+        off = link.flow.arrivals.add(lambda chunk: None)
+        put(inbox, 1, 1000)
+        assert link.flow.left_out > 0
+        inbox.wait(0, lambda seconds: pytest.fail("nobody waits for who only looks"))
+        off()
+
+    asyncio.run(check())
+
+
+def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """20 MB of sentence heads by UDP froze the server for good; here 2 MB, of which most cannot wait."""
+    monkeypatch.setattr("server.links.pump.MOST_HELD", 300_000)
+
+    async def check() -> None:
+        async with stage("udp://127.0.0.1:0?protocol=xbus") as made:
+            link = cast(UdpLink, made.session._link)
+            await until(lambda: link._socket is not None, "it is open")
+            turns = made.hub._turns
+            longest = 0
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                for _ in range(1500):
+                    sender.sendto(b"$GPGGA," * 190, link.address)
+                    await asyncio.sleep(0)
+                    longest = max(longest, made.session._slices.size)
+            await until(lambda: made.info.notices[-1].startswith("Bytes come faster"), "a notice says so")
+            await until(lambda: not turns.more and not link.held, "the rest is decoded")
+            told = [event for event in made.events("link") if event.data.get("kind") == "left-out"]
+            assert told
+            assert "A recording has them all" in told[0].text
+            figures = made.session._figures
+            assert figures.left_out == link.flow.left_out > 0
+            assert figures.left_out + figures.bytes.total == len(made.bytes), "what came is decoded or counted"
+            assert longest < 64 * 1024, "a slice that costs so much is small"
+
+    asyncio.run(check())
