@@ -289,6 +289,9 @@ class Driver(Protocol):
     def identify(self, known: Known) -> Dialogue[Known]:
         """Ask who it is: product, serial number, firmware."""
 
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        """Other numbers under which earlier versions of this program filed the same device."""
+
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         """Would this write cut the line?"""
 

@@ -95,6 +95,9 @@ class IdtpDriver:
         yield from ()
         return known
 
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        return ()
+
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return None
 

@@ -338,6 +338,9 @@ class IsbDriver:
                 return Known(**{**_as_dict(known), **told})
         raise SilentError("GET DID_DEV_INFO", TRIES, ANSWER_S)
 
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        return ()
+
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return line_change(setting, old, new, known)
 

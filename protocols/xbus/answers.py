@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 MOST_ITEMS = 32  # of an output configuration
 MOST_DELAY, MOST_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
 RTCM = 0xD3
+EMTS_BYTES = 256
 TURNING = math.radians(1)  # rad/s: more is no rest
 
 
@@ -57,9 +58,21 @@ def wake_up_ack(device: XbusDevice, payload: bytes, now: int) -> None:
 
 
 def go_to_config(device: XbusDevice, payload: bytes, now: int) -> bytes:
-    _empty(payload)
+    """A payload is ignored: hosts that look for devices on RS-485 pad the request."""
     device.stop()
     return b""
+
+
+def init_bus(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Reserved in the document; the vendor's software sends it first, and goes on when it is answered."""
+    _empty(payload)
+    return device.identifier()
+
+
+def emts(device: XbusDevice, payload: bytes, now: int) -> bytes:
+    """Not in the document: the calibration for the head of a log. Two bytes say which part of it; here it is empty."""
+    _sized(payload, 0, 2)
+    return bytes(EMTS_BYTES)
 
 
 def go_to_measurement(device: XbusDevice, payload: bytes, now: int) -> bytes:
@@ -326,6 +339,8 @@ _CONFIG, _MEASUREMENT, _BOTH = ("config",), ("measurement",), ("config", "measur
 ACTIONS: Mapping[int, Answer] = {
     0x3F: Answer(("wake-up",), wake_up_ack),
     0x30: Answer(_BOTH, go_to_config),
+    0x02: Answer(_CONFIG, init_bus),
+    0x90: Answer(_CONFIG, emts),
     0x10: Answer(_CONFIG, go_to_measurement),
     0x40: Answer(_BOTH, reset),
     0x0E: Answer(_CONFIG, restore_factory),

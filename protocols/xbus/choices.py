@@ -45,6 +45,7 @@ SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     PULSE: GNSS,
 }
 SYNC_OUT = (INTERVAL, PULSE)
+LONGEST_PERIOD = 1152  # 10 ms; a longer one is made of it and a skip factor (5.3.5)
 SOFTWARE = 6
 
 _PROFILES: Mapping[str, range | tuple[int, ...]] = {  # table 30
@@ -151,6 +152,9 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
             yield Problem("q0", f"q0 to q3 make a unit quaternion, given one of length {norm:.4g} (0.99 to 1.01)")
     elif message == "AdjustUTCTime" and values["correction"] == 0:
         yield Problem("correction", "correction lies between -10000 and 10000 and is not 0, given 0")
+    elif message == "SetPeriod" and values["period"] > LONGEST_PERIOD and values["period"] % LONGEST_PERIOD:
+        allowed = "225 to 1152, or a multiple of 1152 (10 ms), of which the device skips"
+        yield Problem("period", f"period is {allowed}, given {values['period']}")
     elif message == "SetPortConfig":
         yield from _of_ports(values["words"])
     elif message == "SetCanOutputConfig" and not values["outputs"]:

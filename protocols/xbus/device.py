@@ -13,7 +13,7 @@ period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the 
 
 What it measures is quantities.py, from the shared drive; strings instead of data are sentences.py. What it does not do:
 alignment matrices (an orientation reset makes them) and filter profiles are kept and answered but do not turn the
-output; it sends no eMTS (0x91), whose content is encrypted.
+output; the eMTS (0x91) that it gives, encrypted in a real one, holds nothing.
 
 Rules for editing: a setting that is only kept and returned is a row in settings.py; one that does something is a
 function in answers.py.
@@ -34,7 +34,7 @@ import numpy as np
 from protocols.xbus import frames
 from protocols.xbus.answers import ACTIONS
 from protocols.xbus.changes import BAUD_RATES
-from protocols.xbus.choices import INTERVAL, SEND_LATEST, TRIGGER
+from protocols.xbus.choices import INTERVAL, LONGEST_PERIOD, SEND_LATEST, TRIGGER
 from protocols.xbus.hearing import Ear, PowerCutError, Tongue
 from protocols.xbus.measurement import BLOCK_NS, Measurement
 from protocols.xbus.moods import NONE, Moods
@@ -47,6 +47,7 @@ from protocols.xbus.settings import (
     ERROR_PARAMETER,
     LOCATION,
     OPTIONS,
+    PERIOD,
     PORT_CONFIG,
     PRODUCTS,
     SETTINGS,
@@ -380,9 +381,14 @@ class XbusDevice:
         return b""
 
     def _couple(self, mid: int) -> None:
-        """In the 600-series the baud rate is one with the low byte of the first port's word."""
+        """In the 600-series the baud rate is one with the low byte of the first port's word; a long period is made of
+        the longest and a skip factor."""
         ports = self.settings[PORT_CONFIG]
-        if mid == PORT_CONFIG:
+        period = int.from_bytes(self.settings[PERIOD], "big")
+        if mid == PERIOD and period > LONGEST_PERIOD:
+            self.settings[PERIOD] = LONGEST_PERIOD.to_bytes(2, "big")
+            self.settings[SKIP] = (period // LONGEST_PERIOD - 1).to_bytes(2, "big")
+        elif mid == PORT_CONFIG:
             self.settings[BAUDRATE] = ports[3:4]
         elif mid == BAUDRATE:
             self.settings[PORT_CONFIG] = ports[:3] + self.settings[BAUDRATE] + ports[4:]
@@ -423,8 +429,9 @@ class XbusDevice:
         return self.serial.to_bytes(8 if self.product.series == 600 else 4, "big")
 
     def configuration(self) -> bytes:
-        """The Configuration message of tables 13 and 14, 118 bytes."""
+        """The Configuration message of tables 13 and 14, 118 bytes; an identifier of 64 bits has its low word first."""
         identifier = self.identifier()
+        identifier = identifier[-4:] + identifier[:-4]
         head = identifier if self.product.series == 600 else identifier + struct.pack(">HH", 1152, 0)
         date = b"".join(part.encode() for part in ("20260101", "00000000"))
         host = self.product.code.encode("ascii").ljust(20) if self.product.series == 600 else b""  # as the real ones do

@@ -43,7 +43,7 @@ from protocols.xbus import changes, commands, exchange, frames, spans
 from protocols.xbus.choices import problems_beyond
 from protocols.xbus.codes import OPTION_FLAGS
 from protocols.xbus.commands import Kept, Row
-from protocols.xbus.identity import identity
+from protocols.xbus.identity import formerly, identity
 from protocols.xbus.load import fit, load
 from protocols.xbus.plain import frame_of
 from protocols.xbus.products import Model, model_of
@@ -169,6 +169,9 @@ class XbusDriver:
             firmware=told.get("firmware", known.firmware),
         )
 
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        return formerly(serial_number)
+
     def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
         return changes.line_change(setting, old, new, known)
 
@@ -281,10 +284,7 @@ def _run(row: Row, frame: bytes) -> Dialogue[Values]:
         yield Send(frame, row.message)
         return {}
     if row.message == "ReqData":
-        yield Send(frame, row.message)
-        if not (yield Expect(_sample, row.timeout_s, "MTData2")):
-            raise SilentError(row.message, 1, row.timeout_s)
-        return {}
+        return (yield from _one_sample(frame, row))
     if row.message == "GoToMeasurement":
         yield from exchange.to_measurement()
         return {}
@@ -293,6 +293,27 @@ def _run(row: Row, frame: bytes) -> Dialogue[Values]:
         return {}
     tries = 1 if row.kind == "do" else exchange.TRIES
     return (yield from exchange.ask(frame, row.message, row.timeout_s, tries))
+
+
+def _one_sample(frame: bytes, row: Row) -> Dialogue[Values]:
+    """A device that streams sends samples anyway: that it has refused is said by an Error a moment later."""
+    yield Send(frame, row.message)
+    came = yield Expect(_sample_or_error, row.timeout_s, "MTData2")
+    if came is None:
+        raise SilentError(row.message, 1, row.timeout_s)
+    if came is True:
+        came = yield Expect(_error, exchange.REFUSED_S)
+    if isinstance(came, Reply):
+        raise exchange.refusal(row.message, came)
+    return {}
+
+
+def _sample_or_error(event: Event) -> bool | Reply | None:
+    return _sample(event) or _error(event)
+
+
+def _error(event: Event) -> Reply | None:
+    return event if isinstance(event, Reply) and event.message.id == exchange.ERROR else None
 
 
 def _sample(event: Event) -> bool | None:

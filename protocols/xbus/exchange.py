@@ -32,6 +32,7 @@ TRIES = 3
 STEP_S = 0.1  # between two GoToConfig
 PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device counts as stubborn
 SEEN_S = 0.25  # a device that measures has sent something by then, unless it is slow or waits for a trigger
+REFUSED_S = 0.2  # an Error that refuses has come by then, behind samples that were under way
 AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 

@@ -1,6 +1,7 @@
 """Who is this MTi? What its answers tell, in words for a person.
 
-Source: MT0101P 2020.A, 5.3.1 and 5.3.2; what Configuration holds in its reserved bytes is from captures.
+Source: MT0101P 2020.A, 5.3.1 and 5.3.2; what Configuration holds in its reserved bytes is from captures, the order of
+words in a long identifier from the vendor's public code.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from protocols.events import Reply
+
+_IS_LONG = 0x8000_0000
 
 
 def identity(reply: Reply) -> Mapping[str, str]:
@@ -21,13 +24,38 @@ def identity(reply: Reply) -> Mapping[str, str]:
         told["product"] = product.strip().strip("\x00")
     elif "600-series" in reply.message.title:
         told["series"] = "MTi-600 series"  # only they have this form of Configuration
-    number = values.get("device_id64") or values.get("device_id") or values.get("master_device_id")
-    if isinstance(number, int | np.integer) and int(number) > 0:
-        told["serial_number"] = f"{int(number):08X}"
+    if number := _number(reply):
+        told["serial_number"] = number
     if reply.message.name.startswith("Firmware") and "major" in values:
         parts = [values[name] for name in ("major", "minor", "revision") if values.get(name) is not None]
         told["firmware"] = ".".join(str(part) for part in parts)
     return told
+
+
+def _number(reply: Reply) -> str:
+    """The identifier as it is printed on the label; "" where the answer tells none.
+
+    Of an identifier of 64 bits Configuration has the low word first, DeviceID the high one; bit 31 of the low word
+    marks it. Eight bytes without that mark hold an identifier of 32 bits, as early firmware sent it.
+    """
+    name = "master_device_id" if "master_device_id" in reply.values else "device_id"
+    value = reply.values.get(name)
+    if not isinstance(value, int | np.integer) or int(value) <= 0:
+        return ""
+    if not any(field.name == name and field.dtype == ">u8" for field in reply.message.fields):
+        return f"{int(value):08X}"
+    high, low = int(value) >> 32, int(value) & 0xFFFF_FFFF
+    if high & _IS_LONG and (name == "master_device_id" or not low & _IS_LONG):
+        high, low = low, high
+    return f"{high << 32 | low:010X}" if low & _IS_LONG else f"{high or low:08X}"
+
+
+def formerly(serial_number: str) -> tuple[str, ...]:
+    """Under which numbers a device was filed before identifiers of 64 bits were read word by word."""
+    if len(serial_number) < 10:
+        return ()
+    value = int(serial_number, 16)
+    return f"{value:08X}", f"{(value & 0xFFFF_FFFF) << 32 | value >> 32:08X}"
 
 
 def _code_in(reserved: object) -> str:

@@ -102,6 +102,9 @@ class _Stream:
         """Steps of a quarter, and the device times at which their messages are sent."""
         first, end = (-(-quarter * BLOCK_NS * self.rate // 10**9) for quarter in (number, number + 1))
         steps = np.arange(first, end)
+        every = [self.rate // rate for _, rate in self.items if rate != ALWAYS]
+        if every and min(every) > 1:  # at some ticks nothing is due; what is not sent is not counted
+            steps = steps[np.any([steps % one == 0 for one in every], axis=0)]
         return steps, self.begin_ns + steps * 10**9 // self.rate
 
     def frames(self, steps: Array, times: Array, counter: Array) -> list[bytes]:
@@ -112,11 +115,8 @@ class _Stream:
             if rate != ALWAYS:
                 due |= (steps % (self.rate // rate) == 0).astype(np.int64) << bit
         made: list[bytes] = [b""] * len(steps)
-        optional = any(rate != ALWAYS for _, rate in self.items)
         for mask in np.unique(due).tolist():
             rows = np.flatnonzero(due == mask)
-            if optional and not mask:
-                continue  # nothing is due but what accompanies
             chosen = [i for bit, (i, rate) in enumerate(self.items) if rate == ALWAYS or mask >> bit & 1]
             packed = _pack([(i, values.bytes_of(i)[rows]) for i in chosen])
             for row, frame in zip(rows.tolist(), packed, strict=True):

@@ -130,7 +130,14 @@ _STRINGS_32 = (
     Field("frequency", ">u2", unit="Hz", doc="Rate of the strings."),
 )
 _PERIOD = (
-    Field("period", ">u2", unit="1/115200 s", low=225, high=1152, default=1152, doc="Sampling period for strings."),
+    Field(
+        "period",
+        ">u2",
+        unit="1/115200 s",
+        low=225,
+        default=1152,
+        doc="Sampling period for strings, 225 to 1152; of a multiple of 1152 (10 ms) the device makes 1152 and skips.",
+    ),
 )
 _SKIP = (Field("skip_factor", ">u2", default=0, doc="Outputs skipped between two sent; 65535: only on ReqData."),)
 _WHICH_ALIGNMENT = (Field("parameter", "u1", choices=ALIGNMENTS, doc="Which of the two alignments."),)

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from protocols.xbus.changes import BAUD_RATES
+from protocols.xbus.choices import LONGEST_PERIOD
 from protocols.xbus.codes import GNSS_PLATFORMS
 from protocols.xbus.outputs import ALWAYS
 from protocols.xbus.products import ALL, CLASSIC, FILTER, ONE, RTK, SIX, Model, model_of
@@ -78,11 +79,19 @@ class Product:
 
 
 _SERIES: Mapping[int, tuple[str, int, tuple[int, int, int, int, int], tuple[int, int]]] = {
-    1: ("8A7G6", 0x03880000, (1, 18, 2, 120, 0x5A310C), (3, 1)),
-    10: ("2A8G4", 0x03680000, (1, 12, 0, 87, 0x4F1D22), (2, 0)),
-    100: ("2A8G4", 0x03780000, (1, 12, 0, 87, 0x4F1D22), (2, 0)),
-    600: ("8A1G6", 0x00800000, (1, 12, 0, 69, 0x6B21F0), (2, 1)),
+    1: ("8A7G6", 0x00880000, (1, 18, 2, 120, 0x5A310C), (3, 1)),
+    10: ("2A8G4", 0x00680000, (1, 12, 0, 87, 0x4F1D22), (2, 0)),
+    100: ("2A8G4", 0x00780000, (1, 12, 0, 87, 0x4F1D22), (2, 0)),
+    600: ("8A1G6", 0x80800000, (1, 12, 0, 69, 0x6B21F0), (2, 1)),  # bit 31 marks an identifier of 64 bits
 }
+
+
+def _first_serial(name: str, series: int, base: int) -> int:
+    """The vendor's scheme: the first digit of the product's number is bits 27:24, but for the 600-series."""
+    digit = int(name.rpartition("-")[2].rstrip("G")[0])
+    return base if series == 600 else base | digit << 24
+
+
 _VRU = ((54, "VRU_general"),)
 _CLASSIC = ((39, "General"), (40, "High_mag_dep"), (41, "Dynamic"), (42, "Low_mag_dep"), (43, "VRU_general"))
 _ONE = ((50, "General"), (51, "High_mag_dep"), (52, "Dynamic"), (53, "North_reference"), (54, "VRU_general"))
@@ -115,7 +124,7 @@ def _product(
         name,
         f"{name}-{ending}",
         series,
-        serial,
+        _first_serial(name, series, serial),
         frozenset(abilities),
         firmware,
         hardware,
@@ -225,6 +234,12 @@ def _between(low: float, high: float, form: str = ">H") -> Callable[[bytes, Prod
     return lambda payload, product: all(low <= one <= high for (one,) in struct.iter_unpack(form, payload))
 
 
+def _is_period(payload: bytes, product: Product) -> bool:
+    """Within the table; or longer than 10 ms, as a whole number of the periods that it is made of (5.3.5)."""
+    period = int.from_bytes(payload, "big")
+    return 225 <= period <= LONGEST_PERIOD or (period > LONGEST_PERIOD and period % LONGEST_PERIOD == 0)
+
+
 def _is_platform(payload: bytes, product: Product) -> bool:
     return int.from_bytes(payload, "big") in GNSS_PLATFORMS
 
@@ -251,7 +266,7 @@ SETTINGS: Mapping[int, Setting] = {
     LOCATION: Setting("LocationID", _word(0), _TWO),
     0xDC: Setting("TransmitDelay", _word(590), _TWO, CLASSIC, _between(590, 0xFFFF)),
     STRINGS: Setting("StringOutputType", _strings, frozenset({2, 6}), ALL - ONE),
-    PERIOD: Setting("Period", _word(1152), _TWO, CLASSIC, _between(225, 1152), ERROR_PERIOD),
+    PERIOD: Setting("Period", _word(1152), _TWO, CLASSIC, _is_period, ERROR_PERIOD),
     SKIP: Setting("OutputSkipFactor", _word(0), _TWO, CLASSIC),
     0x86: Setting("ExtOutputMode", _word(0), _TWO, CLASSIC),
     PORT_CONFIG: Setting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,11 +65,15 @@ class Desks:
         self._hub = hub
         self._sessions = sessions
         self._drivers = drivers
-        self.snapshots = Snapshots(data / "snapshots")
+        self.snapshots = Snapshots(data / "snapshots", self._formerly)
         self.trials = Trials(data / "trials")
         self.jobs = Jobs(self.snapshots, self.trials, trial_s)
         self._desks: dict[str, Desk] = {}
         sessions.on_added(self._added)
+
+    def _formerly(self, protocol: str, serial_number: str) -> Sequence[str]:
+        driver = self._drivers(protocol)
+        return driver.formerly(serial_number) if driver is not None else ()
 
     def _added(self, session: Session) -> None:
         device = session.info.id

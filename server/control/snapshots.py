@@ -37,7 +37,7 @@ import json
 import re
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -298,10 +298,12 @@ class Snapshots:
 
     Args:
         folder: <data>/snapshots; made when the first one is kept.
+        formerly: protocol and serial number → numbers under which the same device was filed before.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, formerly: Callable[[str, str], Sequence[str]] | None = None) -> None:
         self._folder = folder
+        self._formerly = formerly
         self._lock = threading.Lock()
         self._known: dict[Path, tuple[tuple[int, int], SnapshotInfo]] = {}
 
@@ -325,7 +327,7 @@ class Snapshots:
 
     def all(self, protocol: str, serial_number: str) -> list[SnapshotInfo]:
         """Those of a device, newest first; one that cannot be read says why in its `reason`."""
-        paths = self._paths(self._of(protocol, serial_number)).values()
+        paths = self._everywhere(protocol, serial_number).values()
         infos = [info for path in paths if (info := self._info(path)) is not None]
         return sorted(infos, key=lambda info: (info.taken, info.name), reverse=True)
 
@@ -344,7 +346,7 @@ class Snapshots:
 
     def text(self, protocol: str, serial_number: str, name: str) -> str:
         """The file as it is. KeyError: there is none of that name."""
-        path = self._paths(self._of(protocol, serial_number))[name]
+        path = self._everywhere(protocol, serial_number)[name]
         try:
             return path.read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -354,7 +356,15 @@ class Snapshots:
 
     def delete(self, protocol: str, serial_number: str, name: str) -> None:
         """KeyError: there is none of that name."""
-        durable.remove(self._paths(self._of(protocol, serial_number))[name])
+        durable.remove(self._everywhere(protocol, serial_number)[name])
+
+    def _everywhere(self, protocol: str, serial_number: str) -> dict[str, Path]:
+        """The files of a device by name, also those under a number that it had before."""
+        found: dict[str, Path] = {}
+        former = self._formerly(protocol, serial_number) if self._formerly is not None else ()
+        for number in (*former, serial_number):
+            found |= self._paths(self._of(protocol, number))
+        return found
 
     def _of(self, protocol: str, serial_number: str) -> Path:
         return self._folder / f"{_safe(protocol) or 'unknown'}-{_safe(serial_number) or 'unknown'}"

@@ -334,7 +334,7 @@ class Hand:
 
     def _is_it(self, told: Known) -> None:
         ours = self.record.serial_number
-        if ours and told.serial_number and told.serial_number != ours:
+        if ours and told.serial_number and ours not in (told.serial_number, *self._driver.formerly(told.serial_number)):
             self._trials.forget(self.record)
             self.show("unreachable", f"Device {told.serial_number} is at the port now, not {ours}.")
             raise JobError(

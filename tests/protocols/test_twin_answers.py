@@ -292,3 +292,36 @@ def test_a_request_in_pieces_between_noise_is_heard() -> None:
 def test_an_unknown_product_is_our_callers_mistake() -> None:
     with pytest.raises(ValueError, match="MTi-630"):
         XbusDevice("MTi-9000")
+
+
+def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
+    """InitBus, a padded GotoConfig of the scan for RS-485, the calibration: each was answered with Error."""
+    device = in_config("MTi-680G")
+    for request, number, size in (
+        (frames.build(0x30, bytes(30)), 0x31, 0),
+        (frames.build(0x02), 0x03, 8),
+        (frames.build(0x90, b"\0\xff"), 0x91, 256),
+    ):
+        *_, (answer, payload) = replies(device.receive(request, 3 * S))
+        assert (answer, len(payload)) == (number, size)
+
+
+@pytest.mark.parametrize(
+    ("product", "begins"),
+    [("MTi-3", "0388"), ("MTi-7", "0788"), ("MTi-30", "0368"), ("MTi-300", "0378"), ("MTi-G-710", "0778")],
+)
+def test_an_identifier_begins_as_the_vendors_do_for_the_product(product: str, begins: str) -> None:
+    assert XbusDevice(product).identifier().hex().startswith(begins)
+
+
+@pytest.mark.parametrize("rates", [(80, 100), (400, 100), (50, 40)])
+def test_the_packet_counter_counts_messages_where_rates_do_not_divide(rates: tuple[int, int]) -> None:
+    """It counted ticks at which nothing was due, which looked like thousands of lost messages."""
+    device = in_config("MTi-630")
+    first, second = rates
+    pairs = [(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x2010, first), (0x4020, second)]
+    ask(device, 0xC0, b"".join(struct.pack(">HH", *pair) for pair in pairs))
+    ask(device, 0x10)
+    counters = column(decode(device.advance(6 * S)), "PacketCounter")
+    assert len(counters) > 100
+    assert set(np.diff(counters.astype(np.int64))) == {1}

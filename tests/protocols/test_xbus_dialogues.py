@@ -9,8 +9,12 @@ from typing import Any
 import pytest
 
 from protocols.dialogues import Dialogue, Expect, InState, Known, RefusedError, Send, SilentError, Values, stop
+from protocols.events import Reply
+from protocols.layouts import EncodeError
+from protocols.registry import PROTOCOLS
 from protocols.xbus import frames
 from protocols.xbus.device import XbusDevice
+from protocols.xbus.identity import identity
 from protocols.xbus.moods import Moods
 from protocols.xbus.products import MODELS
 from protocols.xbus.settings import PRODUCTS
@@ -26,7 +30,9 @@ def test_a_device_tells_who_it_is_and_goes_on_measuring(product: str) -> None:
     line = wire(product)
     known = known_of(line)
     assert known.product.startswith(product)
-    assert len(known.serial_number) == 8
+    long = known.serial_number.startswith("00808")  # 64 bits, as the 600-series has them
+    assert len(known.serial_number) == (10 if long else 8)
+    assert long == (PRODUCTS[product].series == 600)
     assert known.firmware.count(".") == 2
     assert phase(line) == "measurement"
 
@@ -241,6 +247,40 @@ def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_o
     line.pass_time(2)
     assert isinstance(line.device, Unheard)
     assert line.device.device.phase == "measurement"
+
+
+def test_a_sample_that_was_streamed_is_not_the_answer_to_a_request_that_is_refused() -> None:
+    """Without SendLatest the device refuses, behind the samples that were on their way: "Done." said the job."""
+    line = wire(moods=Moods(late_ns=30_000_000))
+    with pytest.raises(RefusedError, match="ReqData"):
+        play(DRIVER.within(DRIVER.run("ReqData", {}, Known(product="MTi-630")), Known()), line)
+
+
+def test_a_period_longer_than_ten_milliseconds_is_made_of_skips() -> None:
+    line = wire("MTi-30")
+    known = known_of(line)
+
+    def body() -> Dialogue[tuple[Values | None, Values]]:
+        written = yield from DRIVER.write("Period", {"period": 2304}, known)
+        return written.got, (yield from DRIVER.read("OutputSkipFactor", known))
+
+    assert play(DRIVER.within(body(), known), line) == ({"period": 1152}, {"skip_factor": 1})
+    with pytest.raises(EncodeError, match="multiple of 1152"):
+        DRIVER.setting_frames("Period", {"period": 2000}, known)
+
+
+def test_a_serial_number_of_64_bits_is_one_whichever_message_tells_it() -> None:
+    """Configuration has the low word first: before and after a reading one device was two."""
+    line = wire("MTi-680G", serial=0x80AB_CDEF)
+    line.device.receive(frames.build(0x30), line.now_ns)
+    told = []
+    for number in (0x00, 0x0C):
+        decoder = PROTOCOLS["xbus"].decoder()
+        decoder.feed(line.device.receive(frames.build(number), line.now_ns), 0)
+        told += [identity(event)["serial_number"] for event in decoder.drain() if isinstance(event, Reply)]
+    assert told == ["0080ABCDEF"] * 2
+    assert DRIVER.formerly("0080ABCDEF") == ("80ABCDEF", "80ABCDEF00000000")
+    assert DRIVER.formerly("03880001") == ()
 
 
 def test_what_may_not_be_done_twice_is_asked_once() -> None:

@@ -368,7 +368,7 @@ async def test_settings_that_are_known_are_in_the_recording_and_those_read_later
         with Recording(path) as recording:
             ((_, body),) = json_messages(recording, "snapshot/1")
         assert body["values"] == json.loads(json.dumps(desk.values))
-        assert body["serial_number"] == "00800001"
+        assert body["serial_number"] == "0080800001"
         await made.apply(desk, {"OutputConfiguration": outputs(200)})
         await one.stop()
         with Recording(path) as recording:

@@ -205,3 +205,17 @@ def test_one_that_cannot_be_read_is_listed_with_the_reason_and_never_culled(tmp_
     for second in range(KEPT + 2):
         keep(folder, "Loose", 10.0 + second)
     assert later.exists()
+
+
+def test_a_snapshot_under_a_number_that_was_read_wrongly_is_still_found(tmp_path: Path) -> None:
+    """The words of a 64-bit identifier were read in the wrong order: the device had a folder for each."""
+    before = Snapshots(tmp_path)
+    for number, title in (("80ABCDEF", "after reading"), ("80ABCDEF00000000", "first contact")):
+        before.keep(Snapshot("xbus", "MTi-680G", number, title=title, taken=1.0), ROWS)
+    driver = XbusDriver()
+    now = Snapshots(tmp_path, lambda protocol, number: driver.formerly(number))
+    now.keep(Snapshot("xbus", "MTi-680G", "0080ABCDEF", title="now", taken=2.0), ROWS)
+    found = now.all("xbus", "0080ABCDEF")
+    assert {info.title for info in found} == {"after reading", "first contact", "now"}
+    for info in found:
+        assert now.get("xbus", "0080ABCDEF", info.name).title == info.title

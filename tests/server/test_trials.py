@@ -242,7 +242,7 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
             await here.desks.resume()
             desk = next(iter(here.desks._desks.values()))
             await until(lambda: desk.control.done, "it gave up")
-            assert "Another device is at this port: 00800001, not 00FFFFFF" in desk.control.done[0].message
+            assert "Another device is at this port: 0080800001, not 00FFFFFF" in desk.control.done[0].message
             assert "SetPortConfig" not in [entry.name for entry in desk.log.tail(limit=500)]
             assert files(tmp_path) == []
 
@@ -316,7 +316,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
             await here.sessions.remove(desk.device)
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
-            record = Record(source, "xbus", "MTi-630", "00800001", "", old, new, 115_200, 921_600, True)
+            record = Record(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
             record.state = "applying" if state == "applying" else "reverting"
             here.desks.trials.keep(record)
             await here.desks.resume()
@@ -341,7 +341,9 @@ def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(t
             await here.read(desk)
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             source = f"serial://{there.slave}?baud=115200"
-            here.desks.trials.keep(Record(source, "xbus", "MTi-630", "00800001", "", old, old, 115_200, 115_200, False))
+            here.desks.trials.keep(
+                Record(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
+            )
             await here.desks.resume()
             assert [one.info.id for one in here.sessions.all] == [desk.device]
             await until(lambda: desk.trial is not None and desk.trial.state == "reverted", "it went back")
