@@ -210,7 +210,8 @@ class Hand:
     async def _found(self) -> bool:
         """Does it answer at the new rate, or at another that it may have?"""
         record = self.record
-        for baud in dict.fromkeys((record.new_baud, *record.other_bauds)):
+        rates = tuple(dict.fromkeys((record.new_baud, *record.other_bauds)))
+        for baud in rates if len(rates) == 1 else rates * ROUNDS:  # one that restarts may be missed at its rate
             if baud is not None and baud != self._desk.session.baud:
                 self._tell(f"The link is opened at {group(baud)} Bd")
                 if not await self._desk.runner.relink(baud):
