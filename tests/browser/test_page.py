@@ -102,12 +102,13 @@ def test_a_finger_hits_every_control(server: ServerProcess, open_page: Callable[
     assert not small, "\n".join(small)
 
 
-# Where every box on the page is, but for those that are as wide as the digits in them, and the lines of the event list:
-# a busy machine is told of late reads and lost samples, and each of those is a line more (that list scrolls by itself).
+# Where every box on the page is, but for those that are as wide as the digits in them, the lines of the event list (a
+# busy machine is told of late reads and lost samples, each a line more; that list scrolls by itself), and the names of
+# lanes: the twin clips at a kerb, and a flag that is raised for the first time gets its name in the room kept for it.
 BOXES = """() => {
   const text = ["SPAN", "B", "I", "DD", "SUP", "SUB", "KBD", "BR"];
   return [...document.querySelectorAll("body *")]
-    .filter(element => !text.includes(element.tagName) && !element.closest("svg, .news"))
+    .filter(element => !text.includes(element.tagName) && !element.closest("svg, .news, .lanenames"))
     .map(element => {
       const {x, y, width, height} = element.getBoundingClientRect();
       const place = [x, y, width, height].map(value => value.toFixed(1));

@@ -24,7 +24,7 @@ export function mountGnss(host: HTMLElement, deps: Deps, position: Position, ope
     list.append(el("dt", {}, "±"), el("dd", {}, texts.h.node, unit("m hor."), "\u2002", texts.v.node, unit("m vert.")));
   }
   list.append(el("dt", {}, "Age"), el("dd", {}, texts.age.node, el("span", { class: "u" }, texts.ageUnit.node)));
-  const cap = el("div", { class: "cap" }, el("span", {}, "GNSS track"), el("span", { class: "ell" }, texts.fix.node));
+  const cap = el("div", { class: "cap" }, el("span", {}, "GNSS"), el("span", { class: "ell" }, texts.fix.node));
   const cell = el("div", { class: "gnss", title: position.channel.info.group }, cap, button, list);
   host.append(cell);
   const to = surface(canvas, () => undefined);

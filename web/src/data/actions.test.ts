@@ -13,6 +13,7 @@ beforeEach(() => {
     bounds: () => ({ first: 100, last: 1000 }),
     step: (t, steps) => samples[samples.findLastIndex((s) => s <= t) + steps],
     series: () => series,
+    beside: (key) => series.filter((one) => one.split(".")[0] === key.split(".")[0]),
   });
   view.value = { device: "1", live: true, end: 0, span: 20, timeBase: "device" };
   cursor.value = undefined;
@@ -88,6 +89,17 @@ describe("zooming", () => {
     expect(view.value).toMatchObject({ live: false, end: 1000 });
   });
 
+  it("keeps everything in memory on screen while it grows, until something else is asked for", () => {
+    actions.fit();
+    now = 1100;
+    actions.keepFitted();
+    expect(view.value.span).toBeGreaterThan(1000);
+    actions.setSpan(20);
+    now = 1300;
+    actions.keepFitted();
+    expect(view.value.span).toBe(20);
+  });
+
   it("selects a range drawn from either side", () => {
     actions.select(310, 300);
     expect(view.value).toMatchObject({ live: false, end: 310, span: 10 });
@@ -151,10 +163,10 @@ describe("series", () => {
     expect(hidden.value.size).toBe(0);
   });
 
-  it("stand alone, and all come back", () => {
+  it("stand alone in their plot, and all come back; other plots are not emptied", () => {
     hidden.value = new Set(["Acceleration.norm"]);
     actions.toggleSeries(0, true);
-    expect([...hidden.value].sort()).toEqual(["Acceleration.norm", "Acceleration.y", "RateOfTurn.x"]);
+    expect([...hidden.value].sort()).toEqual(["Acceleration.norm", "Acceleration.y"]);
     actions.toggleSeries(0, true);
     expect([...hidden.value]).toEqual(["Acceleration.norm"]);
   });

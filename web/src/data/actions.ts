@@ -15,13 +15,15 @@ export interface Horizon {
   step(t: number, steps: number): number | undefined;
   /** Keys of the series on screen, in the order in which digits name them. */
   series(): readonly string[];
+  /** Keys of the series in the same plot as this one. */
+  beside(key: string): readonly string[];
 }
 
 /** Shortest and longest window, s: 5 ms shows single samples at 2 kHz, a day is more than any ring holds. */
 export const SHORTEST = 0.005;
 export const LONGEST = 86_400;
 
-let horizon: Horizon = { now: () => Date.now() / 1000, bounds: () => undefined, step: () => undefined, series: () => [] };
+let horizon: Horizon = { now: () => Date.now() / 1000, bounds: () => undefined, step: () => undefined, series: () => [], beside: () => [] };
 
 /** The plots say over what the view moves. */
 export function attach(to: Horizon): void {
@@ -33,7 +35,11 @@ export function rightEdge(of: View = view.peek()): number {
   return of.live ? horizon.now() : of.end;
 }
 
+/** Is all of memory on screen, and to stay so while it grows? Until the view is changed otherwise. */
+let fitted = false;
+
 function change(part: Partial<View>): void {
+  fitted = false;
   view.value = { ...view.peek(), ...part };
 }
 
@@ -87,8 +93,23 @@ export function select(t0: number, t1: number): void {
 export function fit(): void {
   const bounds = horizon.bounds();
   if (bounds === undefined) return;
-  if (view.peek().live) return change({ span: spanOf((horizon.now() - bounds.first) * 1.01) });
+  if (view.peek().live) {
+    change({ span: spanOf((horizon.now() - bounds.first) * 1.01) });
+    fitted = true;
+    return;
+  }
   change({ end: bounds.last, span: spanOf((bounds.last - bounds.first) * 1.01) });
+}
+
+/** While everything in memory is shown live, show more as more comes: by steps, so that nothing crawls. */
+export function keepFitted(): void {
+  const bounds = horizon.bounds();
+  if (!fitted || bounds === undefined || !view.peek().live) return;
+  const held = horizon.now() - bounds.first;
+  if (held > view.peek().span) {
+    change({ span: spanOf(held * 1.1) });
+    fitted = true;
+  }
 }
 
 export function setSpan(seconds: number): void {
@@ -112,9 +133,9 @@ export function toggleTimeBase(): void {
   change({ timeBase: view.peek().timeBase === "device" ? "arrival" : "device" });
 }
 
-/** Hide or show the series with that key; `alone`: show only it, or all again when it is alone already. */
+/** Hide or show the series with that key; `alone`: of its plot show only it, or all again when it is alone already. */
 export function toggleKey(key: string, alone = false): void {
-  const all = horizon.series();
+  const all = horizon.beside(key);
   const was = hidden.peek();
   const next = new Set(was);
   if (!alone) {

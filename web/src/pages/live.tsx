@@ -20,6 +20,7 @@ import { type App, describing, folded, keyFor, overlay, select, sheet } from "./
 import { Bar, Dock } from "./bar";
 import { Describe } from "./describe";
 import { Rail } from "./rail";
+import { openTable, RowsDialog } from "./rows";
 import { KeyBand, RearmBand } from "./trust";
 import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
 
@@ -47,6 +48,7 @@ export function LivePage({ app }: { readonly app: App }) {
       </main>
       <Side app={app} />
       {showsPlots(state) && <Dock />}
+      <RowsDialog app={app} />
       <Overlays app={app} />
     </div>
   );
@@ -90,7 +92,7 @@ export function Side({ app }: { readonly app: App }) {
           <Icon name="side" />
         </button>
       </div>
-      <Mounted class="valbox" label="Values" scrolls mount={(host) => mountValues(host, app, "values-when")} />
+      <Mounted class="valbox" label="Values" scrolls mount={(host) => mountValues(host, { ...app, openRows: ({ name }, title) => (openTable.value = { name, title }) }, "values-when")} />
       <div class="below" role="region" aria-label="Health and events" tabIndex={0}>
       <section class="health" aria-label="Health">
         <div class="head">

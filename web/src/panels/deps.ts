@@ -41,10 +41,15 @@ export function recently(deps: Deps, device: string): Recent {
   return recentOf(deps.store.events.value, device, deps.store.serverNow());
 }
 
+/** What comes in turns begins in turns: before its first sample a quantity is read by that for so long, s. A recording opens there. */
+const EARLY_S = 0.5;
+
 /** Index of the sample that `at` reads in a channel; -1 when there is none. */
 export function sampleAt(channel: Channel, at: Reading): number {
-  if (at.time === Number.POSITIVE_INFINITY) return channel.ring.length - 1;
-  return channel.ring.indexAt(at.time, view.value.timeBase);
+  const { ring } = channel;
+  if (at.time === Number.POSITIVE_INFINITY) return ring.length - 1;
+  const i = ring.indexAt(at.time, view.value.timeBase);
+  return i < 0 && ring.length > 0 && ring.time(0) - at.time < EARLY_S ? 0 : i;
 }
 
 /** Seconds since anything arrived from the device; undefined before the first byte. */

@@ -148,30 +148,39 @@ function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHe
   };
 }
 
-/** Lines about trust under the rejects: a count for each reason, and how many samples were verified and how many not. */
+/**
+ * Lines under the rejects: why, since the session began, in one line that is always there (a line for each reason would move what is
+ * below whenever a busy machine cuts a frame); and how many samples were verified and how many not.
+ */
 function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined, device: DeviceInfo | undefined): void } {
   const lines = new Map<string, { readonly row: HTMLElement; readonly cell: Cell }>();
-  const after = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
+  const reasons = new Live();
+  const why = el("div", { class: "sub reasons" }, el("dt", {}, "since the beginning"), el("dd", {}, reasons.node));
+  const rejects = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
+  rejects?.after(why);
+  const after: Element = why;
   return {
     update(health, device) {
       const wanted = new Map<string, Figure>();
       const passed = device && trustOf(device, health)?.mark === "○" ? "header checked" : "verified";
-      for (const { words, count } of rejections(health)) wanted.set(`${words}, in all`, { value: number(count, 0), unit: count === 1 ? "frame" : "frames", tone: "" });
-      if (health?.unverified) wanted.set("unverified, in all", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
-      if (typeof health?.verified === "number") wanted.set(`${passed}, in all`, { value: number(health.verified, 0), unit: "smp", tone: "" });
+      const told = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
+      reasons.set(told.join(", ") || "none");
+      why.title = told.join(", ");
+      if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
+      if (typeof health?.verified === "number") wanted.set(passed, { value: number(health.verified, 0), unit: "smp", tone: "" });
       for (const [name, line] of lines) {
         if (wanted.has(name)) continue;
         line.row.remove();
         lines.delete(name);
       }
-      let last = after;
+      let last: Element = after;
       for (const [name, figure] of wanted) {
         let line = lines.get(name);
         if (!line) {
           const cell = new Cell();
           line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), cell.node) };
           lines.set(name, line);
-          last?.after(line.row);
+          last.after(line.row);
         }
         line.cell.set(figure);
         last = line.row;

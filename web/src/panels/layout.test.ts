@@ -47,6 +47,10 @@ describe("groupsOf", () => {
     expect(groups[2]?.rows[1]?.column).toBe(-1);
     expect(groups[3]?.rows.map((row) => row.label)).toEqual(["lat", "fixtype"]);
   });
+  it("tells mean and spread of a quantity without axes: every column of a table is one", () => {
+    const [group] = groupsOf([channel("gyro_z", "scalar", [column("value", { unit: "°/s" })]), channel("count", "scalar", [column("value", { dtype: "u4" })])]);
+    expect(group?.rows.map(({ colour, unit }) => [colour, unit])).toEqual([["n", "°/s"], ["", undefined]]);
+  });
   it("colours by axis and leaves what has none grey", () => {
     const [group] = groupsOf([channel("Quaternion", "quaternion", [column("w", { axis: "w" }), column("x", { axis: "x" })])]);
     expect(group?.rows.map((row) => row.colour)).toEqual(["n", "x"]);

@@ -29,6 +29,8 @@ export interface ValueRow {
   readonly column: number;
   readonly info: ColumnInfo | undefined;
   readonly label: string;
+  /** Beside the label, where the group has none of its own. */
+  readonly unit?: string;
   /** "x", "y", "z" for an axis colour, "n" for none, "" for a plain line with its unit and no statistics. */
   readonly colour: "x" | "y" | "z" | "n" | "";
 }
@@ -87,7 +89,9 @@ export function groupsOf(channels: readonly ChannelInfo[]): readonly ValueGroup[
     } else if (["vector", "euler", "quaternion", "matrix"].includes(channel.kind)) {
       groups.push({ title, unit: channel.unit || commonUnit(channel), frame, rows: rowsOf(channel, false), verified: channel.verified });
     } else if (channel.columns.length === 1) {
-      for (const row of rowsOf(channel, true)) slow.push({ ...row, label: title });
+      // A quantity by itself has a mean and a spread as one with axes has: a gyro of a table, a temperature.
+      const measured = channel.kind === "scalar" && channel.columns[0]!.dtype.startsWith("f");
+      for (const row of rowsOf(channel, !measured)) slow.push({ ...row, label: title, ...(measured ? { unit: row.info?.unit || channel.unit } : {}) });
     } else {
       records.push({ title, unit: "", frame, rows: rowsOf(channel, true), verified: channel.verified });
     }

@@ -22,11 +22,16 @@ interface Line {
   readonly now: Live;
   readonly mean: Live | undefined;
   readonly sd: Live | undefined;
+  /** How old the value is, where that is not as it should be: beside a plain number, in the place of σ of others. */
+  readonly old: Live | undefined;
+  readonly tr: HTMLElement;
 }
 
 export interface ValuesDeps extends Deps {
   /** True while the newest value is old: the head then says how old. */
   readonly held: () => boolean;
+  /** Shows the rows of a table. */
+  readonly openRows?: (channel: Channel["info"], title: string) => void;
 }
 
 /** Mounts the table into `host`; what the numbers belong to is written into the element with id `headline`. */
@@ -56,18 +61,40 @@ export function mountValues(host: HTMLElement, deps: ValuesDeps, headlineId: str
       const channels = channelsOf(deps);
       if (channels.length !== shown.length || channels.some((channel, i) => channel !== shown[i])) {
         shown = channels;
-        lines = build(body, channels);
+        lines = build(body, channels, deps);
       }
       const at = reading(deps);
       word.set(at.word);
       when.set(headline(deps, at));
-      for (const line of lines) line.now.set(valueText(line, at));
+      for (const line of lines) {
+        line.now.set(valueText(line, at));
+        const stale = deps.held() ? undefined : staleness(line, at, deps.store.edgeOf(line.channel.info.device));
+        line.tr.classList.toggle("old", stale !== undefined);
+        line.old?.set(stale === undefined ? "" : ` ${stale}`);
+        if (stale !== undefined) {
+          line.mean?.set(NONE);
+          line.sd?.set(stale);
+        }
+      }
     },
     dispose() {
       table.remove();
       caption.remove();
     },
   };
+}
+
+/** A value that did not come for this long is old, s; and for so many of its usual spacings. */
+const OLD_S = 3;
+const OLD_STEPS = 5;
+
+/** How old the newest value is, "3 min", when that is more than its channel's pace explains; undefined while it is fresh, or of another moment. */
+export function staleness({ channel: { ring } }: Pick<Line, "channel">, at: Pick<Reading, "word">, now: number): string | undefined {
+  if (at.word !== "now" || ring.length === 0) return undefined;
+  const seconds = now - ring.arrival(ring.length - 1);
+  if (!(seconds > Math.max(OLD_S, OLD_STEPS * (ring.step || 0)))) return undefined;
+  const { value, unit: words } = age(seconds);
+  return `${value} ${words}`;
 }
 
 function headline(deps: ValuesDeps, at: Reading): string {
@@ -80,7 +107,7 @@ function headline(deps: ValuesDeps, at: Reading): string {
   return `${window.value} ${window.unit} window`;
 }
 
-function build(body: HTMLTableSectionElement, channels: readonly Channel[]): readonly Line[] {
+function build(body: HTMLTableSectionElement, channels: readonly Channel[], deps: ValuesDeps): readonly Line[] {
   const byId = new Map(channels.map((channel) => [channel.info.id, channel]));
   const lines: Line[] = [];
   body.replaceChildren();
@@ -92,22 +119,24 @@ function build(body: HTMLTableSectionElement, channels: readonly Channel[]): rea
     body.append(el("tr", { class: "g" }, title));
     for (const row of group.rows) {
       const channel = byId.get(row.channel.id);
-      if (channel) lines.push(addLine(body, row, channel));
+      if (channel) lines.push(addLine(body, row, channel, deps));
     }
   }
   return lines;
 }
 
-function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel): Line {
+function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel, { openRows }: ValuesDeps): Line {
   const now = new Live();
   const help = row.info?.doc || row.channel.doc;
   const name = el("th", { scope: "row", class: row.colour || "plain", ...(help ? { title: help } : {}) }, row.label);
+  if (row.unit) name.append(unit(row.unit));
   // A row with statistics has four cells; a plain one gives its words and its number half of the width each.
   if (row.colour !== "") {
     const [mean, sd] = [new Live(), new Live()];
     const cells = [now, mean, sd].map((live) => el("td", { class: "num" }, live.node));
-    body.append(el("tr", {}, name, ...cells));
-    return { row, channel, now, mean, sd };
+    const tr = el("tr", {}, name, ...cells);
+    body.append(tr);
+    return { row, channel, now, mean, sd, old: undefined, tr };
   }
   const words = row.info && Object.keys(row.info.choices).length > 0;
   name.setAttribute("colspan", "2");
@@ -115,8 +144,16 @@ function addLine(body: HTMLTableSectionElement, row: ValueRow, channel: Channel)
   const shownUnit = row.info?.unit ?? (row.column < 0 ? "rows" : "");
   // A unit that is itself a number (a tick of 0.1 ms) is a factor.
   if (shownUnit) cell.append(unit(/^\d/.test(shownUnit) ? `× ${shownUnit}` : shownUnit));
-  body.append(el("tr", {}, name, cell));
-  return { row, channel, now, mean: undefined, sd: undefined };
+  if (row.column < 0 && openRows) {
+    const open = el("button", { type: "button", class: "btn small edge", "aria-label": `Show the rows of ${row.label}` }, "Show");
+    open.addEventListener("click", () => openRows(channel.info, row.label));
+    cell.append(" ", open);
+  }
+  const old = new Live();
+  cell.append(el("span", { class: "u" }, old.node));
+  const tr = el("tr", {}, name, cell);
+  body.append(tr);
+  return { row, channel, now, mean: undefined, sd: undefined, old, tr };
 }
 
 function valueText(line: Line, at: Reading): string {
@@ -159,7 +196,7 @@ function writeSomeStats(lines: readonly Line[], from: number, at: Reading, deps:
 
 function writeStats(line: Line, at: Reading, { statistics }: Deps): void {
   const { row, channel, mean, sd } = line;
-  if (!mean || !sd || !row.info) return;
+  if (!mean || !sd || !row.info || line.tr.classList.contains("old")) return;
   const decimals = decimalsOf(row.info, row.info.unit || row.channel.unit);
   const stats = statistics ? statistics(channel, row.column, at) : channel.ring.stats(row.column, at.from, at.to, view.value.timeBase);
   mean.set(stats && stats.n > 0 ? number(stats.mean, decimals) : NONE);

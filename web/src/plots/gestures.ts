@@ -7,6 +7,8 @@
  *     wheel           zooms about the pointer             two fingers    zoom and pan
  *     click on the time of a cursor beside the window     goes there
  *
+ *     a finger that stays where it is pins the measuring cursor
+ *
  * One finger moves along time; across time it scrolls the page, which `touch-action: pan-y` leaves to the browser.
  */
 import { cursorBeside, cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/actions";
@@ -23,6 +25,8 @@ const WHEEL = 0.0015;
 const LIVE_ZONE = 0.012;
 /** The word on the axis about a cursor beside the window: a click on it goes there, px. */
 const BESIDE_PX = 120;
+/** A finger that rests for so long measures, ms. */
+const REST_MS = 500;
 
 export interface Surface {
   /** The window as drawn last; undefined before the first frame. */
@@ -45,6 +49,7 @@ interface Press {
 /** Listen on the stack; the returned function stops. Canvases only: legends, names and buttons are their own. */
 export function listen(stack: HTMLElement, surface: Surface): () => void {
   const fingers = new Map<number, number>();
+  let resting: ReturnType<typeof setTimeout> | undefined;
   let press: Press | undefined;
   const stop = new AbortController();
   const on = <K extends keyof HTMLElementEventMap>(name: K, run: (event: HTMLElementEventMap[K]) => void, passive = true): void =>
@@ -83,10 +88,20 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     const x = xIn(event);
     if (w === undefined || (!held.moved && Math.abs(x - held.x) < CLICK_PX)) return;
     held.moved = true;
+    clearTimeout(resting);
     stack.classList.add("dragging");
     if (held.strip) moveStrip(x);
     else if (held.shift) surface.selecting([timeAt(w, held.x), timeAt(w, x)]);
     else panTo(held.end - ((x - held.x) / w.width) * w.span);
+  };
+  /** With no cursor yet, the first is put there. */
+  const measureHere = (): void => {
+    const w = surface.window();
+    if (w === undefined || press === undefined || press.moved || !inside(w, press.x)) return;
+    const t = timeAt(w, press.x);
+    press = undefined; // the finger is not a click any more
+    if (cursor.peek()?.kind === "pinned") pinMeasure(t);
+    else pin(t);
   };
   const click = (event: PointerEvent, held: Press): void => {
     const w = surface.window();
@@ -119,6 +134,8 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     if (!onCanvas(event) || event.button !== 0) return;
     (event.target as Element).setPointerCapture(event.pointerId);
     fingers.set(event.pointerId, xIn(event));
+    clearTimeout(resting);
+    if (event.pointerType === "touch" && fingers.size === 1 && !inStrip(event)) resting = setTimeout(measureHere, REST_MS);
     // A second finger turns the press into a pinch.
     press = fingers.size > 1 ? undefined : { id: event.pointerId, x: xIn(event), shift: event.shiftKey, end: rightEdge(), strip: inStrip(event), moved: false };
   });
@@ -128,6 +145,7 @@ export function listen(stack: HTMLElement, surface: Surface): () => void {
     if (event.pointerType === "mouse" && onCanvas(event) && !inStrip(event)) hover(xIn(event));
   });
   const end = (event: PointerEvent): void => {
+    clearTimeout(resting);
     fingers.delete(event.pointerId);
     stack.classList.remove("dragging");
     const held = press;

@@ -5,7 +5,7 @@ import type { TimeBase } from "../data/view";
 import { count } from "../ui/format";
 import { el } from "../ui/dom";
 import type { Reads } from "./legend";
-import { firstLanes, type Lane, LANE_PX, lanesOf, lossWords, stateAt, stateWords } from "./lanes";
+import { firstLanes, inPlace, type Lane, LANE_PX, lanesOf, roomFor, lossWords, stateAt, stateWords } from "./lanes";
 
 export class LaneNames {
   lanes: readonly Lane[] = [];
@@ -15,6 +15,8 @@ export class LaneNames {
   readonly #list = el("div", { class: "lanenames" });
   /** Lanes of interest that do not stand there, and whether all were asked for. */
   #others = 0;
+  /** Rows kept for lanes. */
+  #room = 0;
   #all = false;
   #redo: () => void;
   /** Lane spoken of: 0 is the loss lane, undefined none. */
@@ -37,10 +39,11 @@ export class LaneNames {
   choose(channels: readonly Channel[]): boolean {
     const found = lanesOf(channels);
     const first = firstLanes(found);
-    const next = this.#all ? found : first;
+    const next = inPlace(this.lanes, this.#all ? found : first);
+    const room = roomFor(channels, next);
     const others = found.length - first.length;
-    const same = others === this.#others && next.length === this.lanes.length;
-    this.#others = others;
+    const same = others === this.#others && room === this.#room && next.length === this.lanes.length;
+    [this.#others, this.#room] = [others, room];
     if (same && next.every(({ key }, k) => key === this.lanes[k]?.key)) return false;
     this.lanes = next;
     this.#write();
@@ -48,7 +51,7 @@ export class LaneNames {
   }
 
   #write(): void {
-    const rows = this.lanes.length + 1 + (this.#others > 0 ? 1 : 0);
+    const rows = Math.max(this.lanes.length + (this.#others > 0 ? 1 : 0), this.#room) + 1;
     this.#box.style.height = `${rows * LANE_PX}px`;
     const names = ["Loss", ...this.lanes.map(({ name }) => name)];
     this.#list.replaceChildren(

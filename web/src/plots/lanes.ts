@@ -87,8 +87,20 @@ function named(lanes: readonly Lane[]): Lane[] {
   return lanes.map((lane) => {
     const alone = lanes.filter(({ name }) => name === lane.name).length === 1;
     const { group, title } = lane.channel.info;
-    return alone ? lane : { ...lane, name: `${lane.name} · ${group || title.split(" ")[0]}` };
+    const name = alone ? lane.name : `${lane.name} · ${group || title.split(" ")[0]}`;
+    return { ...lane, name: shortened(name, lanes) };
   });
+}
+
+/** Characters of a name that the gutter shows. */
+const NAME_SHOWN = 20;
+
+/** Names that differ only where the gutter cuts them: their first word gives way. */
+function shortened(name: string, lanes: readonly Lane[]): string {
+  const start = name.slice(0, NAME_SHOWN);
+  const space = name.indexOf(" ");
+  if (name.length <= NAME_SHOWN || space < 5 || lanes.filter((other) => other.name.startsWith(start)).length < 2) return name;
+  return `${name.slice(0, 3)}.${name.slice(space)}`;
 }
 
 /** Of these, the ones that stand without being asked for: all when they are few, else what is wrong, said or changing. */
@@ -96,6 +108,20 @@ export function firstLanes(lanes: readonly Lane[]): readonly Lane[] {
   if (lanes.length <= MOST) return lanes;
   const wrong = lanes.filter(({ rank }) => rank <= 1).length;
   return lanes.slice(0, Math.max(MOST, wrong)).filter(({ rank }) => rank < 5);
+}
+
+/** Those that stand already keep their place; new ones come below: a flag that is raised for the first time moves no other. */
+export function inPlace(before: readonly Lane[], next: readonly Lane[]): readonly Lane[] {
+  const stays = before.flatMap(({ key }) => next.find((lane) => lane.key === key) ?? []);
+  return [...stays, ...next.filter((lane) => !stays.includes(lane))];
+}
+
+/** Rows to keep for lanes: those that are there, and those that a caution or a fault would add, as far as they would stand by themselves. */
+export function roomFor(channels: readonly Channel[], lanes: readonly Lane[]): number {
+  const warning = channels.flatMap(({ info }) => (info.kind === "status" ? info.columns.flatMap(({ bits }) => bits.filter(({ severity }) => severity !== "")) : []));
+  const coming = new Set(warning.map(({ name }) => name));
+  for (const { bits } of lanes) coming.delete(bits.name);
+  return Math.max(lanes.length, Math.min(MOST, lanes.length + coming.size));
 }
 
 /** Is that state one to be seen? */

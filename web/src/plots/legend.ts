@@ -73,8 +73,8 @@ export class Legend {
     const value = new Live();
     const text = el("span", { class: "v" });
     text.append(value.node);
-    const button = el("button", { type: "button", class: series.norm ? "k norm" : "k", "aria-pressed": "true" }, letter, text);
     const name = series.channel.info.title || series.channel.info.name;
+    const button = el("button", { type: "button", class: series.norm ? "k norm" : "k", "aria-pressed": "true" }, el("span", { class: "vh" }, `${name} `), letter, " ", text);
     button.title = `${name} ${series.label}: click to hide or show, with Shift alone`;
     button.addEventListener("click", (event) => toggleKey(series.key, event.shiftKey));
     return { series, button, value, text, width: 0 };
@@ -86,7 +86,7 @@ export class Legend {
   }
 
   /** Values at `t` (Infinity: the newest); with `to`, the second cursor, how much they change from here to there. */
-  read(t: number, base: TimeBase, to: number | undefined, narrow: boolean, reads: Reads = asDrawn): void {
+  read(t: number, base: TimeBase, to: number | undefined, narrow: boolean, reads: Reads = asDrawn, edge = NaN): void {
     for (const row of this.#rows) {
       const { series, button, value } = row;
       const now = valueAt(series, t, base, reads);
@@ -95,8 +95,17 @@ export class Legend {
       value.set(text);
       if (narrow) makeRoom(row, Math.max(text.length, decimals + usualRoom(series)));
       button.classList.toggle("diff", to !== undefined);
+      button.classList.toggle("old", t === Infinity && isOld(series, edge));
     }
   }
+}
+
+/** Newest values that came longer ago than this, s, and than so many of their spacings, are not those of now. */
+const OLD_S = 3;
+const OLD_STEPS = 5;
+
+function isOld({ channel: { ring } }: Series, edge: number): boolean {
+  return ring.length > 0 && edge - ring.arrival(ring.length - 1) > Math.max(OLD_S, OLD_STEPS * (ring.step || 0));
 }
 
 /** Above a plot the values stand in a row: room once taken is kept, so that nothing moves when digits come and go. */

@@ -6,7 +6,7 @@ import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./columns";
 import { words } from "../ui/words";
 import { docOf } from "./lane-names";
-import { lanesOf, runsOf, stateWords } from "./lanes";
+import { inPlace, lanesOf, roomFor, runsOf, stateWords } from "./lanes";
 import { stripLength } from "./memory";
 import { niceStep, Scale, ticks } from "./scale";
 import { plotsOf } from "./select";
@@ -210,4 +210,20 @@ it("a flag that is not set is not explained as if it were", () => {
   const bits = { ...STATUS_BITS[0]!, width: 1, doc: "At least one sensor is out of range." };
   expect(docOf({ bits }, "not set")).toBe("When set: at least one sensor is out of range.");
   expect(docOf({ bits }, "set")).toBe(bits.doc);
+});
+
+it("a flag that is raised for the first time gets a lane in the room kept for it, and moves no other", () => {
+  const info = CHANNELS.find(({ kind }) => kind === "status")!;
+  const lanesAt = (word: number) => {
+    const ring = ringOf(info);
+    const frame = frameOf(info, 0, Float64Array.from([1, 2]), false);
+    ring.take({ ...frame, columns: frame.columns.map(() => Uint32Array.from([2, word])) });
+    const channels = [{ info, ring }];
+    return { channels, lanes: lanesOf(channels) };
+  };
+  const [calm, clipped] = [lanesAt(2), lanesAt(2 | (1 << 10))];
+  expect(clipped.lanes.length).toBe(calm.lanes.length + 1);
+  const next = inPlace(calm.lanes, clipped.lanes);
+  expect(next.slice(0, calm.lanes.length).map(({ name }) => name)).toEqual(calm.lanes.map(({ name }) => name));
+  expect(roomFor(clipped.channels, next)).toBe(roomFor(calm.channels, calm.lanes));
 });

@@ -14,7 +14,7 @@
  * changed and never in between, so a frame causes no reflow.
  */
 import { computed, effect, signal } from "@preact/signals";
-import { attach, cursorTime, dropPassed } from "../data/actions";
+import { attach, cursorTime, dropPassed, keepFitted } from "../data/actions";
 import type { Channel, Store } from "../data/store";
 import { cursor, hidden, measure, normsSeen, view } from "../data/view";
 import { clock } from "../ui/format";
@@ -135,7 +135,8 @@ class Stack {
       now: () => this.#now(),
       bounds: () => this.#bounds(),
       step: (t, steps) => this.#step(t, steps),
-      series: () => this.#plots.flatMap(({ spec }) => spec.series.filter(({ norm }) => !norm).map(({ key }) => key)),
+      series: () => this.#plots.flatMap(({ spec }) => plain(spec)),
+      beside: (key) => this.#plots.filter(({ spec }) => spec.series.some((one) => one.key === key)).flatMap(({ spec }) => plain(spec)),
     });
   }
 
@@ -214,7 +215,10 @@ class Stack {
   }
 
   update(now: number): void {
-    if (this.#slowlyDue(now)) this.#slowly();
+    if (this.#slowlyDue(now)) {
+      this.#slowly();
+      keepFitted();
+    }
     if (this.#layoutDue) this.#layout();
     const width = this.#axis.width - this.#look.gutter - this.#look.tail;
     if (width < 20) return;
@@ -268,7 +272,7 @@ class Stack {
     if (state === this.#cursorWas && !this.#legendsDue(now)) return;
     this.#cursorWas = state;
     const t = reading ?? (w.live ? Infinity : w.t1);
-    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow, this.#reads);
+    for (const plot of this.#plots) if (plot.visible) plot.legend.read(t, w.base, measure.peek(), this.#look.narrow, this.#reads, w.now);
     this.#names.read(t, w.base, this.#store.losses(view.peek().device ?? ""), this.#reads);
   }
 
@@ -353,6 +357,11 @@ function markersOf(store: Store): () => readonly MarkLine[] {
     if (from !== store.events.peek() || device !== now) [from, device, found] = [store.events.peek(), now, markersIn(store.events.peek(), now)];
     return found;
   };
+}
+
+/** Keys of a plot's series but its norm. */
+function plain({ series }: PlotSpec): readonly string[] {
+  return series.filter(({ norm }) => !norm).map(({ key }) => key);
 }
 
 function titleEnd({ legend }: Plot): number {

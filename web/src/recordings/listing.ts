@@ -103,6 +103,7 @@ const pad = (n: number): string => String(Math.floor(n)).padStart(2, "0");
 /** A length or a place in a recording: "47:12", "10:00:04"; with digits of a second "21:52.314". */
 export function length(seconds: number | null | undefined, decimals = 0): string {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "—";
+  if (decimals === 0 && seconds > 0 && seconds < 1) return `${number(seconds, 2)} s`;
   const scale = 10 ** decimals;
   const ticks = Math.floor(Math.abs(seconds) * scale + 1e-6);
   const s = Math.floor(ticks / scale);

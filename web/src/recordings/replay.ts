@@ -32,7 +32,7 @@ import type { Marker, RecordingDetail } from "./types";
 import { Vicinity } from "./vicinity";
 
 /** What a mean and a spread are told of (panels/layout.ts). */
-const COUNTED: ReadonlySet<string> = new Set(["vector", "euler", "quaternion", "matrix"]);
+const COUNTED: ReadonlySet<string> = new Set(["vector", "euler", "quaternion", "matrix", "scalar"]);
 /** How often figures are told, as live. */
 const TOLD_PER_S = 2;
 

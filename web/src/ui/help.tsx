@@ -19,7 +19,8 @@ export function Help({ onClose }: { readonly onClose: () => void }) {
       </dl>
       <p class="hint" style={{ marginTop: "16px" }}>
         On the plots: wheel zooms about the pointer, drag pans, Shift-drag selects a range, double click fits. A click pins the cursor, Shift-click
-        pins a second one and measures between them.
+        pins a second one and measures between them. With fingers: drag pans, two fingers zoom, a tap pins, and a finger that rests half a
+        second pins the second cursor.
       </p>
     </Dialog>
   );

@@ -9,6 +9,7 @@ import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { onFrame } from "../data/loop";
 import type { Replay } from "../recordings/replay";
+import { overlay } from "../pages/app";
 import { type Problem, request } from "../ui/api";
 import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
@@ -68,6 +69,10 @@ export function LiveViews() {
       <button type="button" class="btn edge" onClick={rerun}>
         <Icon name="wave" />
         Rerun
+      </button>
+      <button type="button" class="btn edge" title="Gestures and keys" onClick={() => (overlay.value = "help")}>
+        <Icon name="help" />
+        Help
       </button>
     </SceneLine>
   );

@@ -155,7 +155,7 @@ function Words({ info }: { readonly info: RecordingInfo }) {
       <label>
         <span>Name</span>
         <span class="field">
-          <input defaultValue={info.title} maxLength={200} onChange={(event) => void edit(info.id, { title: event.currentTarget.value })} />
+          <input defaultValue={info.title === info.id ? "" : info.title} placeholder={titleOf(info)} maxLength={200} onChange={(event) => void edit(info.id, { title: event.currentTarget.value })} />
         </span>
       </label>
       <label title="Its file in the folder. Links to the recording carry this name.">

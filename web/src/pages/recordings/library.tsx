@@ -278,7 +278,9 @@ function Row({ info, app }: { readonly info: RecordingInfo; readonly app: App })
           {about}
         </small>
       </td>
-      <td class="mid devs">{devices}</td>
+      <td class="mid devs" title={devices}>
+        <span>{devices}</span>
+      </td>
       <td class="num">
         {length(info.duration)}
         <small>{dateWords(info.started)}</small>

@@ -18,6 +18,7 @@ import { type App, folded, overlay, sheet } from "../app";
 import { Bar } from "../bar";
 import { Side } from "../live";
 import { href, route } from "../route";
+import { RowsDialog } from "../rows";
 import { OfflineBand, ProblemBand } from "../states";
 import { listenForKeys } from "./keys";
 import { Markers } from "./markers";
@@ -64,6 +65,7 @@ export function ReplayPage({ replay, app }: { readonly replay: Replay; readonly 
           <Mounted class="largetrack" mount={(host) => mountLargeTrack(host, { ...replay.app, store: replay.drawn })} />
         </Dialog>
       )}
+      <RowsDialog app={replay.app} />
       <RerunPanel />
       <SettingsDialog replay={replay} app={app} />
       <PageOverlays app={app} />

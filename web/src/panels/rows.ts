@@ -1,0 +1,52 @@
+/** All rows of a table that came at one time (satellites, signals), as they stood where it is read. */
+import type { Channel } from "../data/store";
+import { el, every, type Panel } from "../ui/dom";
+import { decimalsOf, number } from "../ui/format";
+import { choiceWords } from "../ui/words";
+import { channelsOf, type Deps, reading, sampleAt } from "./deps";
+
+/** A table's rows are those that share the time of the row at `i`: the first of them, −1 where there is none. */
+export function firstRowAt({ ring }: Pick<Channel, "ring">, i: number): number {
+  if (i < 0) return -1;
+  const arrival = ring.arrival(i);
+  let first = i;
+  while (first > 0 && ring.arrival(first - 1) === arrival) first -= 1;
+  return first;
+}
+
+/** What stands in the cells, row by row. */
+export function cellsOf({ info, ring }: Channel, i: number): readonly (readonly string[])[] {
+  const first = firstRowAt({ ring }, i);
+  if (first < 0) return [];
+  return Array.from({ length: i - first + 1 }, (_, k) =>
+    info.columns.map((column, c) => {
+      const value = ring.value(c, first + k);
+      const choice = column.choices[String(value)];
+      return choice === undefined ? number(value, decimalsOf(column)) : choiceWords(choice);
+    }),
+  );
+}
+
+/** Mounts the table of the channel of that name into `host`. */
+export function mountRows(host: HTMLElement, deps: Deps, name: string): Panel {
+  const body = el("tbody");
+  const head = el("tr");
+  const table = el("table", { class: "rowtable" }, el("thead", {}, head), body);
+  host.append(table);
+  const due = every(2);
+  let known = "";
+  return {
+    update(now) {
+      if (!due(now)) return;
+      const channel = channelsOf(deps).find(({ info }) => info.name === name);
+      if (!channel) return;
+      const titles = channel.info.columns.map(({ label, name: own, unit }) => `${label || own}${unit ? ` ${unit}` : ""}`);
+      if (titles.join("|") !== known) {
+        known = titles.join("|");
+        head.replaceChildren(...titles.map((title) => el("th", { scope: "col" }, title)));
+      }
+      body.replaceChildren(...cellsOf(channel, sampleAt(channel, reading(deps))).map((cells) => el("tr", {}, ...cells.map((text) => el("td", { class: "num" }, text)))));
+    },
+    dispose: () => table.remove(),
+  };
+}
