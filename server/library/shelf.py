@@ -24,12 +24,11 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-import protocols
 from recordings.columns import VERSION, Columns
 from recordings.container import RecordingError
+from server.library.sources import decoding_mark
 
 log = logging.getLogger("imuscope.shelf")
 
@@ -38,15 +37,6 @@ CACHE_BYTES = 20 << 30
 TRIES = 3  # a file may be packed while it is opened: then it is another file
 SPARE_S = 120.0  # a process that was started ahead waits so long
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
-DECODED_BY = (
-    "library/opening",
-    "library/opening_tables",
-    "live/channels",
-    "live/intake",
-    "live/incidents",
-    "live/senders",
-    "live/raws",
-)
 RECORDINGS, CACHE = "recordings", "cache"
 
 
@@ -84,7 +74,7 @@ class Shelf:
 
     def warm(self) -> None:
         """Find out what all stores are named after."""
-        _mark()
+        decoding_mark()
 
     def store_of(self, recording: str) -> Path:
         """The folder in which the columns of a recording are, or would be.
@@ -94,7 +84,7 @@ class Shelf:
         """
         path = self._path_of(recording)
         stamp = path.stat()
-        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, _mark(), self._key_of(recording))
+        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), self._key_of(recording))
         return self._cache / hashlib.sha256(repr(told).encode()).hexdigest()[:24]
 
     def peek(self, recording: str) -> Columns | None:
@@ -250,19 +240,6 @@ async def _process() -> asyncio.subprocess.Process:
         stdout=asyncio.subprocess.PIPE,
         cwd=Path(__file__).parents[2],
     )
-
-
-@cache
-def _mark() -> str:
-    """Names the sources of everything that decides what a store holds."""
-    digest = hashlib.sha256()
-    root = Path(protocols.__file__).parent
-    for source in sorted(root.rglob("*.*")):
-        if source.suffix in (".py", ".txt"):
-            digest.update(source.read_bytes())
-    for name in DECODED_BY:
-        digest.update((Path(__file__).parents[1] / f"{name}.py").read_bytes())
-    return digest.hexdigest()
 
 
 def _sweep(cache: Path, budget: int) -> None:

@@ -1,0 +1,36 @@
+"""The columns of a recording are made anew when, and only when, something that decodes it has changed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from server.library import sources
+from tests.process import ROOT
+
+RUN = """
+import sys
+from server.library import open_aside
+from protocols import registry
+from recordings import importers
+print(*(module for module in sys.modules if module.partition(".")[0] in ("protocols", "recordings", "server")))
+"""
+
+
+def test_all_that_the_decoding_process_imports_names_its_columns() -> None:
+    done = subprocess.run([sys.executable, "-c", RUN], cwd=ROOT, capture_output=True, text=True, check=True)
+    found = set(sources.decoding_sources())
+    for module in done.stdout.split():
+        place = ROOT.joinpath(*module.split("."))
+        there = {place.with_suffix(".py"), place / "__init__.py"} & found
+        assert there or sources.is_simulator(module), module
+
+
+def test_what_was_once_forgotten_counts_and_simulators_do_not() -> None:
+    found = {str(path.relative_to(ROOT)) for path in sources.decoding_sources()}
+    assert found >= {
+        *(f"recordings/{name}.py" for name in ("derived", "tables", "importers", "inertial_logs", "foreign", "fared")),
+        *(f"server/{name}.py" for name in ("codec", "wire", "live/causes", "live/reading", "library/opening")),
+        *("protocols/registry.py", "protocols/xbus/decoder.py", "protocols/isb/timeline.py", "protocols/hostclock.py"),
+    }
+    assert not [name for name in found if name.endswith(("motion.py", "moods.py", "device.py", "measurement.py"))]
