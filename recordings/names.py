@@ -7,8 +7,10 @@ path; a name that is taken gets a number.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from recordings.container import SUFFIX
 
@@ -18,6 +20,19 @@ _LONGEST = 40
 def slug(text: str) -> str:
     """Letters, digits, dash and underscore of a text."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:_LONGEST].strip("-")
+
+
+def device_names(devices: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """What each device is called where names must differ: entities, topics, frames, files. By id.
+
+    Args:
+        devices: with "id" and "name"; the first of a name keeps it, the second is "MTi-630-2" by its id.
+    """
+    names: dict[str, str] = {}
+    for device in devices:
+        name = str(device["name"]) or str(device["id"])
+        names[str(device["id"])] = f"{name}-{device['id']}" if name in names.values() else name
+    return names
 
 
 def free_path(folder: Path, time_s: float, words: str) -> Path:

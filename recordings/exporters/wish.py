@@ -12,6 +12,7 @@ import numpy as np
 
 from recordings.columns import Base, Columns
 from recordings.container import RecordingError
+from recordings.names import device_names
 
 Step = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
 
@@ -66,11 +67,8 @@ class Wish:
         return self.columns.between(channel, self.t0, self.t1, self.base)
 
     def device_name(self, device: str) -> str:
-        """What a device is called; "1" and its name where several have the same."""
-        told = self.columns.manifest["devices"]
-        names = {one["id"]: one["name"] or one["id"] for one in told}
-        name = names.get(device, device)
-        return f"{name} {device}" if list(names.values()).count(name) > 1 else name
+        """What a device is called; the second of a name has its id behind it."""
+        return device_names(self.columns.manifest["devices"]).get(device, device)
 
     @property
     def has_several_devices(self) -> bool:

@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from recordings.names import device_names
+
 Info = Mapping[str, Any]  # a channel as the manifest of a store has it: server/wire.py ChannelInfo
 WORLD, MAP = "world", "map"
 FRAMES = ("ENU", "NED", "NWU")
@@ -83,15 +85,14 @@ def devices_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -
         devices, channels: as a store's manifest has them.
     """
     found: list[Device] = []
-    taken: set[str] = set()
+    names = device_names(devices)
     titles = {str(device["id"]): str(device["name"]) for device in devices}
     for id in dict.fromkeys([*titles, *(str(info["device"]) for info in channels)]):
         own = [info for info in channels if info["device"] == id]
         if not own:
             continue
         title = titles.get(id) or id
-        name = title if title not in taken else f"{title} ({id})"
-        taken.add(name)
+        name = names.get(id, id)
         found.append(Device(id, name, title, _curves(name, own), _attitude(name, own), _position(name, own)))
     return found
 

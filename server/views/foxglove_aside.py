@@ -22,11 +22,13 @@ from http import HTTPStatus
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
 from foxglove import messages
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
+from recordings.names import device_names
 from server.auth import Access, RefusedError
 from server.codec import Samples
 from server.config import Config
@@ -111,6 +113,7 @@ class Bridge:
         self._asked: list[int] = []
         self._log = self._well_known("/events", messages.Log)
         self._next_event = 0
+        self._heights: dict[int, Samples | None] = {}  # of places that come without; None: not heard yet
 
     def serve(self, port: int, porter: Porter) -> None:
         """Begin to listen, and say where."""
@@ -124,7 +127,8 @@ class Bridge:
     def arrange(self) -> None:
         """Advertise what is new, take back what is gone."""
         with self._lock:
-            devices = {one["id"]: one for one in self._told.devices}
+            unique = device_names(self._told.devices)
+            devices = {one["id"]: {**one, "name": unique[one["id"]]} for one in self._told.devices}
             infos = {id: info for id, info in self._told.channels.items() if info["device"] in devices}
             names = {id: str(devices[info["device"]]["name"]) for id, info in infos.items()}
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
@@ -143,6 +147,8 @@ class Bridge:
         topics = self._topics.get(samples.channel)
         if topics is None or samples.n == 0:
             return
+        if samples.channel in self._heights:
+            self._heights[samples.channel] = samples
         server = self._server
         if server.is_wanted(topics.plain):
             for time, body in topics.encoder.messages(samples):
@@ -217,7 +223,7 @@ class Bridge:
             message = messages.FrameTransform(
                 timestamp=_stamp(time),
                 parent_frame_id=WORLD,
-                child_frame_id=look.title,
+                child_frame_id=look.name,
                 translation=messages.Vector3(x=0.0, y=0.0, z=0.0),
                 rotation=messages.Quaternion(x=x, y=y, z=z, w=w),
             )
@@ -230,18 +236,31 @@ class Bridge:
         own = samples.columns[2:]
         lat, lon = own[look.position.columns[0]].tolist(), own[look.position.columns[1]].tolist()
         at = look.position.columns[2]
-        height = own[at].tolist() if at >= 0 else [0.0] * samples.n
+        height = own[at].tolist() if at >= 0 else self._heights_at(look.position.height, samples)
         for time, a, b, c in zip(stamps(samples), lat, lon, height, strict=True):
             if -90 <= a <= 90 and -360 <= b <= 360 and (a or b):
                 message = messages.LocationFix(
-                    timestamp=_stamp(time), frame_id=look.title, latitude=a, longitude=b, altitude=c
+                    timestamp=_stamp(time), frame_id=look.name, latitude=a, longitude=b, altitude=c
                 )
                 self._server.send(topics.fix, time, message.encode())
+
+    def _heights_at(self, channel: int, samples: Samples) -> list[float]:
+        """Heights that come in a channel of their own: of the same moment, else the last ones before; 0 before any."""
+        told = self._heights.get(channel)
+        if told is None:
+            return [0.0] * samples.n
+        at = np.searchsorted(stamps(told), stamps(samples), "right") - 1
+        heights: list[float] = told.columns[2][np.maximum(at, 0)].tolist()
+        return heights
 
     def _subscribe(self) -> None:
         """Ask for what somebody wants, and for nothing else."""
         with self._lock:
-            wanted = sorted(id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all)))
+            asked = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
+            fixes = [topics.look for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
+            heights = {look.position.height for look in fixes if look and look.position and look.position.height}
+            self._heights = {id: self._heights.get(id) for id in heights}
+            wanted = sorted(asked | heights)
             if wanted != self._asked:
                 self._asked = wanted
                 self._told.subscribe(wanted)

@@ -122,13 +122,14 @@ class Look:
         device: which of its channels say what.
         infos: all its channels.
     Attributes:
+        name: what it is called where names must differ.
         q_frame_from_body: attitude in the frame the device speaks, newest or played out; None before there is one.
         gravity: in body axes, in units of g; field: in body axes, any unit.
         place: newest position: metres east, north and up of its first one.
     """
 
     def __init__(self, device: layout.Device, infos: Sequence[Info]) -> None:
-        self.id, self.title = device.id, device.title
+        self.id, self.title, self.name = device.id, device.title, device.name
         self.attitude, self.position = device.attitude, device.position
         self.frame = device.attitude.frame if device.attitude else "ENU"
         self._acceleration = _vector(infos, re.compile("^acceleration", re.I), "m/s²")
