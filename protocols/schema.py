@@ -80,6 +80,7 @@ class Field:
         simple: False for what most people never change: a form shows it one click away.
         read_only: told by the device, never written.
         base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
+        options: texts that a text field is known to take; a device may know others.
         doc, source: one sentence; section of the document.
     """
 
@@ -107,6 +108,7 @@ class Field:
     simple: bool = True
     read_only: bool = False
     base: int = 10
+    options: tuple[str, ...] = ()
     doc: str = ""
     source: str = ""
 

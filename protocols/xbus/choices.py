@@ -131,7 +131,8 @@ def _profile(field: Field, model: Model | None) -> Field:
         labels, headings = LABELS.get(model.number if model else 0, ((), ()))
         known = f" Labels: {', '.join(labels)}." if labels else ""
         known += f" Headings: {', '.join(headings)}." if headings else ""
-        return replace(field, doc=field.doc + known)
+        options = tuple(f"{label}/{heading}" for label in labels for heading in headings) or labels
+        return replace(field, doc=field.doc + known, options=options)
     numbers = profiles_of(model) if model else tuple(FILTER_PROFILES)
     return replace(field, choices={n: FILTER_PROFILES[n] for n in numbers}, default=numbers[0] if numbers else None)
 

@@ -242,7 +242,7 @@ _KEPT: tuple[Kept, ...] = (
     Kept("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
          "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),
     Kept("AlignmentRotation.RotLocal", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
-         "Local frame to the user's", after="measurement", only=_Q, fixed={"parameter": 1}),
+         "Local frame alignment", after="measurement", only=_Q, fixed={"parameter": 1}),
     Kept("LatLonAlt", "ReqLatLonAlt", "SetLatLonAlt", FRAME, "Place, for gravity and declination"),
     Kept("FilterProfile", "ReqFilterProfile", "SetFilterProfile", PROFILE, "Filter profile", FILTER,
          after="measurement", told=("version",)),

@@ -70,6 +70,7 @@ class FieldForm:
     simple: bool = True
     read_only: bool = False
     base: int = 10  # 16: an identifier, shown in hex as on the label
+    options: list[str] = field(default_factory=list)  # texts that a text field is known to take
     doc: str = ""
     source: str = ""
 

@@ -17,6 +17,8 @@ follows from the type:
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -128,6 +130,7 @@ def field_form(field: Field) -> FieldForm:
         simple=field.simple,
         read_only=field.read_only,
         base=field.base,
+        options=list(field.options),
         doc=field.doc,
         source=field.source,
     )
@@ -191,14 +194,23 @@ def _bits(field: Field) -> list[BitsInfo]:
 
 def output_choices(known: Known) -> list[OutputChoice]:
     """What an Xsens output configuration of this product can ask for."""
-    from protocols.xbus.outputs import OUTPUTS, allowed, greatest
+    from protocols.xbus.outputs import OUTPUTS, Output, allowed, greatest
     from protocols.xbus.products import has, model_of
 
     model = model_of(known.product)
+    offered = [output for output in OUTPUTS.values() if has(model, output.on)]
+    titles = Counter(output.field.title or output.name for output in offered)
+
+    def title_of(output: Output) -> str:
+        """Of two with one title the rarer one is told by its name: "Status", "Status byte"."""
+        title = output.field.title or output.name
+        spread = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", output.name).capitalize()
+        return title if titles[title] == 1 or output.simple else spread
+
     return [
         OutputChoice(
             data_identifier=output.identifier,
-            title=output.field.title or output.name,
+            title=title_of(output),
             group=output.group,
             rates=list(allowed(greatest(output, model))),
             formats=list(_PRECISIONS) if output.real else [],
@@ -208,8 +220,7 @@ def output_choices(known: Known) -> list[OutputChoice]:
             simple=output.simple,
             doc=output.field.doc,
         )
-        for output in OUTPUTS.values()
-        if has(model, output.on)
+        for output in offered
     ]
 
 

@@ -16,7 +16,7 @@
       # Output configuration
       OutputConfiguration:
         outputs:
-          - {data_identifier: 8208, output_frequency: 100}  # Quaternion, 100 Hz
+          - {data_identifier: 0x2010, output_frequency: 100}  # Quaternion, 100 Hz
       # Filter profile
       FilterProfile:
         profile: "Responsive/VRU"
@@ -158,17 +158,39 @@ def _record(values: Mapping[str, Any], fields: tuple[Field, ...], indent: str) -
             yield f"{indent}{_key(name)}:"
             for one in value:
                 said = entry_comment(row.fields, one)
-                yield f"{indent}  - {_flow(one)}" + (f"  # {_line(said)}" if said else "")
+                yield f"{indent}  - {_flow(_hexed(row.fields, one))}" + (f"  # {_line(said)}" if said else "")
         elif row is not None and row.fields and isinstance(value, Mapping) and value:
             yield f"{indent}{_key(name)}:"
             yield from _record(value, row.fields, indent + "  ")
         else:
             said = comment(row, value) if row is not None else ""
-            yield f"{indent}{_key(name)}: {_flow(value)}" + (f"  # {_line(said)}" if said else "")
+            shown = _Hex(value) if row is not None and _is_identifier(row) and isinstance(value, int) else value
+            yield f"{indent}{_key(name)}: {_flow(shown)}" + (f"  # {_line(said)}" if said else "")
+
+
+class _Hex(int):
+    """An identifier, written as the documents and labels have it; YAML reads it as the number that it is."""
+
+
+def _is_identifier(field: Field) -> bool:
+    return field.base == 16 or field.name == "data_identifier"
+
+
+def _hexed(fields: tuple[Field, ...], entry: Any) -> Any:
+    """A record of a list with its identifiers in hex."""
+    if not isinstance(entry, Mapping):
+        return entry
+    names = {field.name for field in fields if _is_identifier(field)}
+    return {
+        name: _Hex(part) if name in names and isinstance(part, int) and part >= 0 else part
+        for name, part in entry.items()
+    }
 
 
 def _flow(value: Any) -> str:
     """A value on one line."""
+    if isinstance(value, _Hex) and value >= 0:
+        return f"0x{value:0{4 if value < 1 << 16 else 8}X}"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(str(name))}: {_flow(part)}" for name, part in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -230,7 +230,12 @@ class Hand:
         moved = record.old_baud and record.new_baud and record.new_baud != record.old_baud
         before = f" to {group(record.old_baud)} Bd" if record.old_baud and moved else " to what was before"
         record.deadline = desk.hub.now() + record.seconds
-        await self._stand("asking", f"The device answers{rate}. If you say nothing, it goes back{before}.")
+        words = f"The device answers{rate}. If you say nothing, it goes back{before}."
+        if record.new_baud in (None, record.old_baud):
+            rows = desk.rows
+            titles = ", ".join(rows[name].title or name if name in rows else name for name in record.new)
+            words = f"The device answers with the new settings ({titles}). If you say nothing, the old ones come back."
+        await self._stand("asking", words)
         desk.session.hush(False)
         self._tell("Keep these settings?")
         try:

@@ -12,7 +12,8 @@ from protocols.dialogues import Known
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
-from server.control.forms_of import field_form, forms_of
+from protocols.xbus.dialogues import XbusDriver
+from server.control.forms_of import field_form, forms_of, output_choices
 from server.control.preview import Line, Present, fit, preview_command, preview_setting
 from server.control.values import numbers, words
 from tests.server.desk import outputs
@@ -122,3 +123,21 @@ def test_values_have_words() -> None:
     assert words(Field("a", ">f4", (3,), unit="m"), [0.0, 0.5, 1.0]) == "0, 0.5, 1 m"
     assert words(Field("a", ">f4", unit="°", scale=2.0, decimals=1), 1.5) == "3.0 °"
     assert words(Field("a", ">f4"), {"f32": "7fc00000"}) == "f32 7fc00000"
+
+
+def test_no_two_outputs_have_one_title() -> None:
+    """Two rows were called "Status"; which was which only their identifiers told."""
+    for product in ("MTi-3", "MTi-300", "MTi-G-710", "MTi-630", "MTi-680G"):
+        titles = [choice.title for choice in output_choices(Known(product=product))]
+        assert len(set(titles)) == len(titles), product
+        assert "Status" in titles
+
+
+def test_the_ports_of_an_mti_have_names_and_profiles_have_options() -> None:
+    """Ports could be removed and put in another order; a filter profile had to be typed."""
+    forms = {form.name: form for form in forms_of(XbusDriver(), "xbus", Known(product="MTi-630")).settings}
+    words = forms["PortConfig"].fields[0]
+    assert (words.editor, words.length, words.axes) == ("list", 3, ["RS-232", "UART", "RTCM input"])
+    assert "Responsive/NorthReference" in forms["FilterProfile"].fields[0].options
+    rates = {one.name: one.choices for one in forms["CanConfig"].fields[0].bits}["Baud"]
+    assert rates["12"] == "1 Mbit/s"

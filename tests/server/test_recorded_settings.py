@@ -46,7 +46,7 @@ def test_a_data_set_is_told_field_by_field_with_units_and_choices() -> None:
     assert "4 ms" in found["DID_FLASH_CONFIG"].values()
     assert "52.00000000 °, 6.00000000 °, 30.00000000 m" in found["DID_FLASH_CONFIG"].values()
     assert "7" in found["DID_FLASH_CONFIG"].values()  # a field that the table has not got
-    assert list(found["DID_BIT"].values()) == ["FULL_STATIONARY"]
+    assert list(found["DID_BIT"].values()) == ["Full stationary"]
 
 
 @pytest.mark.parametrize(

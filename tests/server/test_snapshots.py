@@ -56,7 +56,7 @@ def test_a_person_can_read_it() -> None:
         ROWS,
     )
     assert "# Settings of MTi-630, serial number 00800001" in text
-    assert "      - {data_identifier: 8208, output_frequency: 100}  # Quaternion, 100 Hz" in text
+    assert "      - {data_identifier: 0x2010, output_frequency: 100}  # Quaternion, 100 Hz" in text
     assert "    frequency: 50  # Hz" in text
     assert 'missing:\n  CanConfig: "message unknown"' in text
 

@@ -1,7 +1,7 @@
 /** A field of a form: its name and meaning, its input, its range, what it was. Records and lists are drawn from the fields inside them. */
 import { words as named } from "../ui/words";
 import { wasAt } from "./edits";
-import { BoolInput, ChoiceInput, FlagsInput, type InputProps, NumberInput, TextInput, VectorInput } from "./inputs";
+import { BoolInput, ChoiceInput, FlagsInput, type InputProps, NumberInput, OptionInput, TextInput, VectorInput } from "./inputs";
 import { ListInput } from "./list";
 import { idOf, problemAt, type Sheet } from "./sheet";
 import type { FieldForm } from "./types";
@@ -82,6 +82,8 @@ export function titleOf(field: FieldForm): string {
 /** The input of a field, without its words. */
 export function Editor(props: InputProps) {
   const { sheet, field, path } = props;
+  const options = sheet.options[joined(path)];
+  if (options !== undefined) return <OptionInput {...props} options={options} />;
   switch (field.editor) {
     case "choice":
       return <ChoiceInput {...props} />;

@@ -4,7 +4,7 @@ import type { CommandForm, FieldForm, Forms, SettingForm } from "./types";
 export function field(part: Partial<FieldForm> = {}): FieldForm {
   return {
     name: "value", title: "Value", editor: "number", unit: "", scale: 1, bias: 0, low: null, high: null, step: null, default: null,
-    decimals: -1, length: 0, most: 0, axes: [], choices: {}, bits: [], fields: [], simple: true, read_only: false, base: 10, doc: "", source: "",
+    decimals: -1, length: 0, most: 0, axes: [], choices: {}, bits: [], fields: [], simple: true, read_only: false, base: 10, options: [], doc: "", source: "",
     ...part,
   };
 }

@@ -107,6 +107,25 @@ export function ChoiceInput({ sheet, field, path, label, describedBy }: InputPro
   );
 }
 
+/** One text of several. */
+export function OptionInput({ sheet, field, path, label, describedBy, options }: InputProps & { readonly options: readonly string[] }) {
+  const value = at(sheet.values, path);
+  const now = typeof value === "string" ? value : "";
+  return (
+    <span class="select">
+      <select id={idOf(sheet, path)} value={now} disabled={locked(sheet, field)} aria-describedby={describedBy} {...labelled(label)} onChange={(event) => sheet.set(path, event.currentTarget.value)}>
+        {!options.includes(now) && <option value={now}>{now || "not read"}</option>}
+        {options.map((option) => (
+          <option key={option} value={option}>
+            {option.replaceAll("/", " / ")}
+          </option>
+        ))}
+      </select>
+      <Icon name="down" />
+    </span>
+  );
+}
+
 /** Choices that are rates by their number; others as the table has them (a JSON object sorts small numbers first). */
 function inOrder(choices: Readonly<Record<string, string>>): readonly (readonly [string, string])[] {
   const amount = (words: string): number => Number(/^([\d\s\u2009]+)Bd$/.exec(words)?.[1]?.replace(/\D/g, "") ?? NaN);

@@ -1,5 +1,6 @@
 /** A list to fill in: entries that can be added, removed and put in another order; each a record, a word of flags, or a number. */
 import { Icon } from "../ui/icons";
+import { wasAt } from "./edits";
 import { Editor, Fields } from "./field";
 import type { InputProps } from "./inputs";
 import type { Sheet } from "./sheet";
@@ -23,7 +24,7 @@ export function ListInput({ sheet, field, path }: InputProps) {
       {entries.length === 0 && <p class="dim">No entry.</p>}
       <ol>
         {entries.map((entry, place) => (
-          <li key={place}>
+          <li key={place} class={wasAt(sheet.before, sheet.values, [...path, place]) === undefined ? "" : "ch"}>
             <details open={entries.length <= OPEN_UP_TO}>
               <summary>
                 <b>{field.axes[place] ?? place + 1}</b>

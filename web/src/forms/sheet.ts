@@ -17,6 +17,8 @@ export interface Sheet {
   readonly wrong: (path: Path, why: string | undefined) => void;
   /** The row under the pointer or the focus; "" when it leaves. */
   readonly hover: (path: string) => void;
+  /** Texts to choose from, by path, where the device or its product is known to take these. */
+  readonly options: Readonly<Record<string, readonly string[]>>;
   /** What a search or a link asked for, shown also where it is not simple: the name of a field, the number of a table's row; "" for nothing. */
   readonly sought: string;
   /** Another number: edits were discarded, and what was typed is forgotten with them. */

@@ -11,7 +11,7 @@ const wordAs = (what: number) => syncFields(fields, { function: what })[1]!;
 it("shows a negative offset as one, and writes it back", () => {
   let written: unknown;
   const sheet: Sheet = {
-    id: "s", values: { settings: [{ function: 14, [WORD]: 65_526 }] }, before: undefined, problems: [], readOnly: false, all: true, sought: "", epoch: 0,
+    id: "s", values: { settings: [{ function: 14, [WORD]: 65_526 }] }, before: undefined, problems: [], readOnly: false, all: true, options: {}, sought: "", epoch: 0,
     set: (_, value) => (written = value), wrong: () => undefined, hover: () => undefined,
   };
   const signed = signedSheet(sheet, ["settings", 0]);

@@ -39,6 +39,8 @@ export interface FieldForm {
   readonly read_only: boolean;
   /** 16: an identifier, shown in hex as on the label */
   readonly base: number;
+  /** texts that a text field is known to take */
+  readonly options: readonly string[];
   readonly doc: string;
   readonly source: string;
 }

@@ -30,6 +30,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     set: (path: Path, value: unknown) => model.fill(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(key, path, why),
     hover: (path: string) => (model.hot.value = path),
+    options: {},
     sought: here.value.place === form.name ? (here.value.more ?? "") : "",
     epoch: 0,
   };

@@ -192,7 +192,7 @@ function Title({ model, place }: { readonly model: Model; readonly place: Place 
 
 function ReadAgain({ model }: { readonly model: Model }) {
   return (
-    <button type="button" class="btn desk" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => readAll(model)}>
+    <button type="button" class="btn" disabled={viewOnly.value || Boolean(model.control.value?.running)} title="Ask the device for all of its settings" onClick={() => readAll(model)}>
       Read again
     </button>
   );

@@ -5,6 +5,7 @@ import { BytesView } from "../../forms/bytes-view";
 import { changesOf, touches } from "../../forms/edits";
 import { Fields } from "../../forms/field";
 import { OutputsTable } from "../../forms/outputs-table";
+import { optionsOf } from "../../forms/options";
 import type { Sheet } from "../../forms/sheet";
 import { StreamsTable } from "../../forms/streams-table";
 import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
@@ -97,6 +98,7 @@ export function sheetOf(model: Model, form: SettingForm): Sheet {
     set: (path: Path, value: unknown) => model.edit(form, path, value),
     wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
     hover: (path: string) => (model.hot.value = path),
+    options: optionsOf(form, model.present.value),
     sought: here.value.place === form.name ? (here.value.more ?? "") : "",
     epoch: model.epochs.value[form.name] ?? 0,
   };

@@ -1,0 +1,19 @@
+import { expect, it } from "vitest";
+import { field, setting } from "./fixtures";
+import { optionsOf } from "./options";
+
+const form = setting({
+  name: "FilterProfile",
+  fields: [field({ name: "profile", editor: "text", options: ["Responsive/VRU", "Responsive/NorthReference", "Robust/VRU"] })],
+});
+
+it("offers the profiles that the device lists", () => {
+  const profiles = ["Responsive ", "VRU", "Mine"].map((label, k) => ({ type: k + 1, version: 1, label }));
+  const present = { AvailableFilterProfiles: { profiles: [...profiles, { type: 0, version: 0, label: "Robust" }] } };
+  expect(optionsOf(form, present)).toEqual({ profile: ["Responsive/VRU", "Mine"] });
+});
+
+it("offers what the product is known to have while the device was not asked, and nothing where any text will do", () => {
+  expect(optionsOf(form, {}).profile).toHaveLength(3);
+  expect(optionsOf(setting({ fields: [field({ name: "label", editor: "text" })] }), {})).toEqual({});
+});
