@@ -38,6 +38,7 @@ from protocols.xbus.frames import build
 from protocols.xbus.identity import identity as xbus_identity
 from protocols.xbus.likeness import likeness as xbus_likeness
 from protocols.xbus.listing import XbusListing
+from protocols.xbus.products import absent as xbus_absent
 
 
 class Listing(Protocol):
@@ -71,6 +72,7 @@ class ProtocolInfo:
         utc: UTC of each sample of a batch as far as the device says it, ns since the Unix epoch (UNKNOWN of dates.py
             where it does not); None where it does not at all.
         dated: when a log began, by what stands at its head.
+        absent: flags of its status words, by name, which a product does not have.
     """
 
     name: str
@@ -88,6 +90,7 @@ class ProtocolInfo:
     driver: Driver | None = None
     utc: Callable[[Batch], Ints | None] = lambda batch: None
     dated: Callable[[Reply], int | None] = lambda reply: None
+    absent: Callable[[str], tuple[str, ...]] = lambda product: ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +116,7 @@ PROTOCOLS: dict[str, ProtocolInfo] = {
             driver=XbusDriver(),
             utc=xbus_utc,
             dated=xbus_dated,
+            absent=xbus_absent,
         ),
         ProtocolInfo(
             "isb",

@@ -84,6 +84,20 @@ def model_of(product: str) -> Model | None:
     return MODELS.get(int(found[1])) if found else None
 
 
+def absent(product: str) -> tuple[str, ...]:
+    """Flags of the status word that a product does not have: they would look like a fault for ever (table 27)."""
+    model = model_of(product)
+    if model is None or model.kind == "RTK":
+        return ()
+    without_rtk = ("RtkStatus",)
+    if model.kind == "GNSS":
+        return without_rtk
+    without_gnss = ("GnssFix", "FilterMode", *without_rtk)
+    if model.kind != "IMU":
+        return without_gnss
+    return ("FilterValid", "NoRotationUpdateStatus", "RepresentativeMotion", "FilterInputStart", *without_gnss)
+
+
 def has(model: Model | None, on: frozenset[int]) -> bool:
     """Does this product have what is marked with `on`? An unknown one may have anything."""
     return model is None or model.number in on

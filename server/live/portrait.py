@@ -29,7 +29,7 @@ class Portrait:
     """
 
     def __init__(self, hub: Hub, info: wire.DeviceInfo, title: Callable[[str], str]) -> None:
-        self.info = info
+        self.info = info = replace(info, absent=_absent(info))
         self._hub = hub
         self._title = title
         hub.set_device(info)
@@ -37,6 +37,8 @@ class Portrait:
     def set(self, **changes: object) -> None:
         """Change fields of `info`; told only when that makes a difference."""
         new = replace(self.info, **changes)  # type: ignore[arg-type]
+        if (new.protocol, new.product) != (self.info.protocol, self.info.product):
+            new = replace(new, absent=_absent(new))
         if new != self.info:
             self.info = new
             self._hub.set_device(new)
@@ -113,3 +115,13 @@ def short(source: str) -> str:
     bare = source.partition("?")[0].rstrip("/")
     device = re.search("(?:^|//)/dev/(.+)", bare)
     return (device[1] if device else bare.rsplit("/", 1)[-1]) or source
+
+
+def _absent(info: wire.DeviceInfo) -> list[str]:
+    """Flags of its status words that this product does not have."""
+    if not info.protocol or not info.product:
+        return []
+    from protocols.registry import PROTOCOLS  # when it is first of use: it loads what is compiled
+
+    row = PROTOCOLS.get(info.protocol)
+    return list(row.absent(info.product)) if row is not None else []

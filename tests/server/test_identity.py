@@ -5,10 +5,14 @@ from __future__ import annotations
 import pytest
 
 from protocols.events import Reply
+from protocols.xbus.codes import STATUS_BITS
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
 from protocols.xbus.identity import identity as xbus_identity
+from server.live.hub import Hub
 from server.live.intake import Identity
+from server.live.portrait import Portrait
+from server.wire import DeviceInfo
 
 
 def said_by(product: str) -> list[Reply]:
@@ -31,3 +35,24 @@ def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
     identity = Identity(xbus_identity)
     identity.learn(silent)
     assert identity.product == "MTi-600 series"
+
+
+@pytest.mark.parametrize(
+    ("product", "absent", "present"),
+    [
+        ("MTi-610-8A1G6", {"FilterValid", "FilterMode", "RtkStatus", "NoRotationUpdateStatus"}, {"Selftest"}),
+        ("MTi-630-8A1G6", {"GnssFix", "FilterMode", "RtkStatus"}, {"FilterValid", "NoRotationUpdateStatus"}),
+        ("MTi-670-8A1G6", {"RtkStatus"}, {"FilterValid", "FilterMode"}),
+        ("MTi-680G-8A1G6", set(), {"RtkStatus", "FilterValid"}),
+        ("", set(), {"FilterValid"}),
+    ],
+)
+def test_a_product_is_not_faulted_for_a_filter_that_it_does_not_have(
+    product: str, absent: set[str], present: set[str]
+) -> None:
+    """An IMU showed a permanent red "Filter valid: not set"."""
+    portrait = Portrait(Hub(lambda: 0.0), DeviceInfo("1", "d", "test", "file", "live", protocol="xbus"), str)
+    portrait.set(product=product)
+    assert absent <= set(portrait.info.absent)
+    assert not present & set(portrait.info.absent)
+    assert set(portrait.info.absent) <= {bits.name for bits in STATUS_BITS}

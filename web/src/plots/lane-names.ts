@@ -36,8 +36,8 @@ export class LaneNames {
   }
 
   /** Take on the lanes that are of interest now; true when their number changed. */
-  choose(channels: readonly Channel[]): boolean {
-    const found = lanesOf(channels);
+  choose(channels: readonly Channel[], absent: readonly string[] = []): boolean {
+    const found = lanesOf(channels, absent);
     const first = firstLanes(found);
     const next = inPlace(this.lanes, this.#all ? found : first);
     const room = roomFor(channels, next);

@@ -60,8 +60,8 @@ function rankOf({ everSet, alwaysSet }: OrAnd, bits: BitsInfo): number | undefin
   return changed ? 4 : 5;
 }
 
-/** The lanes of a device's channels that are of interest, faults first; what two messages say alike stands once. */
-export function lanesOf(channels: readonly Channel[]): Lane[] {
+/** The lanes of a device's channels that are of interest, faults first; what two messages say alike stands once. A product has no lane for a flag that is `absent` in it. */
+export function lanesOf(channels: readonly Channel[], absent: readonly string[] = []): Lane[] {
   const status = channels.filter(({ info }) => info.kind === "status");
   const found = new Map<string, Lane>();
   for (const channel of status) {
@@ -70,7 +70,7 @@ export function lanesOf(channels: readonly Channel[]): Lane[] {
       const pyramid = ring.pyramids[column];
       if (!(pyramid instanceof OrAnd) || ring.length === 0) return;
       for (const bits of groups) {
-        const rank = bits.low > 31 ? undefined : rankOf(pyramid, bits);
+        const rank = bits.low > 31 || absent.includes(bits.name) ? undefined : rankOf(pyramid, bits);
         // The same word of a device comes in several messages; a "Status" is that of each part (GPS1, GPS2, IMU).
         const said = info.title === "Status" ? `${info.title} ${info.group.split(" ")[0]}` : info.title;
         const same = `${said}.${bits.name}`;

@@ -185,6 +185,12 @@ describe("lanes", () => {
     expect(names([2, 2 | (1 << 10)])).toEqual(["Filter valid", "Clip acc Z", "RTK status", "No rotation update"]);
   });
 
+  it("are not there for what a product does not have: an IMU has no filter", () => {
+    const names = (absent: readonly string[]): string[] => lanesOf([filled([0, 0])], absent).map(({ name }) => name);
+    expect(names([])).toContain("Filter valid");
+    expect(names(["FilterValid"])).not.toContain("Filter valid");
+  });
+
   it("keep a flag of one sample at any zoom, and draw nothing after the newest sample", () => {
     const rows = Array.from({ length: 4000 }, (_, k) => 2 | (k === 1234 ? 1 << 10 : 0));
     const { ring } = filled(rows);

@@ -278,7 +278,8 @@ class Stack {
 
   /** Twice a second: which lanes there are, what screen readers are told. */
   #slowly(): void {
-    if (this.#names.choose(this.#channels)) this.#layoutDue = true;
+    const absent = this.#store.devices.peek().find(({ id }) => id === this.#channels[0]?.info.device)?.absent;
+    if (this.#names.choose(this.#channels, absent)) this.#layoutDue = true;
     const reading = cursorTime();
     const { span, live } = view.peek();
     const where = live ? `last ${span} s` : `${span} s until ${clock(view.peek().end)} UTC`;
