@@ -26,8 +26,8 @@ from functools import lru_cache
 
 from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
 from protocols.isb.manual import noted
-from protocols.isb.messages import COMMANDS, ROWS, SET_PREFIX, places
-from protocols.isb.streams import PRESETS, STREAMS
+from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX, places
+from protocols.isb.streams import GPX_PRESETS, OF_GPX, PRESETS, STREAMS
 from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, as_written
 from protocols.labels import spoken
 from protocols.schema import Bits, Caution, Command, Field, Setting
@@ -189,12 +189,25 @@ STREAM_FIELDS = (
     ),
 )
 
+GPX_STREAM_FIELDS = (
+    replace(
+        STREAM_FIELDS[0],
+        most=len(OF_GPX),
+        fields=(
+            _select("did", "Data set.", {did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
+            *STREAM_FIELDS[0].fields[1:],
+        ),
+    ),
+    STREAM_FIELDS[1],
+)
+
 ASCE_FIELDS = (
     Field(
         "options",
         "<u4",
+        bits=TABLES.words["RMC_OPTIONS"],
         default=0,
-        doc="0 this port, 1 ser0, 2 ser1, 4 ser2, 8 USB, added up; 512 keeps it over a restart.",
+        doc="Ports that are meant (none: this one), and whether the sentences are kept over a restart.",
     ),
     Field(
         "messages",
@@ -318,22 +331,25 @@ def _does(name: str) -> str:
 
 
 def _presets() -> list[Command]:
-    options = replace(next(field for field in fields_of(RMC) if field.name == "options"), default=0)
+    def options(did: int) -> Field:
+        return replace(next(field for field in fields_of(did) if field.name == "options"), default=0)
+
     return [
         Command(
-            f"DID_RMC.{name}",
-            (options,),
+            f"{head}.{name}",
+            (options(BY_NAME[head].id),),
             "do",
             G_STREAMS,
             "ACK",
             caution="stops-output",
             consequence="These streams take the place of those of this port.",
-            simple=name in ("INS", "IMX_PPD"),
+            simple=name in ("INS", "IMX_PPD", "GPX_IMX"),
             title=f"Streams: {name.replace('_', ' ')}",
             doc="A preset of the maker.",
             source=SOURCE,
         )
-        for name in PRESETS
+        for head, presets in (("DID_RMC", PRESETS), ("DID_GPX_RMC", GPX_PRESETS))
+        for name in presets
     ]
 
 

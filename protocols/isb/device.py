@@ -53,7 +53,7 @@ from protocols.isb.memory import Memory, factory
 from protocols.isb.streams import BY_BIT, dids_of
 from protocols.stream import Stream
 
-PRODUCTS = ("IMX-5",)
+PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
 IMU_SOURCES = ("nav", "imu")
 FIRMWARE = (2, 7, 1, 0)
 DEV_INFO, SYS_CMD, RMC, SYS_PARAMS = 1, 7, 9, 10

@@ -21,6 +21,7 @@ Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and co
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from protocols.dialogues import (
@@ -45,6 +46,7 @@ from protocols.isb import spans as annotated
 from protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
+    GPX_STREAM_FIELDS,
     NMEA_PERIODS,
     PERSISTENT,
     SAVE_FLASH,
@@ -177,12 +179,16 @@ class IsbDriver:
     # -- tables --------------------------------------------------------------------------------------------------------
 
     def commands(self, known: Known) -> Sequence[Command]:
-        return list(COMMAND_ROWS.values())
+        if not _is_gpx(known):
+            return list(COMMAND_ROWS.values())
+        return [row for name, row in COMMAND_ROWS.items() if not name.startswith("DID_RMC.")]
 
     def settings(self, known: Known) -> Sequence[Setting]:
-        gpx = known.product.startswith("GPX")
         rows = settings_of(version_of(known)).values()
-        return [row for row in rows if not (gpx and (row.name == "DID_FLASH_CONFIG" or "EVB" in row.name))]
+        if not _is_gpx(known):
+            return list(rows)
+        there = [row for row in rows if row.name != "DID_FLASH_CONFIG" and "EVB" not in row.name]
+        return [_streams_of_gpx(row) if row.name == STREAMS_SETTING else row for row in there]
 
     # -- frames --------------------------------------------------------------------------------------------------------
 
@@ -245,7 +251,8 @@ class IsbDriver:
             return {}
 
         def match(event: Event) -> Values | None:
-            if isinstance(event, Text) and event.protocol == "nmea" and event.name == reply:
+            # firmware 2.7.1 answers ASCE with ASCE, as its source has it; the manual says ASCB
+            if isinstance(event, Text) and event.protocol == "nmea" and event.name in (reply, name):
                 return {"line": event.line, **event.fields}
             return None
 
@@ -261,13 +268,13 @@ class IsbDriver:
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         if setting == STREAMS_SETTING:
-            return (yield from listening.streams(lambda did: ask(did)))
+            return (yield from listening.streams(lambda did: ask(did), gpx=_is_gpx(known)))
         values = yield from ask(did_of(setting))
         return _trimmed(setting, values)
 
     def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
         if setting == STREAMS_SETTING:
-            return (yield from self._write_streams(values))
+            return (yield from self._write_streams(values, gpx=_is_gpx(known)))
         try:
             if did_of(setting) == NMEA_PERIODS:
                 values = yield from self._with_ended(values)
@@ -287,10 +294,10 @@ class IsbDriver:
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
-    def _write_streams(self, values: Values) -> Dialogue[Written]:
+    def _write_streams(self, values: Values, *, gpx: bool) -> Dialogue[Written]:
         """End what is not wanted, begin and change what is; look; once more what is not so."""
         chosen(values)
-        got = yield from listening.streams(lambda did: ask(did))
+        got = yield from listening.streams(lambda did: ask(did), gpx=gpx)
         asked: dict[int, int] = {}
         refused = ""
         for _ in range(TRIES if "streams" in values else 0):
@@ -305,7 +312,7 @@ class IsbDriver:
                 asked[row["did"]] = row.get("period", 1)
                 if not (yield from self._stream(row["did"], asked[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
-            got = yield from listening.streams(lambda did: ask(did), also=asked, asked=asked)
+            got = yield from listening.streams(lambda did: ask(did), also=asked, asked=asked, gpx=gpx)
         if kept(values) and not refused:
             try:
                 yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
@@ -390,6 +397,15 @@ class IsbDriver:
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
         return differences(setting, a, b)
+
+
+def _is_gpx(known: Known) -> bool:
+    return known.product.startswith("GPX")
+
+
+def _streams_of_gpx(row: Setting) -> Setting:
+    """The streams of a GPX: what it can send, as DID_GPX_RMC tells."""
+    return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
 
 
 def _as_dict(known: Known) -> dict[str, Any]:

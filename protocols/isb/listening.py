@@ -42,7 +42,7 @@ LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
 CLOSE = 0.04  # a share: so near a multiple is one
 NOTHING: Mapping[int, int] = {}
 ENOUGH = 3  # samples from which a period is sure
-GPX_FLASH = 121
+GPX_FLASH, GPX_RMC = 121, 126
 
 # -- an event as wire values -------------------------------------------------------------------------------------------
 
@@ -169,7 +169,12 @@ def sources_of(params: Values, flash: Values) -> dict[str, float]:
 
 
 def streams(
-    ask: Ask, *, quick: bool = False, also: Iterable[int] = (), asked: Mapping[int, int] = NOTHING
+    ask: Ask,
+    *,
+    quick: bool = False,
+    also: Iterable[int] = (),
+    asked: Mapping[int, int] = NOTHING,
+    gpx: bool = False,
 ) -> Dialogue[Values]:
     """The value of the setting `streams`.
 
@@ -178,11 +183,14 @@ def streams(
         quick: which there are is enough; their periods may stay unknown.
         also: data sets without a bit that are listened for too.
         asked: multiples that the device has just been asked for: what is measured is the source's period then.
+        gpx: it is a GPX, whose streams are named by DID_GPX_RMC.
     """
-    rmc = yield from ask(RMC)
-    listed = dids_of(rmc.get("bits", 0))
+    rmc = yield from ask(GPX_RMC if gpx else RMC)
+    listed = dids_of(rmc.get("bits", 0), gpx=gpx)
     sources = dict(DEFAULT_MS)
-    if not quick:
+    if gpx and not quick:
+        sources = sources_of({}, (yield from _maybe(ask, GPX_FLASH)))
+    elif not quick:
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))

@@ -107,7 +107,7 @@ def _dtype(did: int) -> np.dtype[Any]:
     return np.dtype({"names": names, "formats": forms, "offsets": offsets, "itemsize": struct.size})
 
 
-DTYPES = {did: _dtype(did) for did in (*SOURCES, 1, 10, 12)}
+DTYPES = {did: _dtype(did) for did in (*SOURCES, 1, 10, 12, 121, 123)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ _GROUPS = (
     ("System", (10, 11, 75, 68, 72, 119, 37, 38, 123, 127)),
 )
 _USUAL = (4, 5, 65, 66, 58, 3, 52, 53, 13, 30, 15, 10)
-REPLIES_THAT_STREAM = (120, 125, 126)  # DID_RMC has bits for them
+REPLIES_THAT_STREAM = (17, 18, 120, 121, 125, 126)  # DID_RMC or DID_GPX_RMC has bits for them
 ONE_PERIOD = (3,)  # DID_PIMU comes at startupNavDtMs and "cannot be output at any other rate"
 
 PRESETS: Mapping[str, int] = {
@@ -143,9 +143,20 @@ def _streams() -> Mapping[int, Stream]:
 
 STREAMS = _streams()
 """By data set, in the order in which they are listed."""
+SETS_BY_NAME = {row.name: did for did, row in SETS.items()}
 BY_BIT = {row.rmc_bit: row.did for row in STREAMS.values() if row.rmc_bit >= 0}
 
 
-def dids_of(bits: int) -> list[int]:
-    """The data sets that a word of DID_RMC switches on; bits that belong to none (the preset's mark) name none."""
-    return [did for bit, did in sorted(BY_BIT.items()) if bits >> bit & 1]
+BY_GPX_BIT = {
+    bits.low: SETS_BY_NAME[_GPX_NAMES.get(bits.name, f"DID_{bits.name}")]
+    for bits in TABLES.words["GRMC_BITS"]
+    if bits.name != "PRESET"
+}
+"""Bit of DID_GPX_RMC → data set."""
+OF_GPX = frozenset(BY_GPX_BIT.values()) | {did for did in STREAMS if did in range(120, 128)}
+"""What a GPX can stream."""
+
+
+def dids_of(bits: int, *, gpx: bool = False) -> list[int]:
+    """The data sets that a word of DID_RMC switches on (of DID_GPX_RMC: `gpx`); bits that belong to none name none."""
+    return [did for bit, did in sorted((BY_GPX_BIT if gpx else BY_BIT).items()) if bits >> bit & 1]

@@ -36,12 +36,13 @@ from protocols.isb.compare import same_pace
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
 from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.plain import packet_of
-from protocols.isb.streams import PRESETS
+from protocols.isb.streams import GPX_PRESETS, PRESETS
 from protocols.isb.tables import CURRENT, SETS
 from protocols.layouts import EncodeError, pack
 from protocols.schema import Field
 
 Values = Mapping[str, Any]
+GPX_RMC = 126
 NMEA_NAMES = ("ASCE", "INFO", "PERS", "SRST", "STPB", "STPC")
 MAG_CAL_STATES = {"MULTI_AXIS": 1, "SINGLE_AXIS": 2, "ABORT": 101}
 NMEA_MESSAGES_KEPT = 20  # pairs of DID_NMEA_BCAST_PERIOD
@@ -80,6 +81,10 @@ def frame(command: str, values: Values, version: str = CURRENT) -> bytes:
     if head == "DID_RMC" and tail:
         _only(values, ("options",))
         return frames.set_data(RMC, struct.pack("<QI", PRESETS[tail], _whole("options", values.get("options", 0))))
+    if head == "DID_GPX_RMC" and tail:
+        _only(values, ("options",))
+        options = _whole("options", values.get("options", 0))
+        return frames.set_data(GPX_RMC, struct.pack("<QI", GPX_PRESETS[tail], options))
     if head == "DID_MAG_CAL" and tail:
         _none(name, values)
         return frames.set_data(BY_NAME[head].id, struct.pack("<I", MAG_CAL_STATES[tail]))

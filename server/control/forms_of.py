@@ -57,7 +57,7 @@ def forms_of(
         settings=[setting_form(setting) for setting in settings],
         commands=[command_form(command) for command in commands],
         outputs=output_choices(known) if "outputs" in editors else [],
-        streams=stream_choices(values) if "streams" in editors else [],
+        streams=stream_choices(known, values) if "streams" in editors else [],
         corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
         note=note,
     )
@@ -224,13 +224,14 @@ def output_choices(known: Known) -> list[OutputChoice]:
     ]
 
 
-def stream_choices(values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
+def stream_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
     """What an Inertial Sense device can stream."""
     from protocols.isb.load import periods_ms
-    from protocols.isb.streams import STREAMS
+    from protocols.isb.streams import BY_GPX_BIT, OF_GPX, STREAMS
 
     periods = periods_ms(values)
-
+    gpx = known.product.startswith("GPX")
+    gpx_bits = {did: bit for bit, did in BY_GPX_BIT.items()}
     return [
         StreamChoice(
             did=stream.did,
@@ -238,11 +239,12 @@ def stream_choices(values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]
             title=stream.title,
             group=stream.group,
             size=-1 if stream.counted else stream.size,
-            rmc_bit=stream.rmc_bit,
+            rmc_bit=gpx_bits.get(stream.did, -1) if gpx else stream.rmc_bit,
             source_ms=periods[stream.did],
             simple=stream.simple,
         )
         for stream in STREAMS.values()
+        if not gpx or stream.did in OF_GPX
     ]
 
 

@@ -97,7 +97,7 @@ def _mti() -> tuple[str, ...]:
 
 FAMILIES: Mapping[str, Family] = {
     "xbus": Family(_mti, 88, options=("product", *MOODS)),
-    "isb": Family(lambda: ("IMX-5",), 132, 8_000, 921_600, ("product", "imu_source")),
+    "isb": Family(lambda: ("IMX-5", "GPX-1"), 132, 8_000, 921_600, ("product", "imu_source")),
     "idtp": Family(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
 }
 SECURE_BYTES = 56
@@ -197,6 +197,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
     """
     from protocols.idtp.device import IdtpDevice
     from protocols.isb.device import IsbDevice
+    from protocols.isb.gpx import GpxDevice
     from protocols.xbus.device import XbusDevice
 
     jump = (options.jump_s, JUMP_S) if options.jump_s else None
@@ -214,7 +215,8 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             tick_ns=CLOCKS[options.clock],
         )
     if options.protocol == "isb":
-        return IsbDevice(
+        made = GpxDevice if options.product.startswith("GPX") else IsbDevice
+        return made(
             product=options.product,
             rate=options.rate,
             seed=seed,

@@ -1,0 +1,95 @@
+"""A GPX has streams, bits, presets and a configuration of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known, RefusedError
+from protocols.isb.commands import COMMAND_ROWS
+from protocols.isb.dialogues import IsbDriver
+from protocols.isb.gpx import GpxDevice
+from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
+from protocols.isb.tables import SETS
+from server.control.forms_of import forms_of
+from server.links.twin import FAMILIES
+from tests.dialogues import Wire, play
+
+DRIVER = IsbDriver()
+KNOWN = Known(product="GPX-1.0.3", firmware="2.7.1", baud=921_600)
+
+
+def wire(**options: Any) -> Wire:
+    there = Wire(GpxDevice(**options), "isb", step_ns=5_000_000)
+    there.pass_time(5)
+    return there
+
+
+def streams(there: Wire) -> dict[int, int]:
+    """Data set → period."""
+    return {one["did"]: one["period"] for one in play(DRIVER.read("streams", KNOWN), there)["streams"]}
+
+
+def test_it_is_a_gpx() -> None:
+    assert play(DRIVER.identify(Known(baud=921_600)), wire()).product == "GPX-1.0.3"
+    assert "GPX-1" in FAMILIES["isb"].products()
+
+
+def test_its_streams_are_read_and_written_though_it_has_no_rmc_of_an_imx() -> None:
+    """The form asked for DID_RMC only, which a GPX refuses."""
+    there = wire()
+    with pytest.raises(RefusedError):
+        play(DRIVER.run("GET_DID_RMC", {}, KNOWN), there)
+    assert streams(there) == {13: 1, 30: 1, 15: 5, 123: 500}
+    wanted = [{"did": 13, "period": 2}, {"did": 123, "period": 500}]
+    written = play(DRIVER.write("streams", {"streams": wanted, "options": 0}, KNOWN), there)
+    assert written.refused == ""
+    assert streams(there) == {13: 2, 123: 500}
+
+
+def test_bits_of_its_own_choose_its_streams() -> None:
+    there = wire()
+    play(DRIVER.run("SET_DID_GPX_RMC", {"bits": 1 << 5 | 1 << 2, "options": 0}, KNOWN), there)
+    assert set(streams(there)) == {13, 123}
+    play(DRIVER.run("DID_GPX_RMC.GPX_GPS1", {"options": 0}, KNOWN), there)
+    assert {13, 30, 15} <= set(streams(there))
+    assert play(DRIVER.run("GET_DID_GPX_RMC", {}, KNOWN), there)["bits"] == 0x4E0  # it has no signals, no raw data
+
+
+def test_every_bit_and_preset_names_data_sets() -> None:
+    assert len(BY_GPX_BIT) == 26
+    assert set(BY_GPX_BIT.values()) <= OF_GPX <= set(STREAMS)
+    named = {SETS[did].name for did in dids_of(GPX_PRESETS["GPX_IMX"], gpx=True)}
+    assert {"DID_GPX_STATUS", "DID_GPS1_POS", "DID_GPS2_VERSION", "DID_GPS2_RTK_CMP_REL"} <= named
+    assert {f"DID_GPX_RMC.{name}" for name in GPX_PRESETS} <= set(COMMAND_ROWS)
+
+
+def test_forms_of_a_gpx_offer_what_it_has() -> None:
+    forms = forms_of(DRIVER, "isb", KNOWN)
+    assert {row.did for row in forms.streams} == OF_GPX
+    assert next(row.rmc_bit for row in forms.streams if row.did == 13) == 5
+    names = {row.name for row in forms.commands}
+    assert "DID_GPX_RMC.GPX_IMX" in names
+    assert "DID_RMC.INS" not in names
+    assert not {"DID_FLASH_CONFIG", "DID_EVB_FLASH_CFG"} & {row.name for row in forms.settings}
+
+
+def test_its_configuration_is_kept_over_a_restart() -> None:
+    there = wire()
+    play(DRIVER.write("DID_GPX_FLASH_CFG", {"startupGPSDtMs": 400, "gnssSatSigConst": 0x33}, KNOWN), there)
+    play(DRIVER.store_and_restart(KNOWN), there)
+    there.pass_time(5)
+    kept = play(DRIVER.read("DID_GPX_FLASH_CFG", KNOWN), there)
+    assert (kept["startupGPSDtMs"], kept["gnssSatSigConst"]) == (400, 0x33)
+    rows = play(DRIVER.read("streams", KNOWN), there)["streams"]
+    assert next(one["source_ms"] for one in rows if one["did"] == 13) == 400
+
+
+def test_sentences_of_the_receiver_only() -> None:
+    there = wire()
+    asked = {"options": 0, "messages": [{"id": 7, "period": 5}, {"id": 4, "period": 1}]}  # GGA; PINS1 it has not
+    play(DRIVER.run("ASCE", asked, KNOWN), there)
+    told = play(DRIVER.run("ASCE", {"options": 0, "messages": []}, KNOWN), there)
+    assert (told["id_1"], told["period_1"], "id_2" in told) == (7, 5, False)
+    there.pass_time(2)
