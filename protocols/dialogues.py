@@ -30,7 +30,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, TypeVar
 
 from protocols.events import Event
-from protocols.schema import Command, Setting
+from protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
 NO_STATES: Mapping[str, str] = {}
@@ -227,6 +227,14 @@ class LineChange:
     others: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Harm:
+    """What something could cost: its kind, and one sentence for a person."""
+
+    caution: Caution
+    consequence: str
+
+
 class Driver(Protocol):
     """What a protocol knows about configuring its devices. Tables, frames and dialogues; no I/O, no state.
 
@@ -304,6 +312,9 @@ class Driver(Protocol):
     ) -> tuple[str, Values] | None:
         """The setting and the values that have the place of a command which this product should not be sent any more;
         no values where `present` does not tell enough. None for a command that is sent as it is."""
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        """What this write could cost beside what `line_change` and the setting's own caution say: of single fields."""
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Make what was written last and take effect: save where the protocol asks for it, reset. The link may die."""

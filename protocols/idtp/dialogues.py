@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
-from protocols.dialogues import NO_STATES, Dialogue, Expect, Known, LineChange, Load, Relink, Send, Span, Written
+from protocols.dialogues import NO_STATES, Dialogue, Expect, Harm, Known, LineChange, Load, Relink, Send, Span, Written
 from protocols.events import Batch, Event, Reply
 from protocols.idtp import spans as annotated
 from protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
@@ -108,6 +108,9 @@ class IdtpDriver:
         self, command: str, values: Values, present: Mapping[str, Values], known: Known
     ) -> tuple[str, Values] | None:
         return None
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        return []
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         yield from ()

@@ -90,6 +90,15 @@ _HARM: Mapping[str, _Harm] = {
     "REF_POINT_STATIONARY": _ZERO,
 }
 
+_BY_NUMBER = _Harm(
+    "loses-settings", "By its number, a system command restarts the device, makes a port a bridge or erases."
+)
+_REPLACES = _Harm("stops-output", "These streams take the place of those of this port.")
+_OVERWRITES = _Harm(
+    "loses-settings", "It overwrites data of the device that cannot be read back and restored from here."
+)
+INPUTS = (71, 88)  # wheel encoder, position measurement: samples that a vehicle sends to the device
+
 _SIMPLE_COMMANDS = ("SAVE_PERSISTENT_MESSAGES", "SOFTWARE_RESET", "ZERO_MOTION", "RESET_EKF_STATES", "SAVE_FLASH")
 
 
@@ -298,14 +307,26 @@ def _nmea() -> list[Command]:
     return [replace(row, source=NMEA_SOURCE, doc=docs.get(row.name, "")) for row in rows]
 
 
+def _harm_of(name: str) -> _Harm | None:
+    """What a system command may cost."""
+    if name in _HARM:
+        return _HARM[name]
+    if "BRIDGE" in name and not name.startswith("DISABLE"):
+        return _BRIDGE
+    return _MAKER if name.startswith("MANF_") else _FAULT if name.startswith("FAULT_") else None
+
+
+HARMLESS_COMMANDS = tuple(
+    number
+    for number, name in SYSTEM_COMMANDS.items()
+    if (harm := _harm_of(name)) is None or harm.caution == "wears-flash"
+)
+
+
 def _system() -> list[Command]:
     commands = []
     for name in SYSTEM_COMMANDS.values():
-        harm = _HARM.get(name)
-        if harm is None and "BRIDGE" in name and not name.startswith("DISABLE"):
-            harm = _BRIDGE
-        if harm is None:
-            harm = _MAKER if name.startswith("MANF_") else _FAULT if name.startswith("FAULT_") else None
+        harm = _harm_of(name)
         row = Command(
             f"DID_SYS_CMD.{name}",
             (),
@@ -342,7 +363,7 @@ def _presets() -> list[Command]:
             G_STREAMS,
             "ACK",
             caution="stops-output",
-            consequence="These streams take the place of those of this port.",
+            consequence=_REPLACES.consequence,
             simple=name in ("INS", "IMX_PPD", "GPX_IMX"),
             title=f"Streams: {name.replace('_', ' ')}",
             doc="A preset of the maker.",
@@ -414,6 +435,12 @@ def _sets() -> list[Command]:
             else f"{ROWS[did].doc} A device refuses what it does not let be written.",
             source=SOURCE,
         )
+        if did == SYS_CMD:
+            command = replace(_harmed(command, _BY_NUMBER), harmless={"command": HARMLESS_COMMANDS})
+        elif did == RMC:
+            command = _harmed(command, _REPLACES)
+        elif not (kept and kept.write) and did not in INPUTS:
+            command = _harmed(command, _OVERWRITES)
         commands.append(command)
     return commands
 

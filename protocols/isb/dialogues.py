@@ -28,6 +28,7 @@ from protocols.dialogues import (
     NO_STATES,
     Dialogue,
     Expect,
+    Harm,
     Known,
     LineChange,
     Load,
@@ -58,6 +59,7 @@ from protocols.isb.commands import (
 )
 from protocols.isb.compare import SAVED, differences
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
+from protocols.isb.harm import harm
 from protocols.isb.identity import identity
 from protocols.isb.line import line_change
 from protocols.isb.listening import as_wire
@@ -357,7 +359,15 @@ class IsbDriver:
     def instead(
         self, command: str, values: Values, present: Mapping[str, Values], known: Known
     ) -> tuple[str, Values] | None:
-        return None
+        """SET_DID_x of a setting is a change of that setting, of those fields that the device does not keep itself."""
+        row = settings_of(version_of(known)).get(command.removeprefix(SET_PREFIX))
+        if not command.startswith(SET_PREFIX) or row is None or not row.write:
+            return None
+        told = {field.name for field in row.fields if field.read_only}
+        return row.name, {name: value for name, value in values.items() if name not in told} or values
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        return harm(setting, old, new)
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Streams are saved first: without that the device would come back silent."""

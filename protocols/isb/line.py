@@ -17,6 +17,8 @@ from protocols.isb.commands import STREAMS_SETTING
 
 Values = Mapping[str, Any]
 PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
+_BRIDGES = ("cbPreset", "cbOptions", "bits", "h3sp330BaudRate", "h4xRadioBaudRate", "h8gpioBaudRate", "CANbaud_kbps")
+_EVB = "The bridges between the ports of the EVB change; the one we are on may be among them."
 _IO = "What the pins of the device do changes; the port we are on may be given to something else."
 
 
@@ -26,9 +28,11 @@ def line_change(setting: str, old: Values | None, new: Values, known: Known) -> 
         if "streams" in new and not new["streams"]:
             return LineChange("silent", "The device sends nothing any more; it still answers.")
         return None
+    before = old or {}
+    if setting == "DID_EVB_FLASH_CFG" and any(name in new and new[name] != before.get(name) for name in _BRIDGES):
+        return LineChange("port", _EVB)
     if setting not in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
         return None
-    before = old or {}
     changed = {name: new[name] for name in PORTS if name in new and new[name] != before.get(name)}
     ours = {
         name: rate
@@ -38,9 +42,12 @@ def line_change(setting: str, old: Values | None, new: Values, known: Known) -> 
     if known.baud is not None:
         ours = {name: rate for name, rate in ours.items() if rate != known.baud}
     if ours:
-        return LineChange(
-            "baud", _words(ours, known), next(iter(ours.values())) if len(set(ours.values())) == 1 else None
-        )
+        rates = list(dict.fromkeys(ours.values()))
+        if known.baud is not None and any(
+            name in before and before[name] == known.baud for name in PORTS.keys() - ours
+        ):
+            rates.append(known.baud)  # we may be on a port that stays as it is
+        return LineChange("baud", _words(ours, known), rates[0], tuple(rates[1:]))
     if any(name in new and new[name] != before.get(name, new[name]) for name in ("ioConfig", "platformConfig")):
         return LineChange("port", _IO)
     return None

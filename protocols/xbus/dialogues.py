@@ -23,6 +23,7 @@ from protocols import limits
 from protocols.dialogues import (
     Dialogue,
     Expect,
+    Harm,
     InState,
     Known,
     LineChange,
@@ -182,6 +183,9 @@ class XbusDriver:
         self, command: str, values: Values, present: Mapping[str, Values], known: Known
     ) -> tuple[str, Values] | None:
         return changes.instead(command, values, present, known)
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        return []
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""

@@ -14,12 +14,13 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from server import wire
 from server.api.errors import ApiError, responses
+from server.control.dangers import Danger
 from server.control.desk import Desk
 from server.control.desks import Desks
 from server.control.forms import Apply, Raw, ReadWish, Run
 from server.control.products import mismatch
 from server.control.values import numbers
-from server.control.wishes import Danger, Wish, changes_of, command_of, discarded
+from server.control.wishes import Wish, changes_of, command_of, discarded
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 

@@ -28,6 +28,7 @@ from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS, guess
 from protocols.schema import Command, Setting
 from server.commands.compose import ComposeError, Tongue, chosen, frame_of, parse, tongues
+from server.control.dangers import dangers_of_write
 from server.control.runner import Runner
 from server.control.values import value_at
 from server.links import open_link
@@ -212,6 +213,8 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
         return
     if command.harms(values):
         _allow(command, wish)
+    if (target := _target(driver, command, values, known)) is not None:
+        await _allow_write(driver, *target, wish, known, play)
     answer = await play(driver.run(command.name, values, known))
     _print(out, {"message": command.reply or command.name, "fields": answer})
     kept = next((row for row in driver.settings(known) if row.write == command.name), None)
@@ -249,7 +252,7 @@ async def _setting_wish(
         raise SendError(f"{setting.name} can be read, not written")
     values = parse(wish.pairs, setting.fields)
     driver.setting_frames(setting.name, values, known)
-    _allow(setting, wish)
+    await _allow_write(driver, setting, values, wish, known, play)
     written = await play(driver.write(setting.name, values, known))
     if written.refused:
         raise SendError(f"{setting.name} was refused: {written.refused}")
@@ -262,10 +265,42 @@ def _setting(driver: Driver, name: str, known: Known) -> Setting | None:
     return next((row for row in driver.settings(known) if row.name == name), None)
 
 
-def _allow(row: Command | Setting, wish: Wish) -> None:
+def _allow(row: Command, wish: Wish) -> None:
     """A dangerous one is sent only to who has said yes."""
     if row.caution and not wish.yes:
         raise SendError(f"{row.name}: {row.consequence or 'this can do harm.'} Add --yes to send it")
+
+
+def _target(driver: Driver, command: Command, values: Values, known: Known) -> tuple[Setting, Values] | None:
+    """The setting that a command writes, and its values."""
+    other = driver.instead(command.name, values, {}, known)
+    if other is not None and other[1]:
+        found = _setting(driver, other[0], known)
+        return None if found is None else (found, other[1])
+    for row in driver.settings(known):
+        if row.write == command.name and command.kind == "set" and set(values) <= {one.name for one in row.fields}:
+            return row, values
+    return None
+
+
+async def _allow_write(
+    driver: Driver,
+    setting: Setting,
+    values: Values,
+    wish: Wish,
+    known: Known,
+    play: Callable[[Dialogue[Any]], Any],
+) -> None:
+    """What could cut the line, or do other harm, is written only for who has said yes: as on the page."""
+    if wish.yes:
+        return
+    old: Values | None = None
+    with contextlib.suppress(RefusedError):
+        old = await play(driver.read(setting.name, known))
+    found = dangers_of_write(driver, setting, old, values, known, restarts=False)
+    if found:
+        words = " ".join(dict.fromkeys(one.consequence or "This can do harm." for one in found))
+        raise SendError(f"{setting.name}: {words} Add --yes to send it")
 
 
 def _tell_altered(driver: Driver, setting: Setting, asked: Values, got: Values, notes: TextIO) -> None:

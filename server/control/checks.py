@@ -9,12 +9,23 @@ from protocols.layouts import EncodeError
 from protocols.limits import problems
 from protocols.schema import Field
 from server.control.forms import FieldProblem
+from server.control.values import head_of
 
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
     """Everything that is wrong with values, each at its path."""
     found = problems(tuple(fields), values, partial=partial)
     return [FieldProblem(problem.path, full(problem.message)) for problem in found]
+
+
+def unlike(problems: Iterable[FieldProblem], values: Mapping[str, Any], held: Mapping[str, Any]) -> list[FieldProblem]:
+    """Those that are not at a value which the device has: what it has may stay, whatever the tables allow."""
+    left = []
+    for one in problems:
+        head = head_of(one.path, values)[0]
+        if head not in held or held[head] != values.get(head):
+            left.append(one)
+    return left
 
 
 def sentence(error: EncodeError) -> str:

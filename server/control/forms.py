@@ -110,6 +110,7 @@ class CommandForm:
     doc: str = ""
     source: str = ""
     harmless: dict[str, list[int]] = field(default_factory=dict)  # argument → values to which no caution applies
+    writes: str = ""  # the setting of which its arguments are the fields: its form opens with what the device has
 
 
 @dataclass(slots=True)

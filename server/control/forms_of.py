@@ -55,7 +55,7 @@ def forms_of(
         firmware=known.firmware,
         groups=list(groups),
         settings=[setting_form(setting) for setting in settings],
-        commands=[command_form(command) for command in commands],
+        commands=[command_form(command, _written_by(command, settings)) for command in commands],
         outputs=output_choices(known) if "outputs" in editors else [],
         streams=stream_choices(known, values) if "streams" in editors else [],
         corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
@@ -82,7 +82,7 @@ def setting_form(setting: Setting) -> SettingForm:
     )
 
 
-def command_form(command: Command) -> CommandForm:
+def command_form(command: Command, writes: str = "") -> CommandForm:
     """One command."""
     return CommandForm(
         name=command.name,
@@ -97,7 +97,15 @@ def command_form(command: Command) -> CommandForm:
         doc=command.doc,
         source=command.source,
         harmless={name: list(those) for name, those in command.harmless.items()},
+        writes=writes,
     )
+
+
+def _written_by(command: Command, settings: Sequence[Setting]) -> str:
+    """The setting whose fields are the arguments of a command, and that it writes; "" for none."""
+    names = {argument.name for argument in command.arguments}
+    found = (row.name for row in settings if row.write == command.name and names <= {one.name for one in row.fields})
+    return next(found, "") if names and command.kind == "set" else ""
 
 
 def field_forms(fields: Iterable[Field]) -> list[FieldForm]:

@@ -18,10 +18,10 @@ from protocols.dialogues import Driver, Known, Load, Values
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
 from server.codec import plain
-from server.control.checks import problems_of, sentence
+from server.control.checks import problems_of, sentence, unlike
 from server.control.compare import SideValues, compare
 from server.control.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
-from server.control.values import head_of, numbers
+from server.control.values import numbers
 
 MOST_FRAMES = 32
 
@@ -64,14 +64,17 @@ class Present:
         """The row of a setting. KeyError when this device has none of that name."""
         return {row.name: row for row in self.driver.settings(self.known)}[name]
 
+    def kept_by(self, command: str) -> Setting | None:
+        """The setting that a command writes."""
+        return next((row for row in self.driver.settings(self.known) if row.write == command), None)
+
 
 def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
     """What writing these values would send. KeyError when there is no such setting."""
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
     found = problems_of(row.fields, values, partial=row.partial)
-    now = present.values.get(name, {})
-    left = [one for one in found if (head := head_of(one.path, values)[0]) not in now or now[head] != values.get(head)]
+    left = unlike(found, values, present.values.get(name, {}))
     held, found = len(left) < len(found), left  # what the device has may stay, whatever the tables allow
     frames: list[bytes] = []
     if not found:
@@ -96,7 +99,14 @@ def preview_command(present: Present, name: str, values: Mapping[str, Any]) -> P
     """What a command would send. KeyError when there is no such command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
     values = numbers(row.arguments, values)
-    found = problems_of(row.arguments, values)
+    kept = present.kept_by(name)
+    held = present.values.get(kept.name, {}) if kept is not None else {}
+    found = unlike(problems_of(row.arguments, values), values, held)
+    if not found and (other := present.driver.instead(name, values, present.values, present.known)) and other[1]:
+        now = present.values.get(other[0], {})
+        partial = present.setting(other[0]).partial
+        new = {key: value for key, value in other[1].items() if not partial or key not in now or now[key] != value}
+        return preview_setting(present, other[0], new)
     try:
         frame = b"" if found else present.driver.frame(name, values, present.known)
     except EncodeError as error:

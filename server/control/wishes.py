@@ -15,21 +15,13 @@ from protocols.layouts import EncodeError
 from protocols.schema import Command, Setting
 from server.api.errors import ApiError
 from server.control.budget import OVER_HINT, overload
-from server.control.checks import problems_of
+from server.control.checks import problems_of, unlike
+from server.control.dangers import UNASKED, Danger, dangers_of_write
 from server.control.desk import Desk
 from server.control.forms import FieldProblem
 from server.control.values import head_of, numbers
 
-UNASKED = ("", "wears-flash")
 WRONG_HINT = "Correct this value, then apply again; nothing was written."
-
-
-@dataclass(frozen=True, slots=True)
-class Danger:
-    """What something could cost."""
-
-    caution: str
-    consequence: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,20 +134,7 @@ def _told(row: Setting) -> set[str]:
 
 def dangers_of(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
     """What writing these values of a setting could cost; nothing where the device has them already."""
-    old = desk.values.get(row.name)
-    new = dict(values) if row.partial or old is None else {**old, **values}
-    if old is not None and not desk.driver.same(row.name, {name: old.get(name) for name in new}, new):
-        return []
-    found = []
-    if row.caution not in UNASKED:
-        found.append(Danger(row.caution, row.consequence))
-    try:
-        line = desk.driver.line_change(row.name, old, new, desk.known)
-    except (KeyError, EncodeError):
-        line = None  # of values that are not whole; the job asks again when it has read the rest
-    if line is not None:
-        found.append(Danger("cuts-line", line.words))
-    return found
+    return dangers_of_write(desk.driver, row, desk.values.get(row.name), values, desk.known)
 
 
 def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
@@ -173,9 +152,12 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
             f"{desk.session.info.name} has no command {name!r:.80}.",
             "Choose one of the list of commands.",
         )
-    usual = {one.name: one.default for one in row.arguments if one.default is not None}
+    kept = desk.present.kept_by(name)
+    partial = kept is not None and kept.partial  # a field that is not given stays as the device has it
+    usual = {} if partial else {one.name: one.default for one in row.arguments if one.default is not None}
     values = {**usual, **numbers(row.arguments, values)}
-    found = problems_of(row.arguments, values)
+    held = desk.values.get(kept.name, {}) if kept is not None else {}
+    found = unlike(problems_of(row.arguments, values, partial=partial), values, held)
     if found:
         raise ApiError(422, "bad-value", f"{row.title or name}: {found[0].message}", WRONG_HINT)
     if (other := desk.driver.instead(name, values, desk.values, desk.known)) is not None:

@@ -19,7 +19,7 @@ export function setting(part: Partial<SettingForm> = {}): SettingForm {
 export function command(part: Partial<CommandForm> = {}): CommandForm {
   return {
     name: "Command", title: "Command", group: "Group", kind: "do", arguments: [], reply: "", caution: "", consequence: "", simple: true,
-    doc: "", source: "", harmless: {}, ...part,
+    doc: "", source: "", harmless: {}, writes: "", ...part,
   };
 }
 

@@ -79,6 +79,8 @@ export interface CommandForm {
   readonly source: string;
   /** argument → values to which no caution applies */
   readonly harmless: Readonly<Record<string, readonly number[]>>;
+  /** the setting of which its arguments are the fields: its form opens with what the device has */
+  readonly writes: string;
 }
 
 /** One quantity that an Xsens output configuration can ask for. */

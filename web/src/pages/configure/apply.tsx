@@ -6,7 +6,7 @@ import { Icon } from "../../ui/icons";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
-import { question, unfinishedOf } from "./view";
+import { question } from "./view";
 
 export function ApplyBar({ model }: { readonly model: Model }) {
   const changes = model.changes.value;
@@ -55,7 +55,7 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
       <button type="button" class="btn edge" onClick={() => model.discard()}>
         Discard all
       </button>
-      <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => apply(model, names)}>
+      <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => void apply(model, names)}>
         Apply
       </button>
     </div>
@@ -89,31 +89,26 @@ function Progress({ model, id }: { readonly model: Model; readonly id: number })
 
 const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.length === 0;
 
-/** Writes what was changed; what could harm is asked once more. */
-function apply(model: Model, names: readonly string[]): void {
+/** Writes what was changed; what could harm is asked once more, in the words of the server, which knows it for every way to write. */
+async function apply(model: Model, names: readonly string[], confirmed = false): Promise<void> {
   if (viewOnly.value) return;
-  const body = { changes: model.changes.value, reason: model.reason.value, confirmed: true, devices: [], product: "", base: model.basesOf(names) };
-  const act = async (): Promise<void> => {
-    const job = await model.run(server.apply(model.id, body));
-    if (job === undefined) return;
-    model.applied.value = job.id;
-    model.reason.value = "";
-    model.elsewhere.value = [];
-  };
-  const risky = names.flatMap((name) => {
-    const form = model.setting(name);
-    const line = model.previews.value[name]?.line ?? "";
-    const words = [form?.caution ? form.consequence : "", line].filter(Boolean);
-    return form && words.length > 0 ? [{ caution: form.caution || ("cuts-line" as const), words }] : [];
-  });
-  const unfinished = unfinishedOf(model);
-  if (risky.length === 0 && unfinished.length === 0) return void act();
-  const onTrial = risky.some(({ caution }) => caution === "cuts-line");
-  question.value = {
-    title: "Write this?",
-    words: [...new Set([...unfinished, ...risky.flatMap(({ words }) => words)])].concat(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : []),
-    caution: risky[0]?.caution ?? "",
-    go: onTrial ? "Write on trial" : "Write",
-    act: () => void act(),
-  };
+  const body = { changes: model.changes.value, reason: model.reason.value, confirmed, devices: [], product: "", base: model.basesOf(names) };
+  const outcome = await server.apply(model.id, body);
+  if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
+    const onTrial = names.some((name) => model.previews.value[name]?.line);
+    const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
+    question.value = {
+      title: "Write this?",
+      words: [outcome.problem.message, ...(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : [])],
+      caution: caution ?? (onTrial ? "cuts-line" : "restarts"),
+      go: onTrial ? "Write on trial" : "Write",
+      act: () => void apply(model, names, true),
+    };
+    return;
+  }
+  const job = await model.run(Promise.resolve(outcome));
+  if (job === undefined) return;
+  model.applied.value = job.id;
+  model.reason.value = "";
+  model.elsewhere.value = [];
 }

@@ -35,7 +35,8 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
     epoch: 0,
   };
   const isWrong = [...model.wrong.value.keys()].some((at) => at.startsWith(`${key}/`));
-  const blocked = viewOnly.value ? "View only: open this page with a control token to send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : "";
+  const unread = form.writes !== "" && model.present.value[form.writes] === undefined;
+  const blocked = viewOnly.value ? "View only: open this page with a control token to send." : isWrong || problems.length > 0 ? "Some of the values cannot be sent." : unread ? "Read the settings first: this form opens with what the device has." : "";
   const job = model.sent.value[form.name];
   const loose = problems.filter(({ path }) => !form.arguments.some(({ name }) => path === name || path.startsWith(`${name}.`)));
   return (
@@ -77,5 +78,9 @@ async function send(model: Model, form: CommandForm, confirmed = false): Promise
   const outcome = await server.run(model.id, form.name, values, confirmed);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") return ask(outcome.problem.message);
   const job = await model.run(Promise.resolve(outcome));
-  if (job) model.sent.value = { ...model.sent.value, [form.name]: job.id };
+  if (job === undefined) return;
+  model.sent.value = { ...model.sent.value, [form.name]: job.id };
+  if (form.writes === "") return;
+  const { [form.name]: _, ...others } = model.arguments.peek(); // shows what the device has from now on
+  model.arguments.value = others;
 }

@@ -211,7 +211,9 @@ export class Model {
   }
 
   argumentsOf(form: CommandForm): Values {
-    return this.arguments.value[form.name] ?? initials(form.arguments);
+    const held = this.present.value[form.writes] ?? {}; // a form that writes a setting opens with what the device has
+    const own = Object.fromEntries(form.arguments.flatMap(({ name }) => (held[name] === undefined ? [] : [[name, held[name]]])));
+    return this.arguments.value[form.name] ?? { ...initials(form.arguments), ...own };
   }
 
   edit(form: SettingForm, path: Path, value: unknown): void {
@@ -345,7 +347,8 @@ export class Model {
       if (why) return why;
     }
     const status = this.device.value?.status;
-    return status === "lost" || status === "denied" || status === "ended" ? "The device is not reached." : "";
+    // A device that is silent may answer all the same: one whose streams were stopped, one in the config state. Only the answer tells.
+    return status === "denied" || status === "ended" ? "The device is not reached." : "";
   });
 
   /** Capacity at the rate that will be in effect. */

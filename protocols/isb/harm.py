@@ -1,0 +1,45 @@
+"""What could a change of a setting cost, beyond the line?
+
+    DID_FLASH_CONFIG    what turns or moves the frame in which everything is told; what ends the measurement
+    DID_MAG_CAL         a calibration that takes the place of the one there is
+    what the device keeps itself (a checksum, its own size)      not for a person to write
+
+The same words wherever it is written: from a form, by the API, from the command line, as a setting or as a data set.
+
+Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t, mag_cal_t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from protocols.dialogues import Harm
+from protocols.isb.commands import settings_of
+
+Values = Mapping[str, Any]
+_FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")
+_PERIODS = ("startupImuDtMs", "startupNavDtMs")
+_TURNED = "The frame in which the device tells attitude, place or velocity changes; what uses it must follow."
+_ENDED = "With a period of 0 the device does not measure any more."
+_RECALIBRATED = "The calibration of the magnetometers is replaced."
+_OWN = "The device keeps these fields itself; written from outside they can make it discard its configuration."
+_CALIBRATES = (1, 2)  # states of DID_MAG_CAL that begin one
+
+
+def harm(setting: str, old: Values | None, new: Values) -> list[Harm]:
+    """See dialogues.Driver.harm."""
+    before = old or {}
+    changed = {name: value for name, value in new.items() if name not in before or before[name] != value}
+    row = settings_of().get(setting)
+    found = []
+    if row is not None and any(one.read_only and one.name in changed for one in row.fields):
+        found.append(Harm("loses-settings", _OWN))
+    if setting in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
+        if any(name in changed for name in _FRAMES):
+            found.append(Harm("moves-frame", _TURNED))
+        if any(changed.get(name) == 0 for name in _PERIODS):
+            found.append(Harm("stops-output", _ENDED))
+    if setting == "DID_MAG_CAL" and changed.get("state") in _CALIBRATES:
+        found.append(Harm("moves-frame", _RECALIBRATED))
+    return found

@@ -1,0 +1,121 @@
+"""What could harm is asked about at every door: as a setting, as a data set, by the page, the API, the command line."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known
+from protocols.isb import listening
+from protocols.isb.commands import COMMAND_ROWS
+from protocols.isb.dialogues import IsbDriver
+from protocols.isb.line import line_change
+from server.commands import sending
+from server.commands.sending import SendError
+from server.control.dangers import dangers_of_write
+from server.control.forms_of import forms_of
+from server.control.wishes import command_of
+from server.live.reading import Reading
+from tests.server.desk import house
+
+DRIVER = IsbDriver()
+KNOWN = Known(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
+OLD: dict[str, Any] = {
+    "ser0BaudRate": 921_600,
+    "ser1BaudRate": 921_600,
+    "insRotation": [0.0, 0.0, 0.0],
+    "startupNavDtMs": 10,
+    "size": 288,
+}
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Streams are not what is looked at here: they are listened to for a moment only."""
+    monkeypatch.setattr(listening, "LEAST_S", 0.1)
+    monkeypatch.setattr(listening, "LISTEN_S", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "cautions"),
+    [
+        ({"ser0BaudRate": 9600}, {"cuts-line", "restarts"}),
+        ({"insRotation": [1.5, 0.0, 0.0]}, {"moves-frame", "restarts"}),
+        ({"startupNavDtMs": 0}, {"stops-output", "restarts"}),
+        ({"startupNavDtMs": 20}, {"restarts"}),  # it restarted without a word
+        ({"size": 0}, {"loses-settings", "restarts"}),
+        (OLD, set()),
+    ],
+)
+def test_a_configuration_is_never_written_without_a_word(values: dict[str, Any], cautions: set[str]) -> None:
+    row = next(row for row in DRIVER.settings(KNOWN) if row.name == "DID_FLASH_CONFIG")
+    found = dangers_of_write(DRIVER, row, OLD, values, KNOWN)
+    assert {one.caution for one in found} == cautions
+    assert all(one.consequence for one in found)
+
+
+def test_a_port_that_may_be_ours_is_looked_for_at_every_rate() -> None:
+    """Of two ports at our rate one changes, or both, differently: only the old rate was looked at."""
+    one = line_change("DID_FLASH_CONFIG", OLD, {"ser0BaudRate": 115_200}, KNOWN)
+    assert one is not None
+    assert (one.baud, one.others) == (115_200, (921_600,))
+    both = line_change("DID_FLASH_CONFIG", OLD, {"ser0BaudRate": 115_200, "ser1BaudRate": 230_400}, KNOWN)
+    assert both is not None
+    assert (both.baud, both.others) == (115_200, (230_400,))
+
+
+@pytest.mark.parametrize(
+    ("command", "values", "harms"),
+    [
+        ("SET_DID_SYS_CMD", {"command": 1357924682, "invCommand": 2937042613}, True),  # erases the chip
+        ("SET_DID_SYS_CMD", {"command": 99, "invCommand": 0}, True),
+        ("SET_DID_SYS_CMD", {"command": 1, "invCommand": 0}, False),  # saves what streams
+        ("SET_DID_RMC", {"bits": 0, "options": 0}, True),
+        ("SET_DID_MANUFACTURING_INFO", {}, True),
+        ("SET_DID_WHEEL_ENCODER", {}, False),
+    ],
+)
+def test_a_data_set_that_does_harm_is_told_as_its_command_is(command: str, values: dict[str, Any], harms: bool) -> None:
+    row = COMMAND_ROWS[command]
+    assert row.harms(values) == harms
+    assert bool(row.consequence) or not harms
+
+
+def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> None:
+    """Its form opened with zeros, and sent all of them, without a question and without a way back."""
+    forms = forms_of(DRIVER, "isb", KNOWN)
+    writes = {form.name: form.writes for form in forms.commands}
+    assert writes["SET_DID_FLASH_CONFIG"] == "DID_FLASH_CONFIG"
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:isb")
+            await here.read(desk)
+            values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
+            wish = command_of(desk, "SET_DID_FLASH_CONFIG", values)
+            assert wish.setting == "DID_FLASH_CONFIG"
+            assert {"size", "key", "checksum"}.isdisjoint(wish.values["DID_FLASH_CONFIG"])
+            assert {one.caution for one in wish.dangers} == {"cuts-line", "restarts"}
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize(
+    ("message", "pairs", "words"),
+    [
+        ("DID_FLASH_CONFIG", ["ser0BaudRate=9600"], "serial port 0"),
+        ("SET_DID_FLASH_CONFIG", ["insRotation=[1.5,0,0]"], "frame"),
+        ("streams", ["streams=[]"], "sends nothing"),
+        ("SET_DID_RMC", ["bits=0", "options=0"], "streams"),
+    ],
+)
+def test_the_command_line_asks_for_a_yes_where_the_page_asks(message: str, pairs: list[str], words: str) -> None:
+    """What cuts the line or turns the frame went through, although its help promises a question."""
+    wish = sending.Wish("twin:isb", message, pairs)
+    with pytest.raises(SendError, match=words) as refused:
+        asyncio.run(sending.send(wish, Reading(), io.StringIO(), io.StringIO()))
+    assert "--yes" in str(refused.value)
