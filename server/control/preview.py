@@ -65,8 +65,13 @@ class Present:
         return {row.name: row for row in self.driver.settings(self.known)}[name]
 
     def kept_by(self, command: str) -> Setting | None:
-        """The setting that a command writes."""
-        return next((row for row in self.driver.settings(self.known) if row.write == command), None)
+        """The setting that a command writes, where its arguments are the setting's own fields."""
+        row = next((row for row in self.driver.commands(self.known) if row.name == command), None)
+        names = {one.name for one in row.arguments} if row is not None else set()
+        for kept in self.driver.settings(self.known):
+            if names and kept.write == command and names <= {one.name for one in kept.fields}:
+                return kept
+        return None
 
 
 def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
