@@ -87,7 +87,7 @@ Values = Mapping[str, Any]
 ANSWER_S, TRIES = 0.5, 3
 ALIVE_S, ALIVE_TRIES = 0.25, 4
 RESET_S = 0.3  # until its last bytes have gone
-NO = "the device refused it (NACK): it does not have it, or does not let it be written"
+NO = "the device refused it (NACK): it does not have it, does not let it be written, or received an invalid packet"
 RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
 
 

@@ -36,7 +36,7 @@ from protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRE
 from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size, title_of
 from protocols.isb.timeline import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
 from protocols.layouts import Layout, size_of
-from protocols.schema import Field, Message
+from protocols.schema import Bits, Field, Message
 
 Place = tuple[Field, int]
 """A field with its shape closed, and where it is in a payload."""
@@ -130,18 +130,24 @@ def _u2(name: str, doc: str = "") -> Field:
     return Field(name, "<u2", doc=doc)
 
 
+_NAMES = {did: row.name for did, row in ROWS.items() if did in SETS}
 _ACKED = (
-    Field("pktInfo.flags", "u1", doc="Type and flags of the packet that is answered."),
-    Field("pktInfo.id", "u1", doc="Its data set."),
+    Field(
+        "pktInfo.flags",
+        "u1",
+        bits=(Bits("TYPE", 0, 4, TYPES), Bits("EXTENDED", 4), Bits("WITH_OFFSET", 5)),
+        doc="Type and flags of the packet that is answered.",
+    ),
+    Field("pktInfo.id", "u1", choices=_NAMES, doc="Its data set."),
     _u2("pktCounter", "Always 0."),
-    Field("body.dataHdr.id", "u1", doc="The data set that was written; 0 unless a SET is answered."),
+    Field("body.dataHdr.id", "u1", choices=_NAMES, doc="The data set that was written; 0 unless a SET is answered."),
     _u2("body.dataHdr.size", "Bytes written, without the offset."),
     _u2("body.dataHdr.offset"),
 )
 
 COMMANDS = {
     ACK: _command(ACK, _ACKED, "Answers SET_DATA and both stops of all broadcasts.", device=True),
-    NACK: _command(NACK, _ACKED, "A request was refused.", device=True),
+    NACK: _command(NACK, _ACKED, "A request was refused, or an invalid packet was received.", device=True),
     GET_DATA: _command(
         GET_DATA,
         (

@@ -1,0 +1,150 @@
+"""Comparison of the tables of Xbus with the headers of the vendor's public library.
+
+    python -m tests.vendor.xsens XSPUBLIC            every difference, one a line; exit status 1 if there is any
+    python -m tests.vendor.xsens XSPUBLIC --write    the same; the constants stay in tests/golden/xbus/vendor.json
+
+XSPUBLIC is the folder `xspublic` of the vendor's ROS driver; gcc is needed. What is kept are names and numbers, so that
+tests/protocols/test_xbus_vendor.py holds the tables to them without it. Names differ between the document, which the
+tables follow, and the headers: rows of the mappings below say which is which; a number without a mapping is compared
+by its name.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from protocols.schema import Bits
+from protocols.xbus import codes, items, messages
+from tests.vendor.constants import Constants, constants
+
+KEPT = Path(__file__).parents[1] / "golden" / "xbus" / "vendor.json"
+SOURCE = "Xsens_MTi_ROS_Driver_and_Ntrip_Client, lib/xspublic"
+TYPES = (
+    *("statusflag", "baudcode", "canbaudcode", "deviceoptionflag", "resultvalue", "dataidentifier", "xbusmessageid"),
+    *("syncfunction", "syncpolarity", "stringoutputtype"),
+)
+CONTROLLER = ("subloxgnssplatform", "sicccommand", "serrormode", "sselftestresult", "salignmentframe")
+
+STATUS: Mapping[str, str] = {
+    "Selftest": "SelfTestOk",
+    "FilterValid": "OrientationValid",
+    "GnssFix": "GpsValid",
+    "NoRotationUpdateStatus": "NoRotationMask",
+    "ClockSync": "ExternalClockSynced",
+    "ClippingIndication": "ClippingDetected",
+    "SyncInMarker": "SyncIn",
+    "SyncOutMarker": "SyncOut",
+}
+MIDS: Mapping[str, str] = {
+    "ReqFWRev": "ReqFirmwareRevision",
+    "FirmwareRev": "FirmwareRevision",
+    "ReqSyncSettings": "ReqSyncConfiguration",
+    "SetSyncSettings": "SetSyncConfiguration",
+    "ReqSyncSettingsAck": "SyncConfiguration",
+    "SetSyncSettingsAck": "SetSyncConfigurationAck",
+    "ExtOutputMode": "ReqExtOutputModeAck",
+    "GnssReceiverSettingsAck": "ReqGnssReceiverSettingsAck",
+}
+_RATE = re.compile(r"XBC_(\d+)(?:_(\d))?(k|MegaBaud)(\d?)")
+
+
+def differences(vendor: Constants) -> list[str]:
+    """What the tables and the constants of the headers do not agree on."""
+    return [
+        *_flags("status word", codes.STATUS_BITS, vendor["XsStatusFlag"], "XSF_", STATUS),
+        *_flags("option flags", codes.OPTION_FLAGS, vendor["XsDeviceOptionFlag"], "XDOF_", {}),
+        *_flags("string types", codes.STRING_TYPES, vendor["XsStringOutputType"], "XSOT_", {}),
+        *_flags("self-test", codes.SELFTEST_BITS, vendor["XsSelfTestFlag"], "XSTF_", {}),
+        *_rates(vendor["XsBaudCode"]),
+        *_numbers("sync function", codes.SYNC_FUNCTIONS, vendor["XsSyncFunction"], ("Invalid", "Count")),
+        *_numbers("platform", codes.GNSS_PLATFORMS, vendor["XsUbloxGnssPlatform"], ()),
+        *_numbers("polarity", codes.POLARITIES, vendor["XsSyncPolarity"], ()),
+        *_numbers("ICC command", codes.ICC_COMMANDS, vendor["XsIccCommand"], ()),
+        *_numbers("error mode", codes.ERROR_MODES, vendor["XsErrorMode"], ("Invalid",)),
+        *_numbers("device error", codes.DEVICE_ERRORS, vendor["XsDeviceErrorType"], ()),
+        *_numbers("alignment", codes.ALIGNMENTS, vendor["XsAlignmentFrame"], ()),
+        *_known("error code", (*codes.ERROR_CODES, *codes.WARNING_CODES), vendor["XsResultValue"]),
+        *_known("data identifier", (row.id for row in items.ITEMS), vendor["XsDataIdentifier"]),
+        *_messages(vendor["XsXbusMessageId"]),
+    ]
+
+
+def _folded(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _flags(
+    what: str, rows: Iterable[Bits], pool: Mapping[str, int], prefix: str, other: Mapping[str, str]
+) -> Iterator[str]:
+    """Flags and groups by name; a reserved one has no name in the header."""
+    folded = {_folded(name.removeprefix(prefix)): value for name, value in pool.items()}
+    for row in rows:
+        mask = ((1 << row.width) - 1) << row.low
+        value = folded.get(_folded(other.get(row.name, row.name)))
+        if value != mask and not row.name.startswith("Reserved"):
+            yield f"{what}: {row.name} is {mask:#x}; the header says {value if value is None else hex(value)}"
+
+
+def _rates(pool: Mapping[str, int]) -> Iterator[str]:
+    told: dict[int, int] = {}
+    for name, code in pool.items():
+        if found := _RATE.match(name):
+            whole, half, unit, tenth = found.groups()
+            thousand = 1_000_000 if unit == "MegaBaud" else 1000
+            told[code] = int(whole) * thousand + int(half or tenth or 0) * thousand // 10
+    for code, words in codes.BAUD_CODES.items():
+        rate = re.sub(r"\D", "", words)
+        if code != 0xFF and told.get(code) != int(rate):
+            yield f"baud code {code:#x} is {words}; the header says {told.get(code)}"
+    for code in told.keys() - codes.BAUD_CODES.keys():
+        yield f"there is no baud code {code:#x}, {told[code]} Bd"
+
+
+def _numbers(what: str, table: Mapping[int, str], pool: Mapping[str, int], apart: tuple[str, ...]) -> Iterator[str]:
+    """The same numbers on both sides."""
+    there = {value for name, value in pool.items() if name.rpartition("_")[2] not in apart}
+    for number in sorted(table.keys() ^ there):
+        yield f"{what} {number}: {'only in the table' if number in table else 'not in the table'}"
+
+
+def _known(what: str, numbers: Iterable[int], pool: Mapping[str, int]) -> Iterator[str]:
+    """Numbers that the header has as well."""
+    there = set(pool.values())
+    for number in numbers:
+        if number not in there:
+            yield f"{what} {number:#x} is not in the header"
+
+
+def _messages(pool: Mapping[str, int]) -> Iterator[str]:
+    folded = {_folded(name.removeprefix("XMID_")): value for name, value in pool.items()}
+    for name, rows in messages.BY_NAME.items():
+        if name.startswith("reserved "):
+            continue
+        value = folded.get(_folded(MIDS.get(name, name)))
+        if value != rows[0].id:
+            yield f"message {name} is {rows[0].id:#x}; the header says {value if value is None else hex(value)}"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("xspublic", type=Path, help="the folder xspublic")
+    parser.add_argument("--write", action="store_true", help=f"keep names and numbers in {KEPT.name}")
+    given = parser.parse_args()
+    folders = [given.xspublic, given.xspublic / "xstypes", given.xspublic / "xscontroller"]
+    headers = [*(f"xstypes/xs{name}.h" for name in TYPES), *(f"xscontroller/x{name}.h" for name in CONTROLLER)]
+    found: Constants = {}
+    for header in headers:  # one by one: two enumerations share names
+        found |= constants([header], folders)
+    lines = differences(found)
+    print("\n".join(lines) or "no difference")
+    if given.write:
+        KEPT.write_text(json.dumps({"source": SOURCE, "constants": found}, indent=0) + "\n", encoding="utf-8")
+    return bool(lines)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
