@@ -162,7 +162,7 @@ class Tables:
             choices=self.choices.get(of, {}),
             bits=self.words.get(of, ()),
             decimals=int(attributes.get("decimals", -1)),
-            period=360.0 if (shown or wire) == "°" and axes[-1:] == ("yaw",) else 0.0,
+            period=_period(name, shown or wire, axes),
             frame=attributes.get("frame", ""),
             pad=0,
         )
@@ -194,6 +194,15 @@ _SHORT = dict(entry.split(maxsplit=1) for entry in _WORDS.strip().split(","))
 _NAMES = re.compile(
     r"(INS|INL\d|IMU\d?|PIMU|GPS\d?|GNSS|GPX|RTK|RTOS|ROS|NED|EVB|ADC|TC|BIT|G?RMC|NMEA|CAN|HDW|NVR|LD|G\d|SN|\d+)\Z"
 )
+
+
+_TURNS = re.compile(r"(hdg|heading|azim|yaw)$", re.IGNORECASE)  # not their accuracies
+
+
+def _period(name: str, unit: str, axes: tuple[str, ...]) -> float:
+    """Where an angle wraps: directions do, which may point anywhere around; 0 for what never wraps."""
+    turns = axes[-1:] == ("yaw",) or _TURNS.search(name) is not None
+    return 360.0 if unit == "°" and turns else 0.0
 
 
 def title_of(name: str) -> str:

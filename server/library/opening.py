@@ -19,7 +19,7 @@ Memory is bounded by one part and the blocks that wait to be written.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -52,6 +52,7 @@ DRAIN_NS = 5_000_000_000  # and no more than this of a recording: what is known 
 FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
+MOST_TIME = 9e9  # unix s
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
 CLOCKS = {
     "utc": "UTC as the device says it, unix time.",
@@ -363,11 +364,14 @@ def _manifest(
     most_events: int | None = None,
 ) -> dict[str, Any]:
     events = hub.events[:most_events]
+    found = [event for event in hub.events if event.kind == "gap"]
     markers: list[dict[str, Any]] = []
     snapshots: dict[str, Any] = {}
     for channel, time_ns, body in source.said():
-        if channel == EVENTS and body.get("kind") not in FOUND_ANEW:
-            events.append(_event(body, time_ns))
+        if channel == EVENTS and (body.get("kind") not in FOUND_ANEW or _is_outage(body)):
+            event = _event(body, time_ns)
+            if event.kind != "gap" or not _is_counted(event, found):
+                events.append(event)
         elif channel == NOTES:
             markers.append({"time": time_ns / 1e9, "id": len(markers) + 1, **_note(body)})
         elif channel.startswith(SNAPSHOT):
@@ -407,6 +411,22 @@ def _manifest(
     }
 
 
+def _is_outage(body: Mapping[str, Any]) -> bool:
+    """A link that was down, of which no counter tells: who decodes the bytes sees none that are missing."""
+    data = body.get("data")
+    times = (body.get("t0"), body.get("t1"))
+    numbers = all(isinstance(time, int | float) and abs(time) < MOST_TIME for time in times)  # nor NaN
+    return body.get("kind") == "gap" and numbers and isinstance(data, Mapping) and data.get("by") == "link"
+
+
+def _is_counted(outage: wire.EventInfo, found: Sequence[wire.EventInfo]) -> bool:
+    """Did a counter, read across the outage, tell what it lost?"""
+    t0, t1 = outage.t0 or 0.0, outage.t1 or 0.0
+    return any(
+        gap.device == outage.device and (gap.t0 or 0.0) < t1 and (gap.t1 or 0.0) > t0 and gap.samples for gap in found
+    )
+
+
 def _event(body: Mapping[str, Any], time_ns: int) -> wire.EventInfo:
     kind, level = body.get("kind"), body.get("level")
     return wire.EventInfo(
@@ -416,6 +436,8 @@ def _event(body: Mapping[str, Any], time_ns: int) -> wire.EventInfo:
         kind if kind in get_args(wire.EventKind) else "device",  # type: ignore[arg-type]
         level if level in ("info", "caution", "fault") else "info",
         str(body.get("text", "")),
+        t0=float(body["t0"]) if _is_outage(body) else None,
+        t1=float(body["t1"]) if _is_outage(body) else None,
         data=dict(body.get("data") or {}),
     )
 

@@ -12,7 +12,7 @@ from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import DATA, build
 from protocols.isb.messages import RAW_KINDS
 from protocols.isb.plain import packet_of, plain
-from protocols.isb.tables import CURRENT, SETS
+from protocols.isb.tables import CURRENT, SETS, TABLES
 from tests.protocols.isb_vectors import FORMS, by_did, leaves, packet
 
 
@@ -103,3 +103,12 @@ def test_the_size_alone_tells(row: dict[str, Any]) -> None:
     if newest != [row["version"]] or sizes.get(CURRENT) == row["size"]:
         return
     assert plain(packet(row))["fields"] == plain(packet(row), row["version"])["fields"]
+
+
+def test_every_direction_wraps_and_no_accuracy_does() -> None:
+    """Mean and σ of a heading that passes north were those of the line: only Euler angles had a period."""
+    fields = {row.name: row for struct in TABLES.structs.values() for row, _ in struct.places}
+    for name in ("baseToRoverHeading", "azim", "magHdg"):
+        assert fields[name].period == 360.0, name
+    for name in ("baseToRoverHeadingAcc", "elev"):
+        assert fields[name].period == 0.0, name

@@ -198,6 +198,33 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
     assert "progress" not in store.manifest
 
 
+def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_path: Path) -> None:
+    """A recording of a device without a counter had no hatch where its link had been down."""
+    path = tmp_path / "a.mcap"
+    drive(path)
+    again = tmp_path / "b.mcap"
+    source = McapSource(path)
+    writer = Writer(again, {"title": "A drive"})
+    writer.device("1", dict(source.devices["1"].about))
+    for part in source.parts():
+        if part.way == "rx":
+            start = 0
+            for end, at in zip(part.ends.tolist(), part.times.tolist(), strict=True):
+                writer.chunk("1", "rx", bytes(part.data[start:end]), at)
+                start = end
+    first = START / 1e9
+    outage = {"kind": "gap", "level": "fault", "device": "1", "samples": 0, "data": {"counter": "", "by": "link"}}
+    writer.event({**outage, "text": "counted too", "t0": first + 1.9, "t1": first + 2.2}, START)
+    writer.event({**outage, "text": "down", "t0": first + 3.0, "t1": first + 3.1, "time": first + 3.1}, START)
+    writer.event({**outage, "text": "no time", "t0": None, "t1": float("nan")}, START)
+    writer.close()
+    store = decode(McapSource(again), tmp_path / "store", speech.speech())
+    gaps = [event for event in store.manifest["events"] if event["kind"] == "gap"]
+    assert [event["text"] for event in gaps if event["samples"] == 0] == ["down"]
+    assert gaps[-1]["t0"] == pytest.approx(first + 3.0)
+    assert sum(event["samples"] for event in gaps) > 0
+
+
 def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     kept = drive(path)
