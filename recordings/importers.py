@@ -152,6 +152,11 @@ class DatSource(CaptureSource):
             yield from inertial_logs.packets(file.read_bytes(), self._damage)
 
 
+def is_dat(head: bytes) -> bool:
+    """Do these bytes, the first of a file, begin a .dat log of Inertial Sense, whatever the file is called?"""
+    return head.startswith(inertial_logs.MARKER)
+
+
 def paced(file: BinaryIO, protocol: str) -> Pace:
     """The bytes of a capture with their times; "" where nobody knows what they are."""
     if not protocol:
@@ -179,7 +184,7 @@ def open_file(path: Path, protocol: str = "") -> Source:
         raise RecordingError(f"{path.name} is empty.", "Give a recording with something in it.")
     if head.startswith(MAGIC):
         return _mcap(path)
-    suffix = path.suffix.lower()
+    suffix = ".dat" if is_dat(head) else path.suffix.lower()
     maker = _LOGS.get(suffix)
     if maker is not None:
         return maker(path, protocol)
@@ -223,7 +228,7 @@ def _raw(path: Path, protocol: str) -> Source:
 
 def _dat(path: Path, protocol: str) -> Source:
     with path.open("rb") as file:
-        if file.read(4) != inertial_logs.MARKER:
+        if not is_dat(file.read(len(inertial_logs.MARKER))):
             return CaptureSource([path], "bin", protocol)
     name = inertial_logs.log_name(path)
     about = {"serial_number": name.serial_number} if name is not None else {}

@@ -15,7 +15,8 @@ Version 1 of the header has the same length and the same sizes at the same place
 becomes the DATA packet that brought it, so that one decoder reads everything; a device information packet goes first
 where the header knows the firmware and the records have none yet.
 
-A header whose inverses do not fit is searched for further on: what is between is told as damage.
+A header whose inverses do not fit is searched for further on, and so is a record within a chunk: what is between is
+told as damage.
 
 Source: inertial-sense-sdk 2.7.1, data_chunk.h, DeviceLogSerial, DeviceLogRaw.
 """
@@ -24,7 +25,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -38,6 +39,8 @@ from recordings.blocks import Damage
 MARKER = bytes.fromhex("32EA05FC")
 HEADER = struct.Struct("<4sBBBB4s4sIIIIHH4B")
 MAX_CHUNK = 1 << 20  # the vendor writes 131 072 bytes; more is damage
+MOST_RECORD, MOST_SET = 1024, 2048  # bytes of a packet's data, and of a whole data set
+CHAIN = 4  # records in a row that are no accident
 _RECORD = struct.Struct("<BHH")
 _INDEX = np.dtype([("ms", "<u4"), ("offset", "<u4"), ("count", "<u4"), ("reserved", "<u4")])
 _NAME = re.compile(r"(?P<stem>.*_?SN(?P<serial>\d+)_(?P<date>\d{8})_(?P<time>\d{6}))_(?P<part>\d{4,})$", re.IGNORECASE)
@@ -129,20 +132,50 @@ def _header(data: bytes, at: int) -> tuple[int, int] | None:
 
 
 def _packets_of(body: bytes, start: int, damage: list[Damage]) -> bytes:
+    """The records of a chunk as packets. Where one is damaged, the search goes on behind it: at the next place from
+    which `CHAIN` records follow each other, of kinds and sizes that hold together."""
     out = []
     at = 0
+    seen: set[tuple[int, int]] = set()  # (data set, size) of records so far
     while at < len(body):
-        if len(body) - at < _RECORD.size:
-            damage.append(Damage(start + at, f"A record's header at {start + at} is cut off."))
-            break
-        did, size, offset = _RECORD.unpack_from(body, at)
-        payload = body[at + _RECORD.size : at + _RECORD.size + size]
-        try:
-            if len(payload) < size:
-                raise ValueError
-            out.append(build(DATA, did, payload, offset=offset))
-        except ValueError:
-            damage.append(Damage(start + at, f"The record at {start + at} claims {size} bytes: it is no record."))
-            break
-        at += _RECORD.size + size
+        record = _record(body, at)
+        if record is not None:
+            did, size, offset, end = record
+            if end == len(body) or _record(body, end) is not None or (did, size) in seen:
+                seen.add((did, size))
+                out.append(build(DATA, did, body[end - size : end], offset=offset))
+                at = end
+                continue
+        further = _resync(body, at + 1, seen)
+        words = f"{further - at} bytes at {start + at} are no record."
+        if further == len(body):
+            words = f"From {start + at} on nothing is a whole record any more: {further - at} bytes."
+        damage.append(Damage(start + at, words))
+        at = further
     return b"".join(out)
+
+
+def _record(body: bytes, at: int) -> tuple[int, int, int, int] | None:
+    """Data set, size, offset and end of the record at `at`; None where there cannot be one."""
+    if len(body) - at < _RECORD.size:
+        return None
+    did, size, offset = _RECORD.unpack_from(body, at)
+    end = at + _RECORD.size + size
+    if did == 0 or size == 0 or size > MOST_RECORD or offset + size > MOST_SET or end > len(body):
+        return None
+    return did, size, offset, end
+
+
+def _resync(body: bytes, at: int, seen: Collection[tuple[int, int]]) -> int:
+    """The next place from which records follow each other; the end of the chunk where there is none."""
+    for begin in range(at, len(body)):
+        end, links, known = begin, 0, False
+        while links < CHAIN and end < len(body):
+            record = _record(body, end)
+            if record is None:
+                break
+            known |= record[:2] in seen
+            end, links = record[3], links + 1
+        if (links == CHAIN or (links and end == len(body))) and (known or not seen):
+            return begin
+    return len(body)

@@ -15,7 +15,7 @@ from protocols.registry import guess
 from recordings import inertial_logs, sidecar
 from recordings.blocks import MAGIC, TIME, Recording
 from recordings.container import DEVICE, EDIT, RECORDING, RecordingError, newer
-from recordings.importers import GUESS_BYTES, GUESS_SCORE
+from recordings.importers import GUESS_BYTES, GUESS_SCORE, is_dat
 
 ASK_ANYWAY = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".csv")  # shown, even where nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
@@ -136,8 +136,8 @@ def _device(number: str, values: Mapping[str, str], counts: Mapping[str, int]) -
 
 def _capture(path: Path, suffix: str, head: bytes) -> Peek | None:
     protocol = {".mtb": "xbus"}.get(suffix, "")
-    if suffix == ".dat" and head.startswith(inertial_logs.MARKER):
-        protocol = "isb"
+    if is_dat(head):
+        suffix, protocol = ".dat", "isb"
     if not protocol:
         guesses = guess(head)
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from protocols.registry import PROTOCOLS
 from recordings.container import RecordingError
 from recordings.importers import open_file
-from recordings.inertial_logs import HEADER, log_name, parts_of
+from recordings.inertial_logs import HEADER, MARKER, log_name, parts_of
 from recordings.parts import Source
 from tests.protocols.isb_vectors import leaves
 
@@ -137,6 +138,30 @@ def test_a_damaged_log_is_read_around_its_damage(seed: int, tmp_path: Path) -> N
     source = open_file(tmp_path / "a.dat")
     assert len(lines_of(source)) > 0
     if cut < len(data) - 5:
+        assert source.damage
+
+
+def dat(records: bytes) -> bytes:
+    """A log of one chunk."""
+    name, size = b"PDAT", len(records)
+    inverse = bytes(byte ^ 0xFF for byte in name)
+    return (
+        HEADER.pack(MARKER, 2, 34, 2, 0, name, inverse, size, size ^ 0xFFFFFFFF, 0, 60339, 0, 0, 2, 0, 0, 0) + records
+    )
+
+
+def test_bad_bytes_in_a_log_cost_the_records_they_are_in(tmp_path: Path) -> None:
+    """Fifty bytes in the first records of a chunk: all others are read."""
+    imu = b"".join(b"\x3a\x24\x00\x00\x00" + struct.pack("<d6fI", 10 + i / 100, *6 * (0.5,), 0) for i in range(1000))
+    data = bytearray(dat(imu))
+    for at in range(HEADER.size + 90, HEADER.size + 140):
+        data[at] = at * 37 % 256
+    (tmp_path / "log.dat").write_bytes(data)
+    (tmp_path / "renamed.bin").write_bytes(data)
+    for name in ("log.dat", "renamed.bin"):
+        source = open_file(tmp_path / name)
+        assert (source.format, source.devices["1"].protocol) == ("dat", "isb")
+        assert len(lines_of(source)) >= 995
         assert source.damage
 
 
