@@ -24,7 +24,17 @@ from server.library.details import as_json, channels_of, detail
 from server.library.recorded import OpeningState, RecordedSettings, RecordingDetail
 from server.library.settings import settings_of
 from server.library.shelf import Opening, Shelf
-from server.library.windows import Answer, ColumnStatistics, arrow_of, frame_of, json_of, live, recorded, statistics_in
+from server.library.windows import (
+    Answer,
+    ColumnStatistics,
+    arrow_of,
+    frame_of,
+    json_of,
+    live,
+    ordered,
+    recorded,
+    statistics_in,
+)
 from server.live.hub import Hub
 
 router = APIRouter(tags=["recordings"])
@@ -177,6 +187,7 @@ def get_settings(store: SoFar, device: Annotated[str, Query(description="id of a
 @router.get("/api/recordings/{recording}/query", responses=TABLE, response_class=Response)
 def query_recording(
     store: OneStore,
+    request: Request,
     channel: Annotated[str, Query(description="id, or name")],
     t0: Time = None,
     t1: Time = None,
@@ -194,7 +205,9 @@ def query_recording(
     if not width and store.row_at(info.id, t1, base) - store.row_at(info.id, t0, base) > MOST_ROWS:
         hint = f"Ask for a shorter stretch, or give `width`; at most {MOST_ROWS} rows come at once."
         raise ApiError(422, "too-many", "The stretch has too many rows for one answer.", hint)
-    return _table(recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base), format)
+    _only_one(request)
+    answer = recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base)
+    return _table(ordered(answer) if base == "device" else answer, format)
 
 
 @router.get("/api/devices/{device}/query", tags=["devices"], responses=TABLE, response_class=Response)
@@ -219,7 +232,9 @@ async def query_device(
     number = _number(channel, own)
     t0, t1 = _span(0.0 if t0 is None else t0, hub.now() + 60 if t1 is None else t1)
     positions = _positions(own[number], columns)
-    return _table(live(hub.channels[number], t0, t1, width, columns=positions, base=base), format)
+    _only_one(request)
+    answer = live(hub.channels[number], t0, t1, width, columns=positions, base=base)
+    return _table(ordered(answer) if base == "device" else answer, format)
 
 
 def _span(t0: float, t1: float) -> tuple[float, float]:
@@ -237,6 +252,12 @@ def _number(word: str, infos: Mapping[int, wire.ChannelInfo], device: str = "") 
         return max(named)
     there = ", ".join(sorted({info.name for info in infos.values()}))
     raise ApiError(404, "not-found", f"There is no channel {word:.60}.", f"There are: {there:.400}.")
+
+
+def _only_one(request: Request) -> None:
+    if len(request.query_params.getlist("channel")) > 1:
+        hint = "Ask for each, or export several as one table (csv-aligned)."
+        raise ApiError(422, "too-many", "One channel comes at a time, and several were named.", hint)
 
 
 def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:

@@ -20,6 +20,7 @@ import time
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,7 @@ from server.live.hub import Hub
 log = logging.getLogger("imuscope.exports")
 
 FOLDER = "exports"
+LAST_DATE = 253_402_300_800.0  # the year 10000
 KEPT = 50
 KEPT_S = 86_400.0
 MOST_WAITING = 20
@@ -145,7 +147,9 @@ class Exports:
                 self._tell()
                 await self._shelf.opened(told.recording)
                 files = await self._run(job, title)
-                job.file = await asyncio.to_thread(_one_file, files, job.folder, _stem(title))
+                job.file = await asyncio.to_thread(
+                    _one_file, files, job.folder, f"{_stem(title, job.wish)}-{told.format}"
+                )
                 told.state, told.progress, told.size = "done", 1.0, job.file.stat().st_size
                 told.file = job.file.name
         except asyncio.CancelledError:
@@ -175,7 +179,7 @@ class Exports:
             "source": str(self._catalogue.path(recording)),
             "title": title,
             **{name: getattr(wish, name) for name in ("t0", "t1", "channels", "device", "base")},
-            "out": str(job.folder / f"{_stem(title)}{FORMATS[wish.format].suffix}"),
+            "out": str(job.folder / f"{_stem(title, job.wish)}{FORMATS[wish.format].suffix}"),
         }
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "server.library.export_aside"),
@@ -253,10 +257,18 @@ def _one_file(files: Sequence[Path], folder: Path, stem: str) -> Path:
     return path
 
 
-def _stem(title: str) -> str:
-    """A file's name out of a title."""
+def _stem(title: str, wish: Export) -> str:
+    """A file's name out of a title, and where it is a part its ends: run-20260101T120000Z-20260101T120130Z."""
     plain = "".join(c if c.isalnum() or c in "._-" else "-" for c in title)
-    return plain.encode()[:80].decode(errors="ignore").strip("-.") or "recording"
+    stem = plain.encode()[:80].decode(errors="ignore").strip("-.") or "recording"
+    ends = [datetime.fromtimestamp(t, UTC).strftime("%Y%m%dT%H%M%SZ") if t is not None else "" for t in _ends(wish)]
+    return f"{stem}-{ends[0] or 'begin'}-{ends[1] or 'end'}" if any(ends) else stem
+
+
+def _ends(wish: Export) -> tuple[float | None, float | None]:
+    """The stretch, as far as a calendar has it."""
+    t0, t1 = (t if t is not None and 0 <= t < LAST_DATE else None for t in (wish.t0, wish.t1))
+    return t0, t1
 
 
 def _words(wish: Export) -> str:

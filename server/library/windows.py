@@ -73,6 +73,19 @@ def recorded(
     return Answer(info, rows, wanted)
 
 
+def ordered(answer: Answer) -> Answer:
+    """The same rows by their time, where they have one: a device sends some later than newer ones of another kind."""
+    rows = answer.rows
+    if not isinstance(rows, Exact):
+        return answer
+    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+    if not (key[1:] < key[:-1]).any():
+        return answer
+    order = np.argsort(key, kind="stable")
+    sorted_rows = Exact(rows.arrival[order], rows.time[order], [column[order] for column in rows.columns])
+    return Answer(answer.info, sorted_rows, answer.columns)
+
+
 def live(
     channel: Channel, t0: float, t1: float, width: int, *, columns: Sequence[int] | None = None, base: Base = "device"
 ) -> Answer:

@@ -1,0 +1,40 @@
+"""Tables that are asked for and files that are exported: in order, one at a time, with names that tell them apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from starlette.requests import Request
+
+from recordings.columns import Exact
+from server.api.errors import ApiError
+from server.api.recordings import _only_one
+from server.library.exports import _stem
+from server.library.recorded import Export
+from server.library.windows import Answer, ordered
+from server.wire import ChannelInfo
+
+
+def test_rows_of_a_query_go_by_their_time() -> None:
+    """A solution that comes late stands where it belongs; a row without a clock goes by its arrival."""
+    info = ChannelInfo(1, "1", "M", "M", "M", "scalar", "", "", [])
+    rows = Exact(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.9, 1.9, 1.2, np.nan]), [np.array([1, 2, 3, 4])])
+    got = ordered(Answer(info, rows, (0,))).rows
+    assert isinstance(got, Exact)
+    assert got.columns[0].tolist() == [1, 3, 2, 4]
+    assert got.arrival.tolist() == [1.0, 3.0, 2.0, 4.0]
+
+
+def test_a_channel_named_twice_is_refused() -> None:
+    def asked(query: bytes) -> Request:
+        return Request({"type": "http", "query_string": query, "headers": []})
+
+    _only_one(asked(b"channel=A&width=3"))
+    with pytest.raises(ApiError):
+        _only_one(asked(b"channel=A&channel=B"))
+
+
+def test_the_name_of_an_export_tells_its_stretch() -> None:
+    assert _stem("Drive 1", Export("csv")) == "Drive-1"
+    assert _stem("Drive", Export("csv", t0=1.76e9)) == "Drive-20251009T085320Z-end"
+    assert _stem("Drive", Export("csv", t0=1.76e9, t1=1.76e9 + 5)) == "Drive-20251009T085320Z-20251009T085325Z"
