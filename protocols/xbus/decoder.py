@@ -20,7 +20,12 @@ first solution has told whether there is a fix.
 
 PacketCounter counts every MTData2 message of a device, whatever it carries; numbers that are missing are a Gap.
 
-Source: MT0101P 2020.A, section 5.3.6.
+## Several devices
+
+On a line that devices share (RS-485) each has a bus identifier of its own, and so a counter and a clock of its own. The
+first that sends data is the line's device; data under another identifier are those of a further one ("2").
+
+Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
 
 from __future__ import annotations
@@ -36,7 +41,7 @@ from numpy.typing import NDArray
 from protocols.clocks import Counter, Unwrap
 from protocols.dates import utc_ns
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
-from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE, Bytes, Ints
+from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
 from protocols.stream import StreamDecoder
@@ -120,6 +125,16 @@ def _joined(place: Place, at: int, length: int) -> Place:
     return replace(field, shape=(field.shape[0] + length,)), (*pieces, (at, length))
 
 
+class _Clocks:
+    """Where the counter and the clocks of one device are."""
+
+    def __init__(self) -> None:
+        self.counter = Counter(1 << 16)
+        self.fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
+        self.coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
+        self.clock = 0  # the best clock shown so far
+
+
 class XbusDecoder(StreamDecoder[Stream]):
     """See events.Decoder. Message numbers are unique over both directions, so one decoder reads either.
 
@@ -132,10 +147,9 @@ class XbusDecoder(StreamDecoder[Stream]):
         super().__init__(Stream())
         self._layouts: dict[bytes, DataLayout] = {}
         self._newest: dict[int, DataLayout] = {}  # by the length of the payload
-        self._counter = Counter(1 << 16)
-        self._fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
-        self._coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
-        self._clock = 0  # the best clock shown so far
+        self._bid: int | None = None  # bus identifier of the line's first device
+        self._clocks = _Clocks()
+        self._others: dict[int, _Clocks] = {}
         self._fix = FIX_NOT_SAID  # by the last GNSS solution
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
@@ -155,9 +169,9 @@ class XbusDecoder(StreamDecoder[Stream]):
             if not table.shape[1]:
                 self._learn(replies)
                 return sorted(events, key=_offset)
-            events += self._data(cut, table, arrivals, replies)
+            events += self._by_sender(cut, table, arrivals, replies)
         else:
-            events += self._data(cut, table, arrivals, [])
+            events += self._by_sender(cut, table, arrivals, [])
         return sorted(events, key=_offset) if len(events) > 1 else events
 
     # -- replies -------------------------------------------------------------------------------------------------------
@@ -177,7 +191,31 @@ class XbusDecoder(StreamDecoder[Stream]):
         for reply in replies:
             if reply.message.name == "ProductCode":
                 day = DAY_PRODUCTS.match(str(reply.values.get("product_code", "")))
-                self._fine.set_wrap(WRAP_DAY if day else WRAP)
+                self._clocks.fine.set_wrap(WRAP_DAY if day else WRAP)
+
+    # -- several devices -----------------------------------------------------------------------------------------------
+
+    def _by_sender(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
+        """Data of the line's first device, and of each further one under its bus identifier."""
+        senders = table[SENDER]
+        if self._bid is None:
+            self._bid = int(senders[0])
+        mine = senders == self._bid
+        if mine.all():
+            return self._data(cut, table, arrivals, replies)
+        events: list[Event] = []
+        if mine.any():
+            events += self._data(cut, np.ascontiguousarray(table[:, mine]), arrivals[mine], replies)
+        else:
+            self._learn(replies)
+        for bid in dict.fromkeys(senders[~mine].tolist()):
+            which = senders == bid
+            own = self._clocks
+            self._clocks = self._others.setdefault(bid, _Clocks())
+            found = self._data(cut, np.ascontiguousarray(table[:, which]), arrivals[which], [])
+            self._clocks = own
+            events += [replace(one, device=str(bid)) if isinstance(one, Batch | Gap | Step) else one for one in found]
+        return events
 
     # -- data ----------------------------------------------------------------------------------------------------------
 
@@ -185,20 +223,24 @@ class XbusDecoder(StreamDecoder[Stream]):
         """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
         usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
         offset, size, body, length, mid = cut.table[:5, 0].tolist()
-        layout = self._newest.get(length) if mid == MTDATA2 and self._clock in (0, _FINE) else None
+        if self._bid != int(cut.table[SENDER, 0]):
+            return False
+        layout = self._newest.get(length) if mid == MTDATA2 and self._clocks.clock in (0, _FINE) else None
         if layout is None or not layout.usual:
             return False
         payload = cut.data[body : body + length]
         if not layout.fits(payload):
             return False
-        self._clock = _FINE
+        self._clocks.clock = _FINE
         offset += cut.start
         fine, counter = layout.fine_at, layout.counter_at
-        time = self._fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
-        for _, kind, by in self._fine.steps:
+        time = self._clocks.fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
+        for _, kind, by in self._clocks.fine.steps:
             events.append(Step(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
         number = int.from_bytes(payload[counter : counter + 2], "big")
-        if not self._counter.follows(number) and (missing := int(self._counter.missing(np.array((number,)))[0])):
+        if not self._clocks.counter.follows(number) and (
+            missing := int(self._clocks.counter.missing(np.array((number,)))[0])
+        ):
             events.append(Gap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
         columns = layout.layout.columns(np.ndarray((1, length), np.uint8, payload))
         offsets, times = np.array((offset,)), np.array((time,))
@@ -215,11 +257,11 @@ class XbusDecoder(StreamDecoder[Stream]):
         groups, bad, without_fine, without_counter = walk(cut.array, body, table[LENGTH], walked, order, bounds)
         offsets = table[OFFSET] + cut.start
         events: list[Event] = []
-        if without_fine or replies or self._clock not in (0, _FINE):
+        if without_fine or replies or self._clocks.clock not in (0, _FINE):
             times, timed = self._times(cut, walked, offsets, arrivals, replies, events)
         else:  # the usual case
-            self._clock = _FINE
-            times, timed = self._unwrap(self._fine, TICK_NS, walked[FINE], offsets, arrivals, events), None
+            self._clocks.clock = _FINE
+            times, timed = self._unwrap(self._clocks.fine, TICK_NS, walked[FINE], offsets, arrivals, events), None
         self._gaps(walked[COUNTER], bool(without_counter), offsets, arrivals, times, timed, events)
         if bad:
             self._bad_tails(table, walked[GOOD], cut.start, arrivals, events)
@@ -271,16 +313,16 @@ class XbusDecoder(StreamDecoder[Stream]):
         utc = _utc_ns(cut.data, walked[UTC_AT])
         has = np.where(fine >= 0, _FINE, np.where(walked[COARSE] >= 0, _COARSE, np.where(utc >= 0, _UTC, 0)))
         has[~self._is_true(walked[GNSS])] = 0
-        used = np.maximum.accumulate(np.maximum(has, self._clock))
-        before = np.concatenate(([self._clock], used[:-1]))
+        used = np.maximum.accumulate(np.maximum(has, self._clocks.clock))
+        before = np.concatenate(([self._clocks.clock], used[:-1]))
         for i in np.flatnonzero((used > before) & (before > 0)).tolist():
             events.append(Step(int(offsets[i]), "sync", 0, int(arrivals[i])))
-        self._clock = int(used[-1])
+        self._clocks.clock = int(used[-1])
         timed = (has == used) & (used > 0)
         times = np.where(utc >= 0, utc, 0)
         for clock, raw, unwrap, tick in (
-            (_FINE, fine, self._fine, TICK_NS),
-            (_COARSE, walked[COARSE], self._coarse, 1_000_000_000),
+            (_FINE, fine, self._clocks.fine, TICK_NS),
+            (_COARSE, walked[COARSE], self._clocks.coarse, 1_000_000_000),
         ):
             for which in _stretches(np.flatnonzero(timed & (has == clock)), offsets, replies, self._learn):
                 times[which] = self._unwrap(unwrap, tick, raw[which], offsets[which], arrivals[which], events)
@@ -314,7 +356,7 @@ class XbusDecoder(StreamDecoder[Stream]):
     ) -> None:
         """What PacketCounter says is missing; `holes`: some frames do not carry it."""
         rows = np.flatnonzero(raw >= 0) if holes else None
-        missing = self._counter.missing(raw if rows is None else raw[rows])
+        missing = self._clocks.counter.missing(raw if rows is None else raw[rows])
         if not missing.any():
             return
         for k in np.flatnonzero(missing).tolist():

@@ -285,3 +285,26 @@ def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
         for row, offset in enumerate(batch.offset)  # type: ignore[attr-defined]
     }
     assert [found[offset] for offset in sorted(found)] == [100_000_000, None, 20_000_000, 20_000_000, 101_000_000]
+
+
+@pytest.mark.parametrize("chunk", [1 << 20, 97])
+def test_two_devices_on_one_line_are_two(chunk: int) -> None:
+    """Two streams without a loss gave 999 gaps, 992,007 lost messages, and a clock that was reset each time."""
+    items = "102002{:04x} 106004{:08x} 080402{:04x}"
+
+    def frame(bid: int, number: int, tick: int) -> bytes:
+        return build(0x36, bytes.fromhex(items.format(number, tick, number).replace(" ", "")), bid)
+
+    data = b"".join(frame(1, k, 100 * k) + frame(2, 30_000 + k, 900_000 + 100 * k) for k in range(500))
+    decoder = XbusDecoder()
+    events: list[Event] = []
+    for at in range(0, len(data), chunk):
+        decoder.feed(data[at : at + chunk], 0)
+        events += decoder.drain()
+    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    for device, begin in (("", 0), ("2", 30_000)):
+        mine = [event for event in events if isinstance(event, Batch) and event.device == device]
+        numbers = np.concatenate([batch.columns["PacketCounter"] for batch in mine]).astype(np.int64)
+        assert numbers.tolist() == list(range(begin, begin + 500))
+        times = np.concatenate([batch.time_ns for batch in mine if batch.time_ns is not None])
+        assert set(np.diff(times)) == {10_000_000}
