@@ -33,6 +33,8 @@ from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
 from recordings.derived import euler_columns
 from recordings.fared import FaredWriter
+from recordings.importers import CaptureSource
+from recordings.pace import BLIND_RATE
 from recordings.parts import McapSource, Part, Source
 from recordings.tables import TableSource
 from server import codec, wire
@@ -344,6 +346,10 @@ def decode(
                 showing.show(writer.show(codec.plain(manifest)))
         for device in devices.values():
             device.end()
+        if isinstance(source, CaptureSource) and source.guessed:
+            words = f"Some of it holds no device clock: its times are guessed at {BLIND_RATE} B/s (115 200 Bd)."
+            for name in devices:
+                hub.event(name, "clock", "caution", words, data={"kind": "guessed"})
         fared.close()
         return writer.finish(codec.plain(_manifest(source, hub, devices, spans)))
     except BaseException:

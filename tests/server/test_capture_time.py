@@ -153,6 +153,12 @@ def test_an_mtb_without_utc_is_dated_by_its_head(tmp_path: Path) -> None:
     assert store.manifest["started"] == pytest.approx(1741944413.5, abs=1e-3)
 
 
+def test_times_that_are_guessed_are_said_to_be(tmp_path: Path) -> None:
+    frames = [xbus(0x36, struct.pack(">HB3f", 0x4020, 12, 0.0, 0.0, 9.81)) for _ in range(6000)]
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    assert any("guessed at 11520 B/s" in text for text in clock_events(store))
+
+
 # ── the device's own clock in exports ────────────────────────────────────────────────────────────────────────────────
 
 
