@@ -100,7 +100,7 @@ def frame_of(record: Mapping[str, Any], key: bytes | None = None, schema: Schema
     payload = _bytes("data", values["data"]) if _is_raw(row, values) else _packed(name, row, values)
     payload += _bytes("trailing", wire.get("trailing", ""))
     if head["mode"] == SECURE and key is None:
-        raise EncodeError("a Secure frame needs a key")
+        raise EncodeError("Secure frames need a key: start with --key")
     device = head.pop("device_id")
     try:
         return build(kind, payload, device=device, key=key, **head)

@@ -382,7 +382,7 @@ def test_schema_errors_name_the_place(change: tuple[str, str], words: str) -> No
         ({"message": "Imu3Acc", "fields": {"acc_x": "a", "acc_y": 2, "acc_z": 3}}, "Acceleration is a number"),
         ({"message": "ImuX"}, "no message is called 'ImuX'; there are: Imu3Acc"),
         ({"message": "0x90", "fields": {"mode": 3}}, "mode is a whole number from 0 to 2, given 3"),
-        ({"message": "0x90", "fields": {"mode": 2}}, "a Secure frame needs a key"),
+        ({"message": "0x90", "fields": {"mode": 2}}, "Secure frames need a key: start with --key"),
         ({"message": "0x90", "fields": {"version": 16}}, "version is a whole number from 32 to 47"),
         ({"message": "0x90", "fields": {"data": "zz"}}, "data is hex"),
         ({"message": "0x90", "fields": {"data": "00" * 973}}, "payload size is 0 to 972, given 973"),
