@@ -96,3 +96,9 @@ def test_one_meaning_is_one_kind() -> None:
         if said.kind and re.sub(r"\{\w*\}\W*", "", said.message):
             by_message.setdefault(said.message, set()).add(said.kind)
     assert not {message: found for message, found in by_message.items() if len(found) > 1}
+
+
+def test_none_sends_a_person_to_a_route() -> None:
+    """ "POST …/preview tells them all." was shown under a form."""
+    wrong = [said for said in everything() if re.search(r"\b(GET|POST|PUT|DELETE) […/]", f"{said.message} {said.hint}")]
+    assert not wrong, listed(wrong)

@@ -36,7 +36,9 @@ def desk_of(device: str, desks: Annotated[Desks, Depends(desks_of)]) -> Desk:
     try:
         return desks.get(device)
     except KeyError:
-        raise ApiError(404, "not-found", f"There is no device {device:.40}.", "GET /api/devices lists them.") from None
+        raise ApiError(
+            404, "not-found", f"There is no device {device:.40}.", "It may have been removed; choose one of the list."
+        ) from None
 
 
 AllDesks = Annotated[Desks, Depends(desks_of)]

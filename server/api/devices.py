@@ -85,7 +85,9 @@ def session_of(device: str, sessions: Annotated[Sessions, Depends(sessions_of)])
     try:
         return sessions.get(device)
     except KeyError:
-        raise ApiError(404, "not-found", f"There is no device {device:.40}.", "GET /api/devices lists them.") from None
+        raise ApiError(
+            404, "not-found", f"There is no device {device:.40}.", "It may have been removed; choose one of the list."
+        ) from None
 
 
 AllSessions = Annotated[Sessions, Depends(sessions_of)]
@@ -149,15 +151,16 @@ class Rearm(BaseModel):
     )
 
 
-@router.post("/{device}/rearm", responses=responses(400, 404, 422))
+@router.post("/{device}/rearm", responses=responses(404, 422, 507))
 async def rearm_device(body: Rearm, session: OneSession) -> wire.DeviceInfo:
     """Accept whatever sequence number a Secure device sends next. Only who has restarted it can know that this is
     right: until its next frame comes, captured ones would be taken for new."""
     try:
         session.rearm(body.sender)
     except ValueError as error:
-        raise ApiError(400, "bad-device", f"{str(error)[:1].upper()}{str(error)[1:]}.", "") from None
+        hint = "Name a device of this stream by its number, or leave it out for all of them."
+        raise ApiError(422, "bad-request", f"Nothing was re-armed: {error}.", hint) from None
     except OSError as error:
         hint = "The device is re-armed until the server ends; free some space to have it kept."
-        raise ApiError(503, "not-kept", f"The re-arming cannot be kept: {error.strerror or error}.", hint) from None
+        raise ApiError(507, "disk", f"The re-arming cannot be kept: {error.strerror or error}.", hint) from None
     return session.info

@@ -84,4 +84,4 @@ async def drop_export(job: int, exports: TheExports) -> Response:
 
 
 def _none(job: int) -> ApiError:
-    return ApiError(404, "not-found", f"There is no export {job}.", "GET /api/recordings/exports lists them.")
+    return ApiError(404, "not-found", f"There is no export {job}.", "It may be over; begin it again.")

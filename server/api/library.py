@@ -40,7 +40,9 @@ TheLibrary = Annotated[Catalogue, Depends(catalogue_of)]
 
 def unknown(recording: str) -> ApiError:
     """There is no such recording."""
-    return ApiError(404, "not-found", f"There is no recording {recording:.80}.", "GET /api/recordings lists them.")
+    return ApiError(
+        404, "not-found", f"There is no recording {recording:.80}.", "It may have been deleted; choose one of the list."
+    )
 
 
 def not_now(recording: str) -> ApiError:
@@ -148,7 +150,7 @@ async def add_marker(recording: str, body: Mark, library: TheLibrary, entry: One
     _bounded(body.text, MOST_TEXT, "The text")
     _bounded(body.device, MOST_TAG, "The device")
     if library.is_recording(entry):
-        raise ApiError(409, "busy", "It is being recorded.", "POST /api/recordings/mark puts a marker into it.")
+        raise ApiError(409, "busy", "It is being recorded.", "Stop the recording first, or put a marker into it.")
     if body.time is None or not math.isfinite(body.time):
         raise ApiError(422, "bad-request", "A marker needs a time.", "Unix seconds, within the recording.")
     if len(entry.edits.markers) >= MOST_MARKERS:

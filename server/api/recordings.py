@@ -68,7 +68,9 @@ OneShelf = Annotated[Shelf, Depends(shelf_of)]
 
 def unknown(recording: str) -> ApiError:
     """There is no such recording."""
-    return ApiError(404, "not-found", f"There is no recording {recording:.80}.", "GET /api/recordings lists them.")
+    return ApiError(
+        404, "not-found", f"There is no recording {recording:.80}.", "It may have been deleted; choose one of the list."
+    )
 
 
 async def columns_of(recording: str, shelf: OneShelf) -> Columns:
@@ -227,7 +229,10 @@ async def query_device(
     own = {number: one.info for number, one in hub.channels.items() if one.info.device == device}
     if not own:
         raise ApiError(
-            404, "not-found", f"There is no device {device:.40} with channels.", "GET /api/devices lists them."
+            404,
+            "not-found",
+            f"There is no device {device:.40} with channels.",
+            "It may have been removed; choose one of the list.",
         )
     number = _number(channel, own)
     t0, t1 = _span(0.0 if t0 is None else t0, hub.now() + 60 if t1 is None else t1)

@@ -28,7 +28,7 @@ def file_of(recording: str, request: Request) -> Path:
         path: Path = request.app.state.library.path(recording)
     except KeyError:
         text = f"There is no recording {recording:.80}."
-        raise ApiError(404, "not-found", text, "GET /api/recordings lists them.") from None
+        raise ApiError(404, "not-found", text, "It may have been deleted; choose one of the list.") from None
     return path
 
 

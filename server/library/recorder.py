@@ -235,7 +235,9 @@ class Recorder:
                 session = self._sessions.get(device.partition(".")[0])  # one that shares a link is on its first's
             except KeyError:
                 raise RecorderError(
-                    "not-found", f"There is no device {device:.40}.", "GET /api/devices lists them."
+                    "not-found",
+                    f"There is no device {device:.40}.",
+                    "It may have been removed; choose one of the list.",
                 ) from None
             found[session.info.id] = session
         if not found:
