@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 from fastapi import FastAPI
 from starlette.types import ASGIApp
@@ -42,7 +43,7 @@ from server.library.catalogue import Catalogue
 from server.library.exports import Exports
 from server.library.leftovers import Tenancy
 from server.library.packer import Packer
-from server.library.recorder import Recorder, plan_of
+from server.library.recorder import FOLDER, Recorder, plan_of
 from server.library.shelf import Shelf
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
@@ -148,6 +149,7 @@ def create_app(
     app.state.protocols = default_speech.protocols
     app.state.files = page.Files()
     app.state.data = config.data
+    app.state.source_folders = [config.data / FOLDER, *map(Path, config.source_folders)]
     app.state.scan_lock = asyncio.Lock()
     app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()

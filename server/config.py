@@ -9,6 +9,7 @@
     view_token = "…"            # may look
     control_token = "…"         # may also change things
     tls = true                  # https with a certificate made here; or tls_cert and tls_key: files (server/tls.py)
+    source_folders = ["/srv/captures"]  # besides the library, where the page may open files as sources
     record = true               # from the start, all devices
     recordings_quota_gb = 20    # beyond that the oldest recordings go that nobody pinned; 0: no quota
     split_mb = 2000             # a recording goes on in a new file when it is so large
@@ -92,6 +93,8 @@ class Config:
         tls: serve https, with a certificate of our own; tls_cert, tls_key: PEM files of one that was given.
         allowed_hosts: names under which this server may be addressed, besides its own and any literal address.
         allowed_origins: pages of other servers that may use this one.
+        source_folders: besides the library, where files may be opened as sources over HTTP; what is given at start may
+            be anywhere.
         record: record all devices from the start.
         recordings_quota_gb: how much all recordings may take together, 10⁹ bytes; 0 for no quota.
         split_mb, split_min: a recording goes on in a new file when it has 10⁶ bytes or minutes like that; 0 for never.
@@ -124,6 +127,7 @@ class Config:
     tls_key: str = ""
     allowed_hosts: tuple[str, ...] = ()
     allowed_origins: tuple[str, ...] = ()
+    source_folders: tuple[str, ...] = ()
     record: bool = False
     recordings_quota_gb: float = 0.0
     split_mb: float = 0.0

@@ -15,6 +15,7 @@ import asyncio
 import contextlib
 import gc
 import logging
+import resource
 import signal
 import socket
 import sys
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 from websockets.protocol import State
@@ -36,11 +38,72 @@ if TYPE_CHECKING:
 log = logging.getLogger("imuscope.serving")
 
 LOOK_S = 3600.0  # between two looks at the certificate on disk
+HEAD_S = 10.0  # for the head of a request; precedent: nginx has 60, lighttpd 30, and ours are read by robots and pages
+MOST_CONNECTIONS = 1000
+MOST_FILES = 65_536
 SWITCH_S = 0.001  # a reading thread waits so long for a busy loop, for each datagram; 5 ms would lose them
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
 MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
+
+
+class BoundedHttp(H11Protocol):
+    """uvicorn's HTTP, where no connection is kept for nothing: a request must come whole, and soon, and not too many
+    may be open at once, so that descriptors are left for recordings and links."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        if len(self.connections) > most_connections():
+            peer = (self.client or ("", 0))[0]
+            text = f"Refused a connection of {peer}: {most_connections()} are open, and that is the most."
+            log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
+            transport.abort()
+            return
+        self._expect()
+
+    def _expect(self) -> None:
+        if self._late is None:
+            self._late = self.loop.call_later(HEAD_S, self.transport.abort)
+
+    def _expect_no_more(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+    def data_received(self, data: bytes) -> None:
+        self._expect()
+        super().data_received(data)
+        if self.cycle is not None and not self.cycle.response_complete:
+            self._expect_no_more()  # it has come, and is answered
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        self._expect_no_more()
+        super().handle_websocket_upgrade(event)
+
+    def on_response_complete(self) -> None:
+        self._expect_no_more()  # from here on uvicorn's own time for what is kept alive
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._expect_no_more()
+        super().connection_lost(exc)
+
+
+def most_connections() -> int:
+    """Of browsers and programs: half of the descriptors at most."""
+    return min(MOST_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
+
+
+def raise_limit() -> None:
+    """As many descriptors as this process may have: 1024, which is usual, is for programs that use select(2)."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, MOST_FILES)
+    if soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 class LiveProtocol(WebSocketsSansIOProtocol):
@@ -191,6 +254,7 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
     """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
     config = uvicorn.Config(
         app,
+        http=BoundedHttp,
         ws=LiveProtocol,
         ws_per_message_deflate=False,
         ws_max_size=MOST_FROM_BROWSER,
@@ -216,6 +280,7 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], kee
     """
     serving = server(app, on_ready, keeper)
     sys.setswitchinterval(SWITCH_S)
+    raise_limit()
     gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
 
     def end(*_: object) -> None:

@@ -43,6 +43,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from server.config import Config, ConfigError
 
 FOLDER = "tls"
+CIPHERS = "ECDHE+AESGCM:ECDHE+CHACHA20"  # of TLS 1.2: forward secrecy, and no CBC; TLS 1.3 has no others
 DAYS = 730  # Apple's systems take no certificate that is valid for longer than 825 days
 RENEW_DAYS = 60  # before the end: a robot may be away for a season
 ALWAYS = ("localhost", "127.0.0.1", "::1")
@@ -68,6 +69,7 @@ class Tls:
         """What a server needs: TLS 1.2 or newer with the ciphers that this OpenSSL holds to be good."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.set_ciphers(CIPHERS)
         context.load_cert_chain(self.cert, self.key)
         return context
 

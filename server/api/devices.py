@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -9,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
+from server.links.base import LinkError
+from server.links.sources import Source
 from server.live.reading import Reading, ReadingError, changed, taken_from
 from server.live.reading import reading as read_as
 from server.live.session import Session
@@ -76,6 +81,20 @@ def check_protocol(name: str, request: Request) -> None:
         raise ApiError(400, "bad-protocol", f"There is no protocol {name!r}.", f"There are: {', '.join(protocols)}.")
 
 
+def check_file(source: str, folders: Sequence[Path]) -> None:
+    """ApiError for a file outside of these: who may control devices may not read what else this server's user may."""
+    try:
+        parsed = Source.parse(source)
+    except LinkError:
+        return  # said when it is opened
+    if parsed.kind != "file":
+        return
+    path = Path(parsed.place).resolve()
+    if not any(path.is_relative_to(folder.resolve()) for folder in folders):
+        hint = "Put it into the library, or name its folder in source_folders of the configuration file."
+        raise ApiError(403, "not-allowed", "Files are opened from the library and from folders that are named.", hint)
+
+
 def sessions_of(request: Request) -> Sessions:
     sessions: Sessions = request.app.state.sessions
     return sessions
@@ -109,6 +128,7 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
     except ReadingError as error:
         raise bad_setting(error) from None
     check_protocol(named, request)
+    await asyncio.to_thread(check_file, taken_from(body.source, reading)[0], request.app.state.source_folders)
     return sessions.add_all(body.source, reading)[0].info
 
 

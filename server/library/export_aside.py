@@ -16,6 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
+from recordings.bounds import bounded
 from recordings.columns import Columns
 from recordings.container import RecordingError
 from recordings.exporters import Wish, export
@@ -30,6 +31,7 @@ def main() -> int:
         os.nice(10)  # live devices come first, and opening recordings
     signal.signal(signal.SIGTERM, _end)
     end_with_parent()
+    bounded()
     told = json.loads(sys.stdin.read())
     shown = 0.0
 
@@ -43,6 +45,9 @@ def main() -> int:
         files = export(told["format"], wish_of(told), Path(told["out"]), step)
     except RecordingError as error:
         _say(message=error.message, hint=error.hint)
+        return 1
+    except MemoryError:
+        _say(message="Exporting it takes more memory than it may have.", hint="Export a shorter stretch.")
         return 1
     except (OSError, ValueError, KeyError):
         _say(message="The recording changed while it was exported.", hint="Export it again.")

@@ -13,6 +13,7 @@ import os
 import sys
 from pathlib import Path
 
+from recordings.bounds import bounded
 from recordings.container import RecordingError
 from recordings.importers import open_file
 from recordings.orphans import end_with_parent
@@ -26,6 +27,7 @@ STEP = 0.005
 def main() -> int:
     """Decode what standard input asks for; 0, or 1 when it could not be done and was told."""
     end_with_parent()
+    bounded()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
     words = sys.stdin.read()
@@ -46,6 +48,9 @@ def main() -> int:
         decode(source, Path(wish["store"]), spoken, said, progress, lambda folder: _say(shown=str(folder)))
     except RecordingError as error:
         _say(message=error.message, hint=error.hint)
+        return 1
+    except MemoryError:
+        _say(message="Opening it takes more memory than it may have.", hint="Is it damaged, or made to do harm?")
         return 1
     except OSError as error:
         _say(message=f"It cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint="")

@@ -16,7 +16,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -90,11 +90,28 @@ def live(
     channel: Channel, t0: float, t1: float, width: int, *, columns: Sequence[int] | None = None, base: Base = "device"
 ) -> Answer:
     """The same of what the hub remembers."""
-    info = channel.info
-    wanted = tuple(range(len(info.columns)) if columns is None else columns)
+    return held(channel.info, kept(channel, t0, base), t0, t1, width, columns=columns, base=base)
+
+
+def kept(channel: Channel, t0: float, base: Base = "device") -> list[Array]:
+    """What the hub remembers from then on: a copy, to be made where the hub is."""
     ring = channel.ring
     # device time may be some seconds away from arrival; a ring is searched by arrival
-    whole = ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
+    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
+
+
+def held(
+    info: wire.ChannelInfo,
+    whole: Sequence[Array],
+    t0: float,
+    t1: float,
+    width: int,
+    *,
+    columns: Sequence[int] | None = None,
+    base: Base = "device",
+) -> Answer:
+    """A stretch of that, in any thread."""
+    wanted = tuple(range(len(info.columns)) if columns is None else columns)
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
     lo, hi = np.searchsorted(t, t0, "left"), np.searchsorted(t, t1, "right")
@@ -197,8 +214,12 @@ def table_of(answer: Answer) -> dict[str, tuple[Array, str]]:
     return out
 
 
-def arrow_of(answer: Answer) -> bytes:
-    """An Arrow IPC stream of one table; units are in the fields' metadata, the channel's in the schema's."""
+PIECE = 4096  # rows that are spelled at once: a piece holds up the threads of live devices for a few ms
+
+
+def arrow_of(answer: Answer) -> Iterator[bytes]:
+    """An Arrow IPC stream of one table, piece by piece; units are in the fields' metadata, the channel's in the
+    schema's."""
     import pyarrow as pa
 
     table = table_of(answer)
@@ -211,12 +232,23 @@ def arrow_of(answer: Answer) -> bytes:
     schema = pa.schema(fields, metadata=about)
     sink = io.BytesIO()
     with pa.ipc.new_stream(sink, schema) as writer:
-        writer.write_table(pa.table([pa.array(values) for values, _ in table.values()], schema=schema))
-    return sink.getvalue()
+        for at in range(0, len(answer.rows), 16 * PIECE):
+            rows = [pa.array(values[at : at + 16 * PIECE]) for values, _ in table.values()]
+            writer.write_batch(pa.record_batch(rows, schema=schema))
+            yield _emptied(sink)
+    yield _emptied(sink)
 
 
-def json_of(answer: Answer) -> bytes:
-    """The table as JSON, column by column: {"channel", "exact", "units", "columns": {name: [values]}}; NaN is null."""
+def _emptied(sink: io.BytesIO) -> bytes:
+    written = sink.getvalue()
+    sink.seek(0)
+    sink.truncate()
+    return written
+
+
+def json_of(answer: Answer) -> Iterator[bytes]:
+    """The table as JSON, column by column and piece by piece: {"channel", "exact", "units", "columns": {name:
+    [values]}}; NaN is null."""
     table = table_of(answer)
     body: Mapping[str, Any] = {
         "channel": answer.info.name,
@@ -224,9 +256,18 @@ def json_of(answer: Answer) -> bytes:
         "frame": answer.info.frame,
         "exact": answer.exact,
         "units": {name: unit for name, (_, unit) in table.items() if unit},
-        "columns": {name: _plain(values) for name, (values, _) in table.items()},
     }
-    return json.dumps(body, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    yield _spelled(body)[:-1] + b',"columns":{'
+    for number, (name, (values, _)) in enumerate(table.items()):
+        yield (b"," if number else b"") + _spelled(name) + b":["
+        for at in range(0, len(values), PIECE):
+            yield (b"," if at else b"") + _spelled(_plain(values[at : at + PIECE]))[1:-1]
+        yield b"]"
+    yield b"}}"
+
+
+def _spelled(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _plain(values: Array) -> list[Any]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import stat
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -72,6 +73,12 @@ class FileLink(Link):
     def _head(self) -> bytes:
         """The first block, to judge the protocol by."""
         try:
+            mode = self.path.stat().st_mode
+            if not stat.S_ISREG(mode) and not stat.S_ISDIR(
+                mode
+            ):  # opening a pipe waits for its writer, reading for ever
+                hint = "Give a capture, or hand what the pipe gives to a tcp-listen:// or udp:// source."
+                raise LinkError("bad-source", f"{self.path} is a pipe or a device, not a file.", hint)
             with self.path.open("rb") as file:
                 head = file.read(BLOCK_BYTES)
         except IsADirectoryError:

@@ -12,6 +12,8 @@ capture without times otherwise goes by its device's own clock (server/links/fil
 from __future__ import annotations
 
 import asyncio
+import os
+import stat
 import threading
 from pathlib import Path
 from urllib.parse import quote
@@ -37,9 +39,11 @@ _began: dict[tuple[str, float, bool, float, float], int] = {}  # what is played 
 def is_recording(place: str) -> bool:
     """Is this an MCAP file?"""
     try:
+        if not stat.S_ISREG(os.stat(place).st_mode):
+            return False  # opening a pipe waits for its writer
         with open(place, "rb") as file:
             return file.read(len(MAGIC)) == MAGIC
-    except OSError:
+    except (OSError, ValueError):
         return False
 
 

@@ -94,15 +94,15 @@ def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: Columns) ->
     assert whole is not None
     info = next(info for info in channels_of(store).values() if info.name == "Acceleration")
     answer = recorded(store, info, *whole, 0, columns=[0, 2])
-    table = pa.ipc.open_stream(io.BytesIO(arrow_of(answer))).read_all()
+    table = pa.ipc.open_stream(io.BytesIO(b"".join(arrow_of(answer)))).read_all()
     assert table.column_names == ["time", "arrival", "x", "z"]
     assert table.schema.field("x").metadata == {b"unit": b"m/s\xc2\xb2"}
     assert isinstance(answer.rows, Exact)
     np.testing.assert_array_equal(table["z"].to_numpy(), answer.rows.columns[1])
-    body = json.loads(json_of(answer))
+    body = json.loads(b"".join(json_of(answer)))
     assert body["columns"]["z"] == pytest.approx(answer.rows.columns[1].tolist())
     assert body["units"]["z"] == "m/s²"
-    buckets = json.loads(json_of(recorded(store, info, *whole, 10, columns=[0])))
+    buckets = json.loads(b"".join(json_of(recorded(store, info, *whole, 10, columns=[0]))))
     assert list(buckets["columns"]) == ["t", "n", "x_min", "x_max"]
     assert not buckets["exact"]
 
@@ -111,7 +111,7 @@ def test_flags_are_told_as_any_and_all(store: Columns) -> None:
     whole = store.span()
     assert whole is not None
     info = next(info for info in channels_of(store).values() if info.kind == "status")
-    buckets = json.loads(json_of(recorded(store, info, *whole, 10)))
+    buckets = json.loads(b"".join(json_of(recorded(store, info, *whole, 10))))
     assert [name.rpartition("_")[2] for name in list(buckets["columns"])[2:]] == ["any", "all"]
 
 
