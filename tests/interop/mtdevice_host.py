@@ -1,0 +1,22 @@
+"""A host program on ethzasl's mtdevice.py: who the device is, what it is set to, two outputs, a second of data.
+
+    python mtdevice_host.py PORT BAUD, with the checkout's src folder on PYTHONPATH
+"""
+
+import sys
+
+from xsens_driver.mtdef import XDIGroup  # type: ignore[import-not-found]  # the checkout's
+from xsens_driver.mtdevice import MTDevice  # type: ignore[import-not-found]
+
+device = MTDevice(sys.argv[1], int(sys.argv[2]), timeout=0.05, autoconf=False, config_mode=True)
+print(f"id {device.GetDeviceID():X}")
+print(f"firmware {'.'.join(map(str, device.GetFirmwareRev()[:3]))}")
+print(f"product {str(device.GetProductCode()).strip()}")
+device.SetOutputConfiguration([(0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x4020, 100)])
+print(f"outputs {[(hex(kind), rate) for kind, rate in device.GetOutputConfiguration()]}")
+device.GoToMeasurement()
+found = 0
+while found < 50:
+    found += "Acceleration" in device.read_measurement()
+print("accelerations 50")
+print(f"groups {XDIGroup.Acceleration:#x}")
