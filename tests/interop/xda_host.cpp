@@ -17,6 +17,9 @@
 #include <cstdio>
 #include <cstdlib>
 
+class Journaller;
+Journaller* gJournal = nullptr;  // the library wants its host to define it
+
 struct Counter : public XsCallback {
     std::atomic<int> packets{0}, accelerations{0};
 
