@@ -59,8 +59,6 @@ def simulate(
     """
     bench = Bench(lambda start_ns: make_device(options, start_ns, key), options)
     try:
-        if pty is not None:
-            _link(pty, bench.slave)
         asyncio.run(_run(bench, options, pty, tcp, out))
     finally:
         bench.stop()
@@ -80,6 +78,8 @@ async def _run(bench: Bench, options: TwinOptions, pty: Path | None, tcp: tuple[
     if bridge is not None and tcp is not None:
         where = f"tcp://{await bridge.listen(*tcp)}"
     bench.start()
+    if pty is not None:
+        _link(pty, bench.slave)  # last: who waits for it finds a device that is switched on
     name = options.product or options.protocol.upper()
     print(f"{name} at {where}, {baud} Bd. Ctrl-C ends it.", file=out, flush=True)
     await ended.wait()

@@ -1,6 +1,6 @@
 """A host program on ethzasl's mtdevice.py: who the device is, what it is set to, two outputs, a second of data.
 
-    python mtdevice_host.py PORT BAUD, with the checkout's src folder on PYTHONPATH
+python mtdevice_host.py PORT BAUD, with the checkout's src folder on PYTHONPATH
 """
 
 import sys
