@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import TextIO
 
 from server.links.base import LinkError
+from server.links.simulated_device import TwinOptions, make_device
 from server.links.sources import Source
-from server.links.twin import Bench, TwinOptions, make_device
+from server.links.twin import Bench
 
 PREFIX = "twin:"
 RATE_LOOK_S = 0.05  # how soon the TCP side follows a new rate of the device

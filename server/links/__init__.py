@@ -14,9 +14,10 @@ from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Tr
 from server.links.file import SPEEDS, FileLink
 from server.links.replay import OPTIONS, ReplayLink, expanded, is_recording
 from server.links.serial import Line, SerialLink
+from server.links.simulated_device import TwinOptions
 from server.links.sources import Source
 from server.links.tcp import TcpLink, TcpListenLink
-from server.links.twin import TwinLink, TwinOptions
+from server.links.twin import TwinLink
 from server.links.udp import UdpLink
 
 __all__ = [

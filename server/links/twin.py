@@ -36,218 +36,24 @@ import asyncio
 import errno
 import logging
 import os
-import secrets
 import select
 import termios
 import threading
 import time
 import tty
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from collections.abc import Callable
 
-from protocols.xbus.moods import NONE, Moods
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.cable import Cable, Faults
-from server.links.packets import PACKET
 from server.links.pump import closed
 from server.links.serial import Line, SerialLink
-from server.links.sources import Source
+from server.links.simulated_device import Device, TwinOptions, again, make_device
 
 log = logging.getLogger(__name__)
 
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
 LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, so that its line is not full for that
 HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
-JUMP_S = 10.0
-LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
-MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
-OPTIONS = (
-    *("product", "mode", "clock", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
-    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed", "imu_source"),
-)
-MODES = ("lite", "safety", "secure")
-CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
-
-
-@dataclass(frozen=True, slots=True)
-class Family:
-    """What twins of a protocol are like.
-
-    Args:
-        products: the first is the usual one; () where there is no choice.
-        sample_bytes: sent for each sample in the default configuration.
-        more_bytes: sent each second beside that.
-        least_baud: rate of its line when it leaves the factory.
-        options: which only this family has.
-    """
-
-    products: Callable[[], tuple[str, ...]]
-    sample_bytes: int
-    more_bytes: int = 0
-    least_baud: int = 115_200
-    options: tuple[str, ...] = ()
-
-
-def _mti() -> tuple[str, ...]:
-    from protocols.xbus.settings import PRODUCTS  # when first used: its tables load what is compiled
-
-    return "MTi-630", *(name for name in PRODUCTS if name != "MTi-630")
-
-
-FAMILIES: Mapping[str, Family] = {
-    "xbus": Family(_mti, 88, options=("product", *MOODS)),
-    "isb": Family(lambda: ("IMX-5", "GPX-1"), 132, 8_000, 921_600, ("product", "imu_source")),
-    "idtp": Family(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
-}
-SECURE_BYTES = 56
-
-
-class Device(Protocol):
-    """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own."""
-
-    baud: int  # the rate it speaks at; a new one acts after Reset
-
-    def advance(self, now_ns: int) -> bytes:
-        """Everything the device sends up to that device time."""
-
-    def receive(self, data: bytes, now_ns: int) -> bytes:
-        """Bytes from the host; what the device answers."""
-
-
-@dataclass(frozen=True, slots=True)
-class TwinOptions:
-    """What the query of a twin source may say; see the module docstring."""
-
-    protocol: str = "xbus"
-    product: str = "MTi-630"
-    mode: str = "safety"
-    clock: str = "us"
-    rate: float = 100.0
-    faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
-    drift_ppm: float = 0.0
-    jump_s: float = 0.0
-    reset_s: float = 0.0
-    unplug_s: float = 0.0
-    away_s: float = 5.0
-    seed: int = 0
-    imu_source: str = "nav"
-    moods: Moods = NONE
-
-    @classmethod
-    def of(cls, source: Source) -> TwinOptions:
-        """Read a twin source.
-
-        Raises:
-            LinkError: kind "bad-source".
-        """
-        family = FAMILIES.get(source.place)
-        if family is None:
-            allowed = ", ".join(FAMILIES)
-            raise LinkError("bad-source", f"There is no twin of {source.place!r}.", f"Twins exist of: {allowed}.")
-        others = {name for other in FAMILIES.values() for name in other.options} - set(family.options)
-        source.allow([name for name in OPTIONS if name not in others])
-        products = family.products()
-        rate = source.number("rate", 100, 1, 2000, "Hz")
-        mode = source.choice("mode", "safety", MODES)
-        return cls(
-            protocol=source.place,
-            product=source.choice("product", products[0], products) if products else "",
-            mode=mode,
-            clock=source.choice("clock", "us", tuple(CLOCKS)),
-            rate=rate,
-            faults=Faults(
-                drop=source.number("drop", 0, 0, 1),
-                corrupt=source.number("corrupt", 0, 0, 1),
-                burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
-                packet=source.whole("packet", PACKET, 0, 65_536, "bytes"),
-                baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
-                dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
-            ),
-            moods=Moods(
-                mute=source.number("mute", 0, 0, 1),
-                wrong=source.number("wrong", 0, 0, 1),
-                late_ns=round(source.number("late_ms", 0, 0, 60_000, "ms") * 1e6),
-                cut=source.whole("cut", 0, 0, 1_000_000),
-                stubborn=bool(source.whole("stubborn", 0, 0, 1)),
-            ),
-            drift_ppm=source.number("drift_ppm", 0, -10_000, 10_000, "ppm"),
-            jump_s=source.number("jump_s", 0, 0, 86_400, "s"),
-            reset_s=source.number("reset_s", 0, 0, 86_400, "s"),
-            unplug_s=source.number("unplug_s", 0, 0, 86_400, "s"),
-            away_s=source.number("away_s", 5, 0, 3600, "s"),
-            seed=source.whole("seed", 0, 0, 2**31),
-            imu_source=source.choice("imu_source", "nav", ("nav", "imu")),
-        )
-
-
-def _fitting(family: Family, rate: float, mode: str) -> int:
-    """The slowest usual rate that carries so many samples/s with a fifth to spare; the fastest where none does."""
-    sample = family.sample_bytes + SECURE_BYTES * (mode == "secure")
-    needed = sample * rate + family.more_bytes
-    fitting = (baud for baud in LINE_RATES if baud >= family.least_baud and 0.8 * baud / 10 >= needed)
-    return next(fitting, LINE_RATES[-1])
-
-
-def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -> Device:
-    """A freshly powered device.
-
-    Args:
-        key: for Secure frames; None for one that nobody knows.
-    """
-    from protocols.idtp.device import IdtpDevice
-    from protocols.isb.device import IsbDevice
-    from protocols.isb.gpx import GpxDevice
-    from protocols.xbus.device import XbusDevice
-
-    jump = (options.jump_s, JUMP_S) if options.jump_s else None
-    seed, drift = options.seed, options.drift_ppm
-    if options.protocol == "idtp":
-        return IdtpDevice(
-            device_id=102 + seed % 1000,
-            seed=seed,
-            start_ns=start_ns,
-            rate=options.rate,
-            mode=MODES.index(options.mode),
-            key=(key or secrets.token_bytes(32)) if options.mode == "secure" else None,
-            clock_drift_ppm=drift,
-            clock_jump=jump,
-            tick_ns=CLOCKS[options.clock],
-        )
-    if options.protocol == "isb":
-        made = GpxDevice if options.product.startswith("GPX") else IsbDevice
-        return made(
-            product=options.product,
-            rate=options.rate,
-            seed=seed,
-            start_ns=start_ns,
-            clock_drift_ppm=drift,
-            clock_jump=jump,
-            imu_source=options.imu_source,
-            road=1.0,
-            baud=options.faults.baud,
-        )
-    return XbusDevice(
-        options.product,
-        None,
-        seed,
-        start_ns,
-        rate=options.rate,
-        clock_drift_ppm=drift,
-        clock_jump=jump,
-        road=1.0,
-        baud=options.faults.baud,
-        moods=options.moods,
-    )
-
-
-def again(device: Device | None, now_ns: int, make: Callable[[int], Device]) -> Device:
-    """The device after its power was off: with what it stored, where it has such a memory; otherwise a new one."""
-    repowered = getattr(device, "repowered", None)
-    if repowered is None:
-        return make(now_ns)
-    same: Device = repowered(now_ns)
-    return same
 
 
 class Bench(threading.Thread):

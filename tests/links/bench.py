@@ -16,7 +16,8 @@ import pytest
 
 from server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
 from server.links.cable import Faults
-from server.links.twin import Bench, TwinOptions
+from server.links.simulated_device import TwinOptions
+from server.links.twin import Bench
 from tests.patience import PATIENCE_S
 
 T = TypeVar("T")

@@ -13,7 +13,7 @@ from protocols.isb.gpx import GpxDevice
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
 from protocols.isb.tables import SETS
 from server.control.forms_of import forms_of
-from server.links.twin import FAMILIES
+from server.links.simulated_device import FAMILIES
 from tests.dialogues import Wire, play
 
 DRIVER = IsbDriver()

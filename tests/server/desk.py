@@ -14,7 +14,8 @@ from server.control.desks import Desks
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.links.cable import Faults
-from server.links.twin import Bench, TwinOptions
+from server.links.simulated_device import TwinOptions
+from server.links.twin import Bench
 from server.live.hub import Hub
 from server.live.sessions import Sessions
 from server.live.speech import speech
