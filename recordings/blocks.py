@@ -45,7 +45,7 @@ ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFS
 PRIVATE = 0x80  # and above: kinds of record that an application may have for itself
 ENDINGS = (DATA_END, FOOTER)  # of the length that they have; of another they are damage
 CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
-LARGEST_CHUNK = 256 << 20  # bytes; a chunk that claims to be larger is damage
+LARGEST_CHUNK = 64 << 20  # bytes; one that claims to be larger is damage. Writers make chunks of 1 to 4 MB
 _RECORD = 9  # opcode, length
 TORN, FULL, AT_END = -1, -2, -3
 _COLUMNS = 1 << 15
@@ -191,7 +191,8 @@ class Recording:
         except OSError as error:
             raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
         self.topics: dict[int, Topic] = {}
-        self.metadata: list[tuple[str, dict[str, str]]] = []
+        self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in the order last told
+        self._pointed_at: set[int] = set()  # metadata that the index has led to
         self.damage: list[Damage] = []
         self.whole = False  # its end is there
         self.statistics: Statistics | None = None  # counts and times, where its end tells them
@@ -237,7 +238,12 @@ class Recording:
 
     def meta(self, name: str) -> dict[str, str]:
         """The last metadata of that name; empty where there is none. Complete after `blocks` in a file without end."""
-        return next((values for found, values in reversed(self.metadata) if found == name), {})
+        return next((values for (found, _), values in reversed(self._metadata.items()) if found == name), {})
+
+    @property
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """Names and values, each pair once, where it was told last."""
+        return [(name, values) for (name, _), values in self._metadata.items()]
 
     def topic(self, name: str) -> Topic | None:
         """The channel of that name."""
@@ -275,7 +281,9 @@ class Recording:
                     raise ValueError("a chunk outside the file")
             elif opcode == METADATA_INDEX:
                 (where,) = struct.unpack_from("<Q", body)
-                self._told(METADATA, where)
+                if where not in self._pointed_at:  # an index of many lines may point at one large record
+                    self._pointed_at.add(where)
+                    self._told(METADATA, where)
             else:
                 self._learn(opcode, body)
             at += _RECORD + length
@@ -290,11 +298,12 @@ class Recording:
         """From record to record: a file without an index, or the inside of a chunk (`done` is then where that ends)."""
         array = np.frombuffer(data, np.uint8)
         end = len(array)
+        table = np.empty((4, _COLUMNS), np.int64)
         while at < end:
-            table = np.empty((4, _COLUMNS), np.int64)
             n, at, opcode, length = _messages(array, at, table)
             if n:
                 yield Block(data, table[:, :n], at if done is None else done)
+                table = np.empty((4, _COLUMNS), np.int64)
             if opcode in (AT_END, FULL):
                 continue
             if (opcode, length) in ((DATA_END, 4), (FOOTER, 20)) and done is None:
@@ -370,9 +379,9 @@ class Recording:
                 self.statistics = Statistics.read(_stream(body))
             elif opcode == METADATA:
                 told = Metadata.read(_stream(body))
-                if (told.name, told.metadata) in self.metadata:
-                    self.metadata.remove((told.name, told.metadata))  # said again: now it is the last
-                self.metadata.append((told.name, told.metadata))
+                key = (told.name, frozenset(told.metadata.items()))
+                self._metadata.pop(key, None)  # told again: now it is the last
+                self._metadata[key] = told.metadata
         except Exception as error:  # whatever a garbled record does to its reader
             self.damage.append(Damage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
 

@@ -111,10 +111,13 @@ def _recording(recording: Recording) -> Peek:
         found.started = int(first.table[TIME].min()) / 1e9
     names = {topic.name: counts.get(number, 0) for number, topic in recording.topics.items()}
     found.markers = names.get("notes", 0)
+    devices: dict[str, Device] = {}
     for name, values in recording.metadata:
         if name.startswith(DEVICE):
-            found.devices = [device for device in found.devices if device.id != name.removeprefix(DEVICE)]
-            found.devices.append(_device(name.removeprefix(DEVICE), values, names))
+            number = name.removeprefix(DEVICE)
+            devices.pop(number, None)  # told again: now it is the last
+            devices[number] = _device(number, values, names)
+    found.devices = list(devices.values())
     if not recording.whole:
         found.damaged = TORN
     elif recording.damage:
