@@ -22,6 +22,8 @@ from recordings.exporters.joined import batches, headings, tables
 from recordings.exporters.naming import table_paths
 from recordings.exporters.wish import Step, Wish
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # begins one in a spreadsheet. Source: OWASP, "CSV Injection"
+
 
 def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     """One file per message beside `out`."""
@@ -38,8 +40,13 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
 def heading(file: BinaryIO, names: Sequence[str]) -> None:
     """The first line."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(names)
+    csv.writer(text, lineterminator="\n").writerow([_inert(name) for name in names])
     file.write(text.getvalue().encode())
+
+
+def _inert(name: str) -> str:
+    """A heading that no spreadsheet takes for a formula: a recording of strangers names its columns as it likes."""
+    return f"'{name}" if name.startswith(FORMULA) else name
 
 
 _PLAIN = pa.csv.WriteOptions(include_header=False, quoting_style="none", batch_size=1 << 14)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import tracemalloc
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from protocols.xbus.frames import build
 from recordings.columns import Columns, ColumnsWriter, Exact, Shape
 from recordings.container import Writer
-from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, export
+from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, comma, export
 from recordings.exporters.joined import join, tables, windows
 from tests.recordings.stores import ACCELERATION, START, store
 
@@ -60,6 +61,13 @@ def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
     head, rows = rows_of(made[2])
     assert [row[0] for row in rows] == [""] * 500  # a message without a clock
     assert [int(row[3]) for row in rows] == (np.arange(500) - 2**60).tolist()
+
+
+def test_no_heading_of_csv_is_a_formula_to_a_spreadsheet() -> None:
+    file = io.BytesIO()
+    comma.heading(file, ["time (s)", '=HYPERLINK("http://elsewhere")', "@SUM(A1)", "+1", "-1", "Acceleration.x (m/s²)"])
+    names = next(csv.reader(io.StringIO(file.getvalue().decode())))
+    assert [name[0] for name in names] == ["t", "'", "'", "'", "'", "A"]
 
 
 def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
