@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
@@ -9,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.registry import PROTOCOLS
 from server.api.control import OneDesk
-from server.api.devices import OneSession
+from server.api.devices import OneSession, check_path
 from server.api.errors import ApiError, responses
 from server.control.casters import CorrectionError
 from server.control.correction_desk import CorrectionDesk
+from server.control.corrections import file_of
 from server.control.forms import Corrections
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
@@ -26,7 +28,8 @@ class SetCorrections(BaseModel):
     source: str = Field(
         min_length=1,
         max_length=1000,
-        description="ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file on the server; RTCM 3",
+        description="RTCM 3 from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file: of the library, or "
+        "of a folder that source_folders names",
     )
 
 
@@ -46,7 +49,7 @@ async def get_corrections(session: OneSession, desk: TheDesk) -> Corrections:
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
 async def put_corrections(
-    session: OneSession, desk: TheDesk, configuring: OneDesk, body: SetCorrections
+    session: OneSession, desk: TheDesk, configuring: OneDesk, body: SetCorrections, request: Request
 ) -> Corrections:
     """Forward this stream, in place of the one before."""
     if not desk.takes(session):
@@ -54,6 +57,9 @@ async def put_corrections(
         hint = "An MTi-680G takes them, and any Inertial Sense device."
         raise ApiError(409, "no-receiver", f"{title} {session.info.product} takes no corrections.", hint)
     try:
+        file = file_of(body.source)
+        if file is not None:
+            await asyncio.to_thread(check_path, file, request.app.state.source_folders)
         await desk.begin(session, body.source, configuring.log.streamed)
     except CorrectionError as error:
         raise ApiError(400, "bad-source", error.message, error.hint) from None

@@ -89,7 +89,12 @@ def check_file(source: str, folders: Sequence[Path]) -> None:
         return  # said when it is opened
     if parsed.kind != "file":
         return
-    path = Path(parsed.place).resolve()
+    check_path(Path(parsed.place), folders)
+
+
+def check_path(path: Path, folders: Sequence[Path]) -> None:
+    """ApiError for a file outside of these folders, wherever links lead."""
+    path = path.resolve()
     if not any(path.is_relative_to(folder.resolve()) for folder in folders):
         hint = "Put it into the library, or name its folder in source_folders of the configuration file."
         raise ApiError(403, "not-allowed", "Files are opened from the library and from folders that are named.", hint)

@@ -139,17 +139,17 @@ class _File:
     """A file, at the pace of the times in its messages."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
 
     async def open(self, gga: bytes) -> None:
-        if not self._path.is_file():
-            raise CorrectionError(f"There is no file {self._path}.", HINT, over=True)
+        if not self.path.is_file():
+            raise CorrectionError(f"There is no file {self.path}.", HINT, over=True)
 
     async def chunks(self) -> AsyncIterator[bytes]:
         splitter = Splitter()
         last: int | None = None
         try:
-            with self._path.open("rb") as file:
+            with self.path.open("rb") as file:
                 while data := await asyncio.to_thread(file.read, 1 << 16):
                     for one in splitter.feed(data):
                         frame = bytes.fromhex(one.line)
@@ -158,10 +158,10 @@ class _File:
                         last = epoch if epoch is not None else last
                         yield frame
         except OSError as error:
-            raise CorrectionError(f"{self._path} cannot be read: {error.strerror}.", HINT, over=True) from None
+            raise CorrectionError(f"{self.path} cannot be read: {error.strerror}.", HINT, over=True) from None
         if splitter.rejected:
-            log.info("%s: %d stretches are no messages", self._path, splitter.rejected)
-        raise CorrectionError(f"{self._path.name} has been played.", "Forward it again to play it again.", over=True)
+            log.info("%s: %d stretches are no messages", self.path, splitter.rejected)
+        raise CorrectionError(f"{self.path.name} has been played.", "Forward it again to play it again.", over=True)
 
     async def report(self, gga: bytes) -> None:
         """A file asks for nothing."""
@@ -208,6 +208,16 @@ def source_of(source: str) -> Source:
         return _File(Path(path).expanduser())
     except RuntimeError:  # ~somebody who is not there
         raise CorrectionError(f"There is no folder {path.partition('/')[0]:.40}.", HINT) from None
+
+
+def file_of(source: str) -> Path | None:
+    """The file that a source names; None for one of the network.
+
+    Raises:
+        CorrectionError: it is no source.
+    """
+    found = source_of(source)
+    return found.path if isinstance(found, _File) else None
 
 
 def without_password(source: str) -> str:
