@@ -26,6 +26,7 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
@@ -45,6 +46,7 @@ SWITCH_S = 0.001  # a reading thread waits so long for a busy loop, for each dat
 NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
 MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
 MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
+MOST_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
 MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
 
 
@@ -79,6 +81,13 @@ class BoundedHttp(H11Protocol):
         if self.cycle is not None and not self.cycle.response_complete:
             self._expect_no_more()  # it has come, and is answered
 
+    def send_400_response(self, msg: str) -> None:
+        """What is no HTTP is told with its sender, and not for each: uvicorn's own line (`_is_ours`) has neither."""
+        peer = (self.client or ("", 0))[0]
+        text = f"Refused what {peer or 'an unknown peer'} sent: {msg}"
+        log.warning("%s", text, extra={"event": "no-http", "data": {"peer": peer}, "often": ("no-http", peer)})
+        super().send_400_response(msg)
+
     def handle_websocket_upgrade(self, event: Any) -> None:
         self._expect_no_more()
         super().handle_websocket_upgrade(event)
@@ -90,6 +99,10 @@ class BoundedHttp(H11Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         self._expect_no_more()
         super().connection_lost(exc)
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    return record.msg != "Invalid HTTP request received."
 
 
 def most_connections() -> int:
@@ -137,6 +150,17 @@ class LiveProtocol(WebSocketsSansIOProtocol):
             self.transport.abort()
         elif not self.transport.is_closing():
             super().handle_ping()
+
+    def handle_cont(self, event: Frame) -> None:
+        """The size of a message is bounded by the library, in how many pieces it comes is not."""
+        if self.transport.is_closing():
+            return  # what had come with the piece that was one too many
+        if len(self.frames) >= MOST_FRAGMENTS:
+            self.frames = []
+            self.conn.send_close(1009)
+            self.handle_parser_exception()
+            return
+        super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
         """Text that is no UTF-8 ends the connection (RFC 6455, 8.1): uvicorn does so too, with a traceback of ours."""
@@ -269,6 +293,7 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
         timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
         ssl_context_factory=None if keeper is None else lambda *_: keeper.context,
     )
+    logging.getLogger("uvicorn.error").addFilter(_is_ours)
     return Server(config, on_ready, keeper)
 
 

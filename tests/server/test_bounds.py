@@ -7,6 +7,7 @@ import contextlib
 import os
 import resource
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -14,10 +15,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from httpx import TransportError
+from mcap.writer import CompressionType, IndexType, Writer
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
+from recordings.blocks import CHUNK, LARGEST_CHUNK, MAGIC, Recording
+from recordings.peek import peek
 from server import serving, wire
+from server.api.devices import check_path
+from server.api.errors import ApiError
 from server.config import Config
+from server.control.correction_desk import CorrectionDesk
+from server.control.corrections import file_of
 from server.library import windows
 from server.links import open_link
 from server.links.base import LinkError, LinkSettings
@@ -133,3 +145,90 @@ except MemoryError:
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     assert run.stdout.strip() == "bounded"
+
+
+def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
+    """Time went with the square of the metadata: 150,000 of them held up an upload for minutes, six such the server."""
+    path = tmp_path / "many.mcap"
+    count = 20_000
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE, index_types=IndexType.ALL)
+        writer.start()
+        for number in range(count):
+            writer.add_metadata(f"device/{number}", {"product": "MTi-630"})
+        writer.add_metadata("device/0", {"product": "MTi-630"})
+        writer.finish()
+    began = time.process_time()
+    found = peek(path)
+    assert time.process_time() - began < 5  # it took 40 s
+    assert found is not None
+    assert (len(found.devices), found.devices[-1].id) == (count, "0")  # what is told again is the last
+
+
+def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:
+    """A file of 393 kB took 4 GB."""
+    data = bytes(LARGEST_CHUNK + 1)
+    body = zstandard.compress(data)
+    head = struct.pack("<QQQI", 0, 0, len(data), 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(body))
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(MAGIC + struct.pack("<BQ", CHUNK, len(head) + len(body)) + head + body)
+    with Recording(path) as recording:
+        assert list(recording.blocks()) == []
+        assert "it claims" in recording.damage[0].words
+    assert LARGEST_CHUNK <= 64 << 20
+
+
+def test_corrections_are_read_only_from_files_that_are_meant(tmp_path: Path) -> None:
+    """They were a second door to any file of the server's user: one learned what is there, and a device was sent it."""
+    secret, named = tmp_path / "base.rtcm3", tmp_path / "captures" / "base.rtcm3"
+    named.parent.mkdir()
+    for file in (secret, named):
+        file.write_bytes(b"")
+    (named.parent / "link").symlink_to(secret)
+    folders = [named.parent]
+    for refused in (secret, "/etc/passwd", f"file://{secret}", named.parent / "link", named.parent / ".." / "x"):
+        file_there = file_of(str(refused))
+        assert file_there is not None
+        with pytest.raises(ApiError, match="folders that are named"):
+            check_path(file_there, folders)
+    allowed = file_of(f"file://{named}")
+    assert allowed is not None
+    check_path(allowed, folders)
+    assert file_of("tcp://127.0.0.1:2101") is None
+
+
+def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(CorrectionDesk, "takes", lambda *_: True)
+    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+        answer = running.client.put("/api/devices/1/corrections", json={"source": "/etc/passwd"})
+        assert (answer.status_code, answer.json()["kind"]) == (403, "not-allowed")
+
+
+@pytest.mark.parametrize("piece", ["", " "])
+def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> None:
+    """Empty pieces are of no size, and were kept: 40 MB a minute from who may only look."""
+    pieces = ["{", *[piece] * (2 * serving.MOST_FRAGMENTS), '"op": "ping", "t": 1}']
+    with (
+        Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        connect(running.ws, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None) as browser,
+    ):
+        with contextlib.suppress(ConnectionClosed):
+            browser.send(pieces)
+        with pytest.raises(ConnectionClosed):
+            until_pong(browser)
+
+
+def until_pong(browser: ClientConnection) -> None:
+    while '"pong"' not in str(browser.recv(PATIENCE_S)):
+        pass
+
+
+def test_what_is_no_http_is_told_with_its_sender_and_not_each_time(
+    caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running, connected(running) as stranger:
+        stranger.sendall(b"\x16\x03\x01 no http\r\n\r\n")
+        assert b"400" in stranger.recv(1000)
+    [line] = [record for record in caplog.records if "Invalid HTTP" in record.getMessage()]
+    assert "127.0.0.1" in line.getMessage()
+    assert line.__dict__["often"] == ("no-http", "127.0.0.1")
