@@ -17,6 +17,7 @@ from server.api import (
     commands,
     control,
     corrections,
+    description,
     devices,
     errors,
     exports,
@@ -39,6 +40,7 @@ from server.auth import Access, Guard
 from server.config import Config
 from server.control.correction_desk import CorrectionDesk
 from server.control.desks import Desks
+from server.headers import Heads
 from server.library.catalogue import Catalogue
 from server.library.exports import Exports
 from server.library.leftovers import Tenancy
@@ -156,6 +158,7 @@ def create_app(
     errors.install(app)
     app.add_middleware(texts.WholeTexts)
     app.add_middleware(Turnstile)
+    app.add_middleware(Heads)
     for module in (
         devices,
         control,
@@ -178,4 +181,5 @@ def create_app(
         page,
     ):  # the page last: it takes every path that is left
         app.include_router(module.router)
+    description.install(app)
     return Guard(app, access)

@@ -35,7 +35,7 @@ import secrets
 from collections.abc import Mapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, Literal
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -290,14 +290,15 @@ class Guard:
         query = parse_qs(scope["query_string"].decode("latin-1"))
         del query["token"]
         rest = "?" + urlencode(query, doseq=True) if query else ""
-        path = "/" + scope["path"].lstrip("/")  # "//elsewhere" would be another host
+        # "//elsewhere" is another host, to a browser "/\\elsewhere" too; a line break would end the head of the answer.
+        path = "/" + quote(scope["path"].lstrip("/\\"))
         over_tls = scope.get("scheme") == "https" or (b"x-forwarded-proto", b"https") in scope["headers"]
         secure = "; Secure" if over_tls else ""
         cookie = (
             f"{self._access.cookie_name}={token}; Path=/; HttpOnly; SameSite=Strict; Max-Age={COOKIE_AGE_S}{secure}"
         )
         headers = [
-            (b"location", (path + rest).encode("ascii", "replace")),
+            (b"location", (path + rest).encode("ascii")),
             (b"set-cookie", cookie.encode("latin-1")),
             (b"cache-control", b"no-store"),
             (b"referrer-policy", b"no-referrer"),

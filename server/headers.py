@@ -10,7 +10,7 @@ Policies of pages: server/api/page.py (`/`), server/api/rerun.py (`/rerun/`), se
 
 from __future__ import annotations
 
-from starlette.types import Message, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 DEFAULTS = (
     (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"),
@@ -18,6 +18,7 @@ DEFAULTS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"referrer-policy", b"no-referrer"),
 )
+WITHOUT_HEAD = ("/api/", "/healthz", "/metrics")  # of the other paths each answers it by itself
 STARTS = ("http.response.start", "websocket.http.response.start")
 
 
@@ -32,3 +33,21 @@ def with_defaults(send: Send) -> Send:
         await send(message)
 
     return sending
+
+
+class Heads:
+    """ASGI middleware: HEAD of what has a GET is that without its body, as RFC 9110 (9.3.2) wants it; frameworks route
+    it only where it is named."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] != "HEAD" or not scope["path"].startswith(WITHOUT_HEAD):
+            await self._app(scope, receive, send)
+            return
+
+        async def sending(message: Message) -> None:
+            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
+
+        await self._app({**scope, "method": "GET"}, receive, sending)

@@ -144,7 +144,7 @@ def _clocks(page: Page, every: Iterable[wire.DeviceHealth]) -> None:
 def _clients(page: Page, hub: Hub) -> None:
     now = hub.now()
     boxes: list[Outbox] = sorted(hub.outboxes, key=lambda box: box.number)
-    page.family("imuscope_clients", "gauge", "Browsers that are connected.").add(len(boxes))
+    page.family("imuscope_clients", "gauge", "Browsers that are connected.").add(hub.browsers)
     page.family("imuscope_clients_connected_total", "counter", "Browsers that have connected.").add(hub.connected)
     words = "Samples dropped for browsers that did not keep up, those that have gone included."
     page.family("imuscope_dropped_samples_total", "counter", words)

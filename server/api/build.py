@@ -60,7 +60,7 @@ async def get_build(request: Request) -> Build:
 async def get_health(request: Request) -> Healthy:
     """Open to everybody; holds nothing of the devices but their number."""
     hub: Hub = request.app.state.hub
-    return Healthy(devices=len(hub.devices), browsers=len(hub.outboxes))
+    return Healthy(devices=len(hub.devices), browsers=hub.browsers)
 
 
 @router.get("/metrics", responses={200: {"content": {"text/plain": {}}}})

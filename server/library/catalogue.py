@@ -72,7 +72,7 @@ class Catalogue:
         self._paths.update({entry.id: entry.path for entry in entries if entry.deleted is None})
         if await self._learn(entries):
             entries = await asyncio.to_thread(self.library.all, search)
-        if self.shelf is not None and self._hub.outboxes:  # a person looks, and will open one
+        if self.shelf is not None and self._hub.browsers:  # a person looks, and will open one
             self._listed = time.monotonic()
             self._keep(self.shelf.prepare(), "preparing to open")
         return [self.told(entry) for entry in entries]
@@ -199,7 +199,7 @@ class Catalogue:
     async def _watch(self) -> None:
         while True:
             await asyncio.sleep(LOOK_S)
-            if not self._hub.outboxes:
+            if not self._hub.browsers:
                 continue
             try:
                 await self._look()

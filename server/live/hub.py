@@ -76,6 +76,7 @@ class Hub:
         self.log = EventLog(history_s)
         self.outboxes: set[Outbox] = set()
         self.connected = 0  # browsers, ever
+        self._attached = 0  # with views of other programs, which processes of ours feed
         self.gone_dropped = self.gone_bytes = 0  # of those that have gone
         self.recorder: wire.RecorderState | None = None
         self.exports: wire.Exports | None = None
@@ -320,8 +321,9 @@ class Hub:
     def attach(self, outbox: Outbox) -> None:
         """A browser connected: tell it all that is known. Samples begin with its `subscribe`."""
         self._flush_text()  # so that what is told now is not told again
-        self.connected += 1
-        outbox.number = self.connected
+        self._attached += 1
+        outbox.number = self._attached
+        self.connected += outbox.is_browser
         self.outboxes.add(outbox)
         hello = wire.Hello(VERSION, self.now(), platform.node(), self.run, self.history_s)
         outbox.say(codec.encode_text(hello))
@@ -336,6 +338,11 @@ class Hub:
             outbox.say(codec.encode_text(self.recorder))
         if self.exports is not None:
             outbox.say(codec.encode_text(self.exports))
+
+    @property
+    def browsers(self) -> int:
+        """Those that are connected: somebody may be looking."""
+        return sum(outbox.is_browser for outbox in self.outboxes)
 
     def detach(self, outbox: Outbox) -> None:
         """The browser has gone."""

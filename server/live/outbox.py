@@ -110,9 +110,11 @@ class Outbox:
         send_now: sends a whole WebSocket frame if its socket takes it at once, else says False and does nothing.
     Attributes:
         interval_s: there is no use in offering it samples sooner after the last ones than that.
+        is_browser: not a process of ours that feeds a view of another program.
     """
 
     interval_s = 0.0
+    is_browser = True
 
     def __init__(
         self,

@@ -74,6 +74,7 @@ class Aside:
         self._wake, self._spoken = asyncio.Event(), asyncio.Event()
         self._outbox = Outbox(self._wake.set)
         self._outbox.interval_s = FLUSH_NOBODY_S
+        self._outbox.is_browser = False
         self._ours: deque[bytes] = deque()
         self._process: asyncio.subprocess.Process | None = None
         self._tasks: list[asyncio.Task[None]] = []

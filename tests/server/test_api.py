@@ -20,6 +20,7 @@ from server.api import page
 from server.auth import LOOKING
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
+from server.live.outbox import Outbox
 from server.wire import SUBPROTOCOL
 from tests.patience import PATIENCE_S, connect
 from tests.server.fakes import FakeLink
@@ -207,6 +208,12 @@ def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
         assert_problem(client.post("/api/devices", json={"source": "/dev/two"}), 403, "view-only")
         elsewhere = client.get(f"{running.url}//evil.example/?token={'v' * 24}", follow_redirects=False)
         assert elsewhere.headers["location"] == "/evil.example/"
+        # A browser reads a backslash as a slash, and with a line break the answer could not be written.
+        for path, place in (("%5cevil.example/", "/evil.example/"), ("/%5c/evil.example", "/evil.example")):
+            answer = client.get(f"{running.url}/{path}?token={'v' * 24}", follow_redirects=False)
+            assert answer.headers["location"] == place
+        split = client.get(f"{running.url}/a%0d%0aset-cookie:x?token={'v' * 24}", follow_redirects=False)
+        assert (split.status_code, split.headers["location"]) == (303, "/a%0D%0Aset-cookie%3Ax")
 
 
 def test_a_fault_of_ours_has_the_shape_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -228,6 +235,35 @@ def test_openapi_documents_every_route(client: Client) -> None:
                 assert "404" in route["responses"], where
             shapes = [str(answer) for status, answer in route["responses"].items() if status >= "400"]
             assert all("ProblemBody" in shape for shape in shapes), f"{where}: errors have one shape"
+
+
+def test_openapi_names_the_token_that_is_asked_for(client: Client) -> None:
+    document = client.get("/openapi.json").json()
+    assert document["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
+    assert document["paths"]["/api/devices"]["get"]["security"] == [{"token": []}, {}]
+    assert document["paths"]["/healthz"]["get"]["security"] == []
+
+
+@pytest.mark.parametrize(
+    "path", ["/healthz", "/metrics", "/api/devices", "/api/build", "/api/nothing", "/openapi.json"]
+)
+def test_a_head_is_that_of_its_get(path: str, client: Client) -> None:
+    """Probes ask with HEAD; they were told 404 of what is there."""
+    head, got = client.head(path), client.get(path)
+    assert (head.status_code, head.content) == (got.status_code, b"")
+    assert head.headers["content-type"] == got.headers["content-type"]
+
+
+def test_a_view_of_another_program_is_no_browser(running: Running) -> None:
+    """With --foxglove one browser was counted, before anybody had come."""
+    outbox = Outbox()
+    outbox.is_browser = False
+    running.call(running.state.hub.attach, outbox)
+    try:
+        assert running.client.get("/healthz").json()["browsers"] == 0
+        assert "\nimuscope_clients 0\n" in running.client.get("/metrics").text
+    finally:
+        running.call(running.state.hub.detach, outbox)
 
 
 def test_build_and_health(client: Client) -> None:
