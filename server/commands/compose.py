@@ -74,6 +74,12 @@ class Tongue:
         commands = {row.name: row for row in self.driver.commands(Known())}
         return commands.get(name) or commands.get(name.removeprefix("$"))
 
+    def forms(self, name: str) -> list[Command]:
+        """A command in each of its forms: of one name, told apart by what stands in brackets behind it."""
+        first = self.command(name)
+        rows = self.driver.commands(Known())
+        return [first, *(row for row in rows if row.name.startswith(f"{first.name} ("))] if first else []
+
     def names(self) -> list[str]:
         """Everything that it can compose."""
         return [*(row.name for row in self.driver.commands(Known())), *self.messages]
@@ -144,15 +150,24 @@ def frame_of(
         ComposeError: a name or value that cannot be used.
     """
     known = known or Known()
-    command = tongue.command(message)
-    fields = command.arguments if command else tongue.messages.get(message, tongue.opaque)
-    values = parse(pairs, fields)
-    try:
-        if command is None:
-            return tongue.frame_of({"message": message, "fields": values}), values
-        usual = {field.name: field.default for field in fields if field.default is not None}
+    problem = None
+    for command in tongue.forms(message):
+        try:
+            values = parse(pairs, command.arguments)
+        except ComposeError as error:
+            problem = problem or error
+            continue
+        usual = {field.name: field.default for field in command.arguments if field.default is not None}
         values = {**usual, **values}
-        return tongue.driver.frame(command.name, values, known), values
+        try:
+            return tongue.driver.frame(command.name, values, known), values
+        except EncodeError as error:
+            problem = problem or ComposeError(f"{message}: {error}")
+    if problem is not None:
+        raise problem
+    values = parse(pairs, tongue.messages.get(message, tongue.opaque))
+    try:
+        return tongue.frame_of({"message": message, "fields": values}), values
     except EncodeError as error:
         raise ComposeError(f"{message}: {error}") from None
 

@@ -164,6 +164,16 @@ def test_names_stand_for_numbers() -> None:
     assert bytes.fromhex(composed("ASCE", *pairs)) == b"$ASCE,0,2,1,5,10,7,1*39\r\n"  # the document's example
 
 
+def test_a_command_with_two_forms_needs_no_suffix() -> None:
+    """Only "SetFilterProfile (modern)" took a label, and only the long name a rate of the sentences."""
+    for name in ("SetFilterProfile", "SetFilterProfile (modern)"):
+        assert bytes.fromhex(composed(name, "profile=Robust/VRU"))[4:-1] == b"Robust/VRU"
+    assert bytes.fromhex(composed("SetFilterProfile", "profile=39"))[4:-1] == bytes([0, 39])
+    for name in ("SetStringOutputType", "SetStringOutputType (600-series)"):
+        assert bytes.fromhex(composed(name, "string_types=0x400", "frequency=5"))[4:-1].hex() == "000004000005"
+    assert bytes.fromhex(composed("SetStringOutputType", "string_types=0x400"))[4:-1].hex() == "0400"
+
+
 @pytest.mark.parametrize(
     ("message", "field", "words", "value"),
     [
