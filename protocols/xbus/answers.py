@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from protocols import motion
-from protocols.xbus.choices import CLOCK_BIAS, SOFTWARE, SYNC_OUT, functions_of, lines_of
+from protocols.xbus.choices import CLOCK_BIAS, SOFTWARE, SYNC_OUT, functions_of, is_wired, lines_of
 from protocols.xbus.products import ALL, FILTER, RTK
 from protocols.xbus.settings import (
     ALIGNMENT,
@@ -173,7 +173,8 @@ def _is_sync(device: XbusDevice, entry: bytes) -> bool:
     else:
         fits = delay <= MOST_DELAY or function == CLOCK_BIAS
     model = device.product.model
-    return fits and function in functions_of(model) and line in lines_of(model) and polarity <= 3 and once <= 1
+    has = function in functions_of(model) and line in lines_of(model) and is_wired(function, line)
+    return fits and has and polarity <= 3 and once <= 1
 
 
 def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
@@ -194,7 +195,7 @@ def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
 def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
     """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
     _empty(payload)
-    rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles]
+    rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles[:5]]
     return b"".join(rows).ljust(5 * 22, b"\0")
 
 
@@ -303,7 +304,10 @@ def icc_command(device: XbusDevice, payload: bytes, now: int) -> bytes:
 
 
 def forward_gnss_data(device: XbusDevice, payload: bytes, now: int) -> bytes:
-    """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a part of one is refused."""
+    """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a part of one is refused. What is
+    no RTCM goes to the receiver as it is: RTCM is the document's example of what may be passed on."""
+    if payload and payload[0] != RTCM:
+        return b""
     at = 0
     while at < len(payload):
         if payload[at] != RTCM or len(payload) < at + 6:

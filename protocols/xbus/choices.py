@@ -10,13 +10,22 @@ Source: MT0101P 2020.A, 5.3.3 to 5.3.7.
 from __future__ import annotations
 
 import math
+from calendar import monthrange
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from protocols.limits import Problem
 from protocols.schema import Field
-from protocols.xbus.codes import BAUD_CODES, FILTER_PROFILES, OPTION_FLAGS, RESET_CODES, SYNC_FUNCTIONS, SYNC_LINES
+from protocols.xbus.codes import (
+    BAUD_CODES,
+    FILTER_PROFILES,
+    ICC_COMMANDS,
+    OPTION_FLAGS,
+    RESET_CODES,
+    SYNC_FUNCTIONS,
+    SYNC_LINES,
+)
 from protocols.xbus.outputs import OUTPUTS, output_of
 from protocols.xbus.products import ALL, CLASSIC, GNSS, NOBODY, ONE, RTK, SIX, Model
 
@@ -45,12 +54,14 @@ SYNC_ON: Mapping[int, frozenset[int]] = {  # table 11
     PULSE: GNSS,
 }
 SYNC_OUT = (INTERVAL, PULSE)
+_LINES_OUT, _LINES_IN = (4, 7, 8), (0, 1, 2, 5, 9)  # table 12; In3 of the MTi-680G has the pulse of its own receiver
+MOST_ICC = 3  # table 36; further commands are the vendor's own software's
 LONGEST_PERIOD = 1152  # 10 ms; a longer one is made of it and a skip factor (5.3.5)
 SOFTWARE = 6
 
 _PROFILES: Mapping[str, range | tuple[int, ...]] = {  # table 30
     "MTi-7": (11, 12, 13),
-    "MTi-G-710": (1, 2, 3, 4, 5),
+    "GNSS": (1, 2, 3, 4, 5),  # MTi-G-700 and MTi-G-710; the 600-series has labels
     "VRU1": (54,),
     "VRU": (43,),
     "AHRS1": range(50, 55),
@@ -64,6 +75,11 @@ def lines_of(model: Model) -> tuple[int, ...]:
         return (2, 9, 10, 7, SOFTWARE) if model.number in RTK else (2, 9, 7, SOFTWARE)
     own = {7: (2, 1, 8, SOFTWARE), 710: (2, 0, 1, 5, 4, SOFTWARE)}
     return own.get(model.number, (2, 0, 4, SOFTWARE))
+
+
+def is_wired(function: int, line: int) -> bool:
+    """Does the line lead the way that the function needs: out of the device, or into it?"""
+    return line not in (_LINES_IN if function in SYNC_OUT else _LINES_OUT)
 
 
 def functions_of(model: Model) -> tuple[int, ...]:
@@ -106,6 +122,8 @@ def fitted(message: str, field: Field, model: Model | None) -> Field:
     if message == "ResetOrientation":
         gone = {2} if model is None or model.number not in GNSS else {1, 2}
         return replace(field, choices={code: name for code, name in RESET_CODES.items() if code not in gone}, default=3)
+    if message == "IccCommand" and model is not None:
+        return replace(field, choices={code: name for code, name in ICC_COMMANDS.items() if code <= MOST_ICC})
     if message == "ResetOrientation.Stored":
         known = fitted("ResetOrientation", field, model)
         return replace(known, choices={code: name for code, name in known.choices.items() if code})
@@ -158,8 +176,23 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
         yield Problem("period", f"period is {allowed}, given {values['period']}")
     elif message == "SetPortConfig":
         yield from _of_ports(values["words"])
-    elif message == "SetCanOutputConfig" and not values["outputs"]:
-        yield Problem("outputs", "outputs has 1 to 16 entries, given 0; an empty message only asks")
+    elif message == "SetOptionFlags":
+        yield from _of_options(values["set_flags"], model)
+    elif message == "SetUTCTime":
+        yield from _of_date(values)
+
+
+def _of_options(word: int, model: Model | None) -> Iterator[Problem]:
+    for bit in OPTION_FLAGS:
+        if model and word >> bit.low & 1 and bit.name in _OPTIONS and model.number not in _OPTIONS[bit.name]:
+            yield Problem("set_flags", f"{model.name} has no option flag {bit.name} (0x{1 << bit.low:X})")
+
+
+def _of_date(values: Mapping[str, Any]) -> Iterator[Problem]:
+    year, month = values["year"], values["month"]
+    last = monthrange(year, month)[1]
+    if values["day"] > last:
+        yield Problem("day", f"day lies between 1 and {last} in {year}-{month:02}, given {values['day']}")
 
 
 def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[Problem]:
@@ -185,6 +218,11 @@ def _of_sync(entry: Mapping[str, Any], path: str) -> Iterator[Problem]:
         return  # disabled
     if line == SOFTWARE and function != SEND_LATEST:
         yield Problem(f"{path}.line", f"line 6 (Software) goes with SendLatest (8) only, given function {function}")
+    if not is_wired(function, line):
+        way = "an output" if function in SYNC_OUT else "an input"
+        yield Problem(
+            f"{path}.line", f"{SYNC_FUNCTIONS[function]} goes with {way}, given line {line} ({SYNC_LINES[line]})"
+        )
     name = "delay_offset_or_clock_period"
     if function in SYNC_OUT and 30_000 < delay < 65_536 - 30_000:
         allowed = "0 to 30000, or 35536 to 65535 for -30000 to -1"

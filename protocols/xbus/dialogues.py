@@ -9,7 +9,7 @@ Values are wire values by field name. Two settings are not what their message ca
 wanted, sent as the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the
 name. An empty list of outputs, or of sync settings, is sent as one entry that means "none".
 
-Source: MT0101P 2020.A.
+Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's public code.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ _NONE: Mapping[str, tuple[str, dict[str, int]]] = {  # how an empty list is sent
         dict.fromkeys(("function", "line", "polarity", "trigger_once", "skip_first", "skip_factor", "pulse_width"), 0)
         | {"delay_offset_or_clock_period": 0},
     ),
+    "SetCanOutputConfig": ("outputs", dict.fromkeys(("can_data_id", "frame_format", "can_id", "frequency"), 0)),
 }
 _OPTION_MASK = sum(1 << bit.low for bit in OPTION_FLAGS)
 
@@ -338,7 +339,7 @@ def _read(one: Kept) -> Dialogue[Values]:
         return {name: values[name] for name in one.only}
     if not values:  # an empty list
         return {commands.reply_form(one.read, None).fields[0].name: []}
-    if one.name == "OutputConfiguration":
+    if one.name in ("OutputConfiguration", "CanOutputConfig"):
         return {"outputs": [entry for entry in values["outputs"] if any(entry.values())]}
     return values
 

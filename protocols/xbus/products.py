@@ -7,7 +7,7 @@ the list of products and the sets that these marks keep coming to:
     IMU             MTi-1        MTi-10       MTi-100             MTi-610
     VRU             MTi-2        MTi-20       MTi-200             MTi-620
     AHRS            MTi-3        MTi-30       MTi-300             MTi-630
-    GNSS/INS        MTi-7                     MTi-G-710           MTi-670
+    GNSS/INS        MTi-7                     MTi-G-700, -710     MTi-670
     RTK GNSS/INS                                                  MTi-680G
 
 `model_of` reads a product code as devices tell it ("MTi-630-8A1G6", "MTi-G-710-2A8G4"). Where the product is not known,
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 Kind = Literal["IMU", "VRU", "AHRS", "GNSS", "RTK"]
@@ -79,8 +79,13 @@ _CODE = re.compile(r"MTi-(?:G-)?(\d+)G?(?![0-9A-Za-z])")
 
 
 def model_of(product: str) -> Model | None:
-    """The product of a code or name; None where it is none of this document's."""
+    """The product of a code or name; None where it is none of this document's.
+
+    The MTi-G-700 came before the MTi-G-710; the document names the two together, so it has the other's number here.
+    """
     found = _CODE.match(product.strip())
+    if found and found[1] == "700":
+        return replace(MODELS[710], name="MTi-G-700")
     return MODELS.get(int(found[1])) if found else None
 
 

@@ -95,7 +95,13 @@ def _first_serial(name: str, series: int, base: int) -> int:
 _VRU = ((54, "VRU_general"),)
 _CLASSIC = ((39, "General"), (40, "High_mag_dep"), (41, "Dynamic"), (42, "Low_mag_dep"), (43, "VRU_general"))
 _ONE = ((50, "General"), (51, "High_mag_dep"), (52, "Dynamic"), (53, "North_reference"), (54, "VRU_general"))
-_BASE = ((1, "Responsive"), (2, "Robust"), (3, "General"))  # of five that a device can list
+_BASE = ((1, "Responsive"), (2, "Robust"), (3, "General"))
+_HEADINGS = (
+    (4, "NorthReference"),
+    (5, "VRU"),
+    (6, "VRUAHS"),
+    (7, "FixedMagRef"),
+)  # five rows are listed, all are taken
 _GNSS = ((1, "General"), (2, "GeneralNoBaro"), (3, "GeneralMag"))
 
 
@@ -137,7 +143,7 @@ def _product(
 PRODUCTS: Mapping[str, Product] = {
     product.name: product
     for product in (
-        _product("MTi-630", 600, "AHRS", (*_BASE, (4, "NorthReference"), (5, "VRU")), "Responsive/NorthReference"),
+        _product("MTi-630", 600, "AHRS", (*_BASE, *_HEADINGS), "Responsive/NorthReference"),
         _product("MTi-680G", 600, "RTK", tuple((n, f"{label}_RTK") for n, label in _GNSS), "General_RTK"),
         _product("MTi-670", 600, "GNSS", _GNSS, "General"),
         _product("MTi-620", 600, "VRU", (*_BASE, (4, "VRU"), (5, "VRUAHS")), "Responsive/VRU"),
@@ -248,6 +254,11 @@ def _are_can_outputs(payload: bytes, product: Product) -> bool:
     return all(form <= 1 for _, form, _, _ in struct.iter_unpack(">BBIH", payload))
 
 
+def _keep_can_outputs(payload: bytes, before: bytes) -> bytes:
+    """One entry of zeros clears the list: an empty message would only ask."""
+    return payload if any(payload) else b""
+
+
 def _strings(product: Product) -> bytes:
     return bytes(6 if product.series == 600 else 2)
 
@@ -270,7 +281,9 @@ SETTINGS: Mapping[int, Setting] = {
     SKIP: Setting("OutputSkipFactor", _word(0), _TWO, CLASSIC),
     0x86: Setting("ExtOutputMode", _word(0), _TWO, CLASSIC),
     PORT_CONFIG: Setting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),
-    0xE8: Setting("CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8)), SIX, _are_can_outputs),
+    0xE8: Setting(
+        "CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8)), SIX, _are_can_outputs, kept=_keep_can_outputs
+    ),
     0xE6: Setting("CanConfig", lambda p: struct.pack(">I", 0x0C), _FOUR, SIX),
     0x6E: Setting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), ALL, _is_place),
     0x64: Setting(

@@ -147,6 +147,33 @@ def test_every_setting_is_returned_as_it_was_set(mid: int) -> None:
     assert ask(device, mid) == (mid + 1, before)
 
 
+def test_a_profile_of_the_document_that_is_not_listed_is_taken() -> None:
+    device = in_config("MTi-630")
+    for heading in (b"VRUAHS", b"FixedMagRef"):
+        assert ask(device, 0x64, b"Robust/" + heading) == (0x65, b"")
+    assert len(ask(device, 0x62)[1]) == 110
+
+
+def test_an_entry_of_zeros_clears_the_outputs_on_can() -> None:
+    device = in_config("MTi-630")
+    ask(device, 0xE8, VALUES[0xE8])
+    assert ask(device, 0xE8, bytes(8)) == (0xE9, b"")
+    assert ask(device, 0xE8) == (0xE9, b"")
+
+
+def test_other_data_than_rtcm_reach_the_receiver() -> None:
+    device = in_config("MTi-680G")
+    ask(device, 0x10)
+    assert ask(device, 0xE2, bytes.fromhex("B5620A0400000E34"), now=3 * S) == (0xE3, b"")
+
+
+def test_a_line_is_for_functions_of_its_own_way() -> None:
+    """The sync out was taken as a line on which the device is triggered."""
+    entry = bytes([3, 7, 1, 0]) + bytes(8)
+    assert ask(in_config("MTi-630"), 0x2C, entry) == (0x42, b"\x21")
+    assert ask(in_config("MTi-630"), 0x2C, bytes([4, 7]) + entry[2:]) == (0x2D, b"")
+
+
 def test_a_heading_to_start_with_is_told_and_never_asked() -> None:
     assert ask(in_config("MTi-680G"), 0xD6, struct.pack(">f", -179.5)) == (0xD7, b"")
     assert ask(in_config("MTi-680G"), 0xD6) == (0x42, b"\x04")

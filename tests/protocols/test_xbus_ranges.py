@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from protocols.dialogues import Known
 from protocols.layouts import EncodeError, is_open
 from protocols.limits import bounds, is_whole
 from protocols.schema import Command, Field
 from protocols.xbus.plain import plain
+from protocols.xbus.products import model_of
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, sensible, sync
 
 
@@ -99,6 +101,12 @@ def asked(identifier: int, times: int = 1) -> dict[str, Any]:
     return {"outputs": [{"data_identifier": identifier, "output_frequency": 1}] * times}
 
 
+def utc(**parts: int) -> dict[str, Any]:
+    """A moment of 2026."""
+    usual = {"nanoseconds": 0, "year": 2026, "month": 1, "day": 1, "hour": 0, "minute": 0, "second": 0, "flags": 7}
+    return usual | parts
+
+
 TOGETHER = [
     ("SetOutputConfiguration", asked(0x5042), "outputs.0.data_identifier", "MTi-630 has no LatLon"),
     ("SetOutputConfiguration", asked(0x1021), "outputs.0.data_identifier", "no such form"),
@@ -109,6 +117,11 @@ TOGETHER = [
     ("SetSyncSettings", entry(function=3, line=2, delay_100us=60_001), DELAY, "0 to 60000"),
     ("SetSyncSettings", entry(function=3, line=6), "settings.0.line", "SendLatest"),
     ("SetSyncSettings", entry(function=3, line=4), "settings.0.line", "one of 2"),
+    ("SetSyncSettings", entry(function=3, line=7), "settings.0.line", "TriggerIndication goes with an input"),
+    ("SetSyncSettings", entry(function=4, line=2), "settings.0.line", "Measurement goes with an output"),
+    ("SetOptionFlags", {"set_flags": 0x10, "clear_flags": 0}, "set_flags", "MTi-630 has no option flag EnableAhs"),
+    ("SetUTCTime", utc(month=2, day=31), "day", "between 1 and 28 in 2026-02"),
+    ("SetUTCTime", utc(month=2, day=29, year=2028) | {"hour": 24}, "hour", "0 and 23"),
     ("SetAlignmentRotation", {"parameter": 0, "q0": 1.0, "q1": 1.0, "q2": 0.0, "q3": 0.0}, "q0", "1.414"),
     ("SetPortConfig", {"words": [0x10002]}, "words", "RS-232, UART, RTCM input"),
     ("SetPortConfig", {"words": [0x10002, 0x20002, 0]}, "words.1", "UART: the protocol"),
@@ -135,6 +148,26 @@ def test_what_a_product_lacks_is_said_by_name() -> None:
         DRIVER.setting_frames("Period", {"period": 1152}, KNOWN["MTi-630"])
     with pytest.raises(EncodeError, match="cannot be written"):
         DRIVER.setting_frames("DeviceID", {"device_id": 1}, KNOWN["MTi-630"])
+
+
+def test_a_leap_day_is_a_day() -> None:
+    assert DRIVER.frame("SetUTCTime", utc(month=2, day=29, year=2028), KNOWN["MTi-630"])
+
+
+def test_a_compass_calibration_offers_what_the_document_has() -> None:
+    """4 is a command of the vendor's own software; devices of this document refuse it."""
+    (row,) = [row for row in DRIVER.commands(KNOWN["MTi-630"]) if row.name == "IccCommand"]
+    assert list(row.arguments[0].choices) == [0, 1, 2, 3]
+
+
+def test_an_older_gnss_product_has_what_its_successor_has() -> None:
+    """The MTi-G-700 was an unknown product: it was offered what no MTi of its series has."""
+    old, new = model_of("MTi-G-700-2A5G4"), model_of("MTi-G-710-2A8G4")
+    assert old is not None
+    assert new is not None
+    assert (old.name, old.number, old.kind) == ("MTi-G-700", new.number, new.kind)
+    old_rows, new_rows = (DRIVER.settings(Known(product=f"{model.name}-2A5G4")) for model in (old, new))
+    assert old_rows == new_rows
 
 
 def test_fields_are_those_of_the_product() -> None:
