@@ -131,54 +131,71 @@ class IdtpStream:
         """Without what its sequence number says is old."""
         table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
         judged = self.sequences.judge(whole.array, table, arrivals)
-        if rejects:
-            self._refuse(whole, rejects)
-        if judged.gaps and self._refused:
-            self._unlose(whole, table, judged)
+        refused = self._intact(whole, rejects) if rejects else []
         if judged.dropped:
-            lost = judged.rows[LOST]
-            for i in np.flatnonzero(lost < 0).tolist():
-                at, size = int(table[OFFSET, i]), int(table[SIZE, i])
-                sender, mode = int(table[SENDER, i]), whole.data[at + MODE_AT]
-                number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
-                detail = f"number {number} after {self.sequences.last_of(sender, mode)}"
-                reject = Reject(whole.start + at, size, REASONS[-lost[i]], int(arrivals[i]), str(sender), detail)
-                rejects.append(reject)
-                self._remember(sender, number)
+            refused += self._old(whole, table, arrivals, judged, rejects)
             rejects.sort(key=_offset)
-            good = lost >= 0
+        if refused or (judged.gaps and self._refused):
+            self._unlose(whole, table, judged, sorted(refused))
+        if judged.dropped:
+            good = judged.rows[LOST] >= 0
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
             judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
         return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
 
-    def _refuse(self, whole: Whole, rejects: list[Reject]) -> None:
+    def _old(
+        self, whole: Whole, table: Ints, arrivals: Ints, judged: Judged, rejects: list[Reject]
+    ) -> list[tuple[int, int, int]]:
+        """Reject the frames whose number is old: where each is, its device, its number."""
+        lost, refused = judged.rows[LOST], []
+        for i in np.flatnonzero(lost < 0).tolist():
+            at, size = int(table[OFFSET, i]), int(table[SIZE, i])
+            sender, mode = int(table[SENDER, i]), whole.data[at + MODE_AT]
+            number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
+            detail = f"number {number} after {self.sequences.last_of(sender, mode)}"
+            reason = REASONS[-lost[i]]
+            rejects.append(Reject(whole.start + at, size, reason, int(arrivals[i]), str(sender), detail))
+            refused.append((at, sender, number))
+        return refused
+
+    def _intact(self, whole: Whole, rejects: list[Reject]) -> list[tuple[int, int, int]]:
         """Whole frames that a setting refuses have numbers too: who does not see them must not miss them."""
+        refused = []
         for i, reject in enumerate(rejects):
             if reject.reason not in INTACT:
                 continue
             at = reject.offset - whole.start
             header = whole.data[at : at + DEVICE_AT + 2]
             sender = int.from_bytes(header[DEVICE_AT:], "little")
-            self._remember(sender, int.from_bytes(header[SEQUENCE_AT : SEQUENCE_AT + 4], "little"))
+            refused.append((at, sender, int.from_bytes(header[SEQUENCE_AT : SEQUENCE_AT + 4], "little")))
             rejects[i] = replace(reject, device=str(sender))
+        return refused
 
     def _remember(self, sender: int, number: int) -> None:
         if sender in self._refused or len(self._refused) < REFUSED_DEVICES:
             self._refused.setdefault(sender, deque(maxlen=REFUSED_NUMBERS)).append(number)
 
-    def _unlose(self, whole: Whole, table: Ints, judged: Judged) -> None:
-        """Frames that came and were refused were not lost."""
+    def _unlose(self, whole: Whole, table: Ints, judged: Judged, refused: list[tuple[int, int, int]]) -> None:
+        """Frames that came before a gap was seen, and were refused, were not lost.
+
+        Only those before: how many frames are drained at once must not matter.
+        """
+        coming = deque(refused)
         for i in np.flatnonzero(judged.rows[LOST] > 0).tolist():
-            refused = self._refused.get(int(table[SENDER, i]))
-            if not refused:
-                continue
             at, missing = int(table[OFFSET, i]), int(judged.rows[LOST, i])
+            while coming and coming[0][0] < at:
+                self._remember(*coming.popleft()[1:])
+            known = self._refused.get(int(table[SENDER, i]))
+            if not known:
+                continue
             number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
-            between = sum(0 < (number - one) & MASK <= missing for one in set(refused))
+            between = sum(0 < (number - one) & MASK <= missing for one in set(known))
             judged.rows[LOST, i] = missing - between
             if missing - between == 0:
                 judged.gaps -= 1
+        for _, sender, number in coming:
+            self._remember(sender, number)
 
 
 def _offset(reject: Reject) -> int:

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 HOUSES = ("protocols", "recordings", "server")
 BEGIN = "server.library.open_aside"
 SIMULATORS = frozenset(
-    ("answers", "device", "measurement", "moods", "motion", "quantities", "simulator")
+    ("answers", "device", "measurement", "moods", "motion", "quantities", "simulator", "simulated_device")
 )  # of protocols
 DATA = (".txt", ".json")
 _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) import (\([^)]*\)|[^\n]+)|import ([\w., ]+))", re.MULTILINE)

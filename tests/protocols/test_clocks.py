@@ -56,7 +56,9 @@ def test_old_rows_of_the_capture_are_neither_wrap_nor_reset(captures: Path) -> N
     events = decoder.drain(stalled=True)
     assert not [event for event in events if isinstance(event, Gap | Step)]
     for batch in batches(events):
-        assert batch.time_ns is not None
+        if batch.time_ns is None:  # a GNSS solution without a fix: its clock is arbitrary
+            assert "GnssPvtData" in batch.columns
+            continue
         assert (batch.time_ns == batch.columns["SampleTimeFine"].astype(np.int64) * 100_000).all()
 
 

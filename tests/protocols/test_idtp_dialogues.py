@@ -60,7 +60,7 @@ def test_a_type_that_a_vendor_described() -> None:
     ("command", "values", "said"),
     [
         ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0}, "acc_z is missing"),
-        ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0, "acc_z": 0.0, "mode": 2}, "needs a key"),
+        ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0, "acc_z": 0.0, "mode": 2}, "need a key"),
         ("Frame", {"type": 256}, "from 0 to 255"),
         ("Frame", {"data": "00" * 973}, "972"),
         ("Nothing", {}, "no message is called"),

@@ -205,7 +205,7 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
     async def test(stage: Stage) -> None:
         await stage.run(IdtpDevice(mode=2, key=KEY), 4)
         assert stage.info.status == "connecting"
-        assert stage.info.message.startswith("Secure frames come, and there is no key")
+        assert stage.info.message.startswith("Secure frames are arriving, but there is no key")
         assert stage.info.hint.startswith("Give the key")
         assert len(stage.info.notices) == 1
         assert [event.data for event in stage.events("device") if "reason" in event.data] == [{"reason": "no_key"}]

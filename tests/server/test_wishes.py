@@ -12,7 +12,7 @@ from protocols.isb.dialogues import IsbDriver
 from server.control.desk import Desk
 from server.control.wishes import command_of
 
-DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}))
+DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=None))
 
 
 @pytest.mark.parametrize(
