@@ -40,6 +40,7 @@ KINDS: Mapping[str, Kind] = {
     "no-length": Kind(411, "A body that does not say how long it is."),
     "cut": Kind(400, "An upload that ended before it was whole."),
     "not-allowed": Kind(405, "A method that this address does not have."),
+    "file-not-allowed": Kind(403, "A file outside the library and the folders that the settings name."),
     # who asks
     "no-token": Kind(401, "A token is needed."),
     "bad-token": Kind(401, "The token is not one of this server."),

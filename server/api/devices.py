@@ -97,7 +97,9 @@ def check_path(path: Path, folders: Sequence[Path]) -> None:
     path = path.resolve()
     if not any(path.is_relative_to(folder.resolve()) for folder in folders):
         hint = "Put it into the library, or name its folder in source_folders of the configuration file."
-        raise ApiError(403, "not-allowed", "Files are opened from the library and from folders that are named.", hint)
+        raise ApiError(
+            403, "file-not-allowed", "Files are opened from the library and from folders that are named.", hint
+        )
 
 
 def sessions_of(request: Request) -> Sessions:

@@ -128,7 +128,7 @@ def test_files_are_sources_only_where_that_is_meant(tmp_path: Path) -> None:
     with Running(config, FakeLink) as running:
         for refused in (secret, "/etc/passwd", "/proc/self/environ", named.parent / "link.bin", f"{secret}?speed=2"):
             answer = running.client.post("/api/devices", json={"source": str(refused)})
-            assert (answer.status_code, answer.json()["kind"]) == (403, "not-allowed")
+            assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
         assert running.client.post("/api/devices", json={"source": str(named)}).status_code == 201
 
 
@@ -201,7 +201,7 @@ def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.Mon
     monkeypatch.setattr(CorrectionDesk, "takes", lambda *_: True)
     with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         answer = running.client.put("/api/devices/1/corrections", json={"source": "/etc/passwd"})
-        assert (answer.status_code, answer.json()["kind"]) == (403, "not-allowed")
+        assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
 
 @pytest.mark.parametrize("piece", ["", " "])

@@ -12,7 +12,16 @@ from protocols.isb.dialogues import IsbDriver
 from server.control.desk import Desk
 from server.control.wishes import command_of
 
-DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=None))
+DESK = cast(
+    Desk,
+    SimpleNamespace(
+        driver=IsbDriver(),
+        known=Known(),
+        values={},
+        unfinished={},
+        present=SimpleNamespace(kept_by=lambda command: None),
+    ),
+)
 
 
 @pytest.mark.parametrize(
