@@ -302,14 +302,18 @@ def test_memory_is_bounded() -> None:
 
 
 def test_an_add_of_ten_rows_costs_microseconds() -> None:
-    """About 28 µs measured; the bound leaves room for a busy machine."""
+    """About 28 µs measured, 30 to 50 times a pass of numpy over the same rows, which is as slow as the machine is."""
     given_ = stream(1000, 30)
     clock = HostClock()
-    best = float("inf")
+    best = yardstick = float("inf")
     for at in range(0, len(given_.device), 3000):
+        parts = [slice(row, row + 10) for row in range(at, at + 3000, 10)]
         begin = time.process_time()
-        for row in range(at, at + 3000, 10):
-            part = slice(row, row + 10)
+        for part in parts:
             clock.add(given_.device[part], given_.arrival[part])
-        best = min(best, (time.process_time() - begin) / 300)
-    assert best < 60e-6
+        half = time.process_time()
+        for part in parts:
+            np.maximum.accumulate(given_.device[part] - given_.arrival[part])
+        best = min(best, half - begin)
+        yardstick = min(yardstick, time.process_time() - half)
+    assert best < 150 * yardstick

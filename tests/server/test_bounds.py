@@ -160,7 +160,7 @@ def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
         writer.finish()
     began = time.process_time()
     found = peek(path)
-    assert time.process_time() - began < 5  # it took 40 s
+    assert time.process_time() - began < 5
     assert found is not None
     assert (len(found.devices), found.devices[-1].id) == (count, "0")  # what is told again is the last
 

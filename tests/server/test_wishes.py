@@ -12,16 +12,8 @@ from protocols.isb.dialogues import IsbDriver
 from server.control.desk import Desk
 from server.control.wishes import command_of
 
-DESK = cast(
-    Desk,
-    SimpleNamespace(
-        driver=IsbDriver(),
-        known=Known(),
-        values={},
-        unfinished={},
-        present=SimpleNamespace(kept_by=lambda command: None),
-    ),
-)
+PRESENT = SimpleNamespace(kept_by=lambda command: None)
+DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=PRESENT))
 
 
 @pytest.mark.parametrize(
