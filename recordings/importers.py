@@ -70,6 +70,10 @@ class CaptureSource:
     def _bytes(self) -> BinaryIO:
         return _Joined(self._files)  # type: ignore[return-value]  # Pace reads, no more
 
+    def stream(self) -> BinaryIO:
+        """Its bytes from the beginning, to be read and closed."""
+        return self._bytes()
+
     def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
         start = self._started()
         done = 0

@@ -8,14 +8,26 @@ needed: `--help` and `--version` answer at once. The folder for compiled code is
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
 import logging
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from server.commands.common import UsageError, check_protocol, no_file, reading_of, settled, warm
-from server.commands.options import COMMANDS, parser
+from server.commands.common import (
+    UsageError,
+    check_protocol,
+    check_sources,
+    no_file,
+    readable,
+    reading_of,
+    settled,
+    warm,
+    whole,
+)
+from server.commands.options import COMMANDS, parse, parser
 from server.config import ConfigError, load
 from server.live.reading import ReadingError, key_text, taken_from
 
@@ -23,12 +35,16 @@ from server.live.reading import ReadingError, key_text, taken_from
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if sys.stdout is None:  # closed by who called: what is printed has nowhere to go
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - until the end
     if not given or (given[0] not in COMMANDS and given[0] not in ("-h", "--help", "--version")):
         given.insert(0, "serve")
-    options = parser().parse_args(given)
     logging.basicConfig(level=logging.WARNING, format="imuscope: %(levelname)s: %(message)s")
     try:
-        return _RUN[options.command](options) or 0
+        options = parse(given)
+        status = _RUN[options.command](options) or 0
+        sys.stdout.flush()
+        return status
     except (UsageError, ConfigError, ReadingError) as error:
         end = "" if str(error).endswith((".", "?")) else "."
         print(f"imuscope: {error}{end}", file=sys.stderr)
@@ -36,8 +52,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # `imuscope inspect … | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _silence()
         return 0
+    except OSError as error:
+        if error.errno not in UNWRITABLE:
+            raise
+        _silence()
+        print(f"imuscope: the output cannot be written: {(error.strerror or '').lower()}.", file=sys.stderr)
+        return 1
+
+
+UNWRITABLE = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT)
+
+
+def _silence() -> None:
+    """What is still to be written goes nowhere: the interpreter would fail on it when it ends."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _ports(options: argparse.Namespace) -> None:
@@ -55,22 +86,20 @@ def _doctor(options: argparse.Namespace) -> int:
         sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
         return 0
     config = load(options.config, data=options.data)
-    return doctor.told(look(Machine(config.data, config.port)), sys.stdout, as_json=options.json)
+    return doctor.told(look(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json")
 
 
 def _inspect(options: argparse.Namespace) -> None:
-    path = Path(options.file)
-    if not path.is_file():
-        raise UsageError(no_file(options.file))
+    path = readable(options.file)
     warm(options.data)
     from server.commands.inspect import inspect_file
 
     said = reading_of(options, "auto", replay_check=not options.no_replay_check)
-    how = {name: getattr(options, name) for name in ("direction", "format", "rejects")}
+    how = {name: getattr(options, name) for name in ("direction", "format", "rejects", "device")}
     try:
         inspect_file(path, sys.stdout, said, notes=sys.stderr, **how)
     except (ValueError, OSError) as error:
-        if isinstance(error, BrokenPipeError):
+        if isinstance(error, OSError) and (isinstance(error, BrokenPipeError) or error.errno in UNWRITABLE):
             raise
         raise UsageError(str(error)) from None
 
@@ -94,7 +123,9 @@ def _compose(options: argparse.Namespace) -> None:
             print(frame.hex())
             return
         with sys.stdin if options.jsonl == "-" else open(options.jsonl, encoding="utf-8") as lines:
-            for frame in frames_of(lines, spoken):
+            if said.protocol not in ("", "auto") and said.protocol not in spoken:
+                raise UsageError(f"there is no protocol {said.protocol!r}; there are: {', '.join(spoken)}")
+            for frame in frames_of(lines, spoken, "" if said.protocol == "auto" else said.protocol):
                 sys.stdout.write(frame.hex() + "\n")
     except (ComposeError, UnicodeDecodeError) as error:
         raise UsageError(str(error)) from None
@@ -142,30 +173,33 @@ def _rearm(options: argparse.Namespace) -> None:
 
 def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
-        raise UsageError(f"--duration {options.duration:g} is no time")
+        raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
     data = warm(options.data)
     from server.commands.record import RecordError, Wish, record
     from server.links.base import LinkError
 
-    source, said = taken_from(options.source, reading_of(options))
-    said = settled(said)
+    given = reading_of(options)
+    sources = [taken_from(source, given) for source in options.sources]
+    check_sources(options.sources, given)
+    wished = tuple((source, settled(said)) for source, said in sources)
     try:
-        print(record(Wish(source, said, options.output, options.duration, data), sys.stderr))
+        print(record(Wish(wished, options.output, options.duration, data), sys.stderr))
     except (RecordError, LinkError) as error:
         raise UsageError(str(error)) from None
 
 
 def _decode(options: argparse.Namespace) -> None:
-    if not options.file.is_file():
-        raise UsageError(no_file(str(options.file)))
+    file = readable(str(options.file))
     said = reading_of(options)
     warm(options.data)
-    from server.commands.decode import DecodeError, decode_file
+    from server.commands.decode import DecodeError, Part, decode_file
 
     said = settled(said)
+    part = Part(options.begin, options.end, options.device, tuple(options.channel or ()))
     try:
-        for path in decode_file(options.file, options.output, said, sys.stderr):
-            print(path)
+        with whole(file) as path:
+            for made in decode_file(path, options.output, said, sys.stderr, part):
+                print(made)
     except DecodeError as error:
         raise UsageError(str(error)) from None
 
@@ -190,6 +224,12 @@ def _replay(options: argparse.Namespace) -> None:
         asyncio.run(replaying.replay(replaying.Wish(Path(options.file), sink, *how), sys.stdout))
     except replaying.ReplayError as error:
         raise UsageError(str(error)) from None
+
+
+def _completion(options: argparse.Namespace) -> None:
+    from server.commands.completion import script
+
+    sys.stdout.write(script(parser().commands, options.shell))
 
 
 def _serve(options: argparse.Namespace) -> None:
@@ -225,6 +265,7 @@ _RUN: Mapping[str, Callable[[argparse.Namespace], int | None]] = {
     "replay": _replay,
     "decode": _decode,
     "simulate": _simulate,
+    "completion": _completion,
 }
 
 

@@ -198,15 +198,19 @@ def _checked(settings: Mapping[str, Any]) -> Config:
     changes: dict[str, Any] = {}
     for name, value in settings.items():
         if name not in known:
-            raise ConfigError(f"{name} is no setting; there are: {', '.join(sorted(known))}.")
+            raise ConfigError(f"{name} is not a valid setting; there are: {', '.join(sorted(known))}.")
         changes[name] = _converted(name, value, getattr(default, name))
     config = replace(default, **changes)
+    if config.data.exists() and not config.data.is_dir():
+        raise ConfigError(f"data {str(config.data)!r} is a file; name a folder with --data.")
     if not 0 <= config.port <= 65535:
         raise ConfigError(f"port {config.port} is outside 0 … 65535.")
     if not -1 <= config.foxglove <= 65535:
         raise ConfigError(f"foxglove {config.foxglove} is neither a port, 0 … 65535, nor −1 for none.")
     if config.rerun_connect and not re.fullmatch(r"rerun(\+https?)?://[^/\s]+/proxy", config.rerun_connect):
-        raise ConfigError(f"rerun_connect {config.rerun_connect!r} is no address such as rerun+http://host:9876/proxy.")
+        raise ConfigError(
+            f"rerun_connect {config.rerun_connect!r} is not a valid address such as rerun+http://host:9876/proxy."
+        )
     for name, choices in (("log_format", STYLES), ("log_level", LEVELS)):
         if getattr(config, name) not in choices:
             raise ConfigError(f"{name} {getattr(config, name)!r} is none of {', '.join(choices)}.")
@@ -265,7 +269,7 @@ def _map(value: Any) -> MapTiles:
         raise ConfigError(f"map must be a table with {' and '.join(known)}, not {value!r}.")
     for name, text in value.items():
         if name not in known:
-            raise ConfigError(f"map.{name} is no setting; there are: {', '.join(known)}.")
+            raise ConfigError(f"map.{name} is not a valid setting; there are: {', '.join(known)}.")
         if not isinstance(text, str):
             raise ConfigError(f"map.{name} must be text, not {text!r}.")
     found = MapTiles(**value)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from server import logs
+from server.commands.options import COMMANDS
 from server.compiled import compile_by_two, prepare_cache
 from server.config import load
-from server.live.reading import Reading, key_text, reading, schema_text
+from server.live.reading import Reading, key_text, reading, schema_text, taken_from
 
 
 class UsageError(Exception):
@@ -67,6 +73,59 @@ def check_protocol(name: str) -> None:
     known = ("auto", *speech.protocols())
     if name and name not in known:
         raise UsageError(f"there is no protocol {name!r}; there are: {', '.join(known)}.")
+
+
+def readable(name: str) -> Path:
+    """A file or pipe that can be read; "-" is standard input.
+
+    Raises:
+        UsageError: there is none.
+    """
+    path = Path("/dev/stdin") if name == "-" else Path(name)
+    if not path.exists() or path.is_dir():
+        raise UsageError(no_file(name))
+    return path
+
+
+@contextlib.contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """The same as a file in which one can go back and forth: what comes through a pipe is kept aside meanwhile."""
+    if path.is_file():
+        yield path
+        return
+    with tempfile.NamedTemporaryFile(prefix="imuscope-", suffix=".bin") as aside:
+        with path.open("rb") as pipe:
+            shutil.copyfileobj(pipe, aside)
+        aside.flush()
+        yield Path(aside.name)
+
+
+def check_sources(sources: Sequence[str], given: Reading) -> None:
+    """UsageError: one of them cannot be opened, ever."""
+    from server.links import LinkError, open_link
+    from server.links.file import FileLink
+
+    seen: set[str] = set()
+    for source in sources:
+        try:
+            place, own = taken_from(source, given)
+            link = open_link(place)
+        except LinkError as error:
+            raise UsageError(str(error)) from None
+        check_protocol(own.protocol)
+        if place in seen and not place.startswith("twin:"):
+            raise UsageError(f"the source {place} is given twice; give it once")
+        seen.add(place)
+        if isinstance(link, FileLink) and not link.path.is_file():
+            # A port may be plugged in later; a file that is not there now is a slip of the fingers.
+            if link.path.exists() and not link.path.is_dir():
+                raise UsageError(
+                    f"{link.path} is a pipe, which cannot be served; `imuscope decode` and `inspect` read it"
+                )
+            near = get_close_matches(source, COMMANDS, 1)
+            words = f" The nearest command is {near[0]}." if near else ""
+            raise UsageError(f"{no_file(str(link.path))} See `imuscope --help` for commands and sources.{words}")
+    check_protocol(given.protocol)
 
 
 def no_file(path: str) -> str:

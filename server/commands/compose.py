@@ -305,8 +305,11 @@ def _number(text: str, field: Field, path: str) -> int | float:
 # -- what inspect printed ----------------------------------------------------------------------------------------------
 
 
-def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue]) -> Iterator[bytes]:
+def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue], protocol: str = "") -> Iterator[bytes]:
     """One frame for each line that inspect printed; rejects have none.
+
+    Args:
+        protocol: of lines that name none.
 
     Raises:
         ComposeError: a line that is none of inspect's, with its number.
@@ -318,6 +321,8 @@ def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue]) -> Iterat
             record = json.loads(line)
             if not isinstance(record, dict):
                 raise ComposeError("it is no object")
+            if protocol:
+                record.setdefault("protocol", protocol)
             if "reject" not in record:
                 yield frame_of_record(record, all_tongues)
         except json.JSONDecodeError as error:
@@ -329,6 +334,8 @@ def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue]) -> Iterat
 def frame_of_record(record: Record, all_tongues: Mapping[str, Tongue]) -> bytes:
     """The frame of one line."""
     protocol = record.get("protocol")
+    if protocol is None:
+        raise ComposeError("it names no protocol; give one with --protocol")
     if protocol in FOREIGN:
         return _foreign(record)
     tongue = all_tongues.get(str(protocol))

@@ -16,18 +16,27 @@ The file is read in pieces, so its size does not matter.
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Any, BinaryIO, Literal, TextIO
 
 from protocols.mixture import Mixture
 from protocols.registry import PROTOCOLS, ProtocolInfo, guess
+from recordings.blocks import MAGIC
+from recordings.container import RecordingError
+from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
+from recordings.parts import McapSource
+from server.commands.replaying import ReplayError, chosen
 from server.live.reading import Reading
 
 CHUNK = 1 << 20
 LONGEST_WORD = 64  # characters of a word or of bytes shown in the table; jsonl has all of them
-GUESSED_FROM = 1 << 16  # bytes of the file that decide the protocol
+TELL = ("no_key", "bad_hmac", "below_min_mode")
+"""Reasons that an option would change."""
 
 EXPLAINED: Mapping[str, str] = {
     "bad_checksum": "the checksum does not fit the bytes",
@@ -36,8 +45,8 @@ EXPLAINED: Mapping[str, str] = {
     "bad_item": "an item of it claims more bytes than are left, or a size that its kind has not",
     "bad_id": "bus identifier and message are both 0",
     "bad_crc8": "the header is damaged, or this is no header",
-    "bad_version": "a version that is not read here",
-    "bad_mode": "a mode that there is not",
+    "bad_version": "unsupported version",
+    "bad_mode": "unknown mode",
     "below_min_mode": "intact, but of a weaker mode than is accepted (--min-mode)",
     "bad_crc32": "the payload is damaged",
     "bad_hmac": "damaged, forged, or made with another key",
@@ -60,6 +69,7 @@ def inspect_file(
     direction: Literal["rx", "tx"] = "rx",
     format: Literal["table", "jsonl"] = "table",
     rejects: bool = False,
+    device: str = "",
     notes: TextIO | None = None,
 ) -> None:
     """Write one line a frame.
@@ -69,63 +79,140 @@ def inspect_file(
             what else the protocol can be told.
         direction: "rx": what a device sent; "tx": what was sent to it. (Xbus numbers tell by themselves.)
         rejects: also what failed its checks.
+        device: of a recording with several.
         notes: where to say that the file holds messages of other protocols too.
     Raises:
         ValueError: no such protocol, or nothing known in the file.
         OSError: the file cannot be read.
     """
-    row = _row(Path(path), reading.protocol)
-    if notes is not None:
-        _tell_mixture(Path(path), row, notes)
-    lines = (
-        line for line in _lines(Path(path), row, reading.settings(row.settings)) if rejects or "reject" not in line
-    )
-    if format == "jsonl":
-        for line in lines:
-            out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
-        return
-    out.write(f"{'offset':>10}  {'size':>5}  {'message':<26}  fields\n")
-    for line in lines:
-        out.write(_table_row(line) + "\n")
-
-
-def _row(path: Path, protocol: str) -> ProtocolInfo:
-    if protocol != "auto":
-        if protocol not in PROTOCOLS:
-            raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
-        return PROTOCOLS[protocol]
-    with path.open("rb") as file:
-        head = file.read(GUESSED_FROM)
-    if not head:
-        raise ValueError(f"{path.name} is empty.")
-    guesses = guess(head)
-    if not guesses or guesses[0].score == 0:
-        where = f"the first {GUESSED_FROM // 1024} kB of " if len(head) == GUESSED_FROM else ""
-        names = " or ".join(PROTOCOLS)
-        raise ValueError(f"nothing known in {where}{path.name}. If you know better, add --protocol {names}.")
-    return PROTOCOLS[guesses[0].protocol]
-
-
-def _tell_mixture(path: Path, row: ProtocolInfo, notes: TextIO) -> None:
-    """Say so when a file holds frames of another protocol, wherever in it."""
-    mixture = Mixture(row.name)
-    with path.open("rb") as file:
-        while chunk := file.read(CHUNK):
-            mixture.feed(chunk)
-    mixture.feed(b"", final=True)
-    if others := [PROTOCOLS[name].title for name in mixture.others]:
+    with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
+        mixture = Mixture(row.name)
+        counts: Counter[str] = Counter()
+        lines = _counted(_lines(pieces, row, reading.settings(row.settings), mixture), counts, rejects)
+        if format == "jsonl":
+            for line in lines:
+                out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
+        else:
+            out.write(f"{'offset':>10}  {'size':>5}  {'message':<26}  fields\n")
+            for line in lines:
+                out.write(_table_row(line) + "\n")
+    name = "standard input" if str(path) == "/dev/stdin" else Path(path).name
+    if notes is not None and (others := [PROTOCOLS[one].title for one in mixture.others]):
         notes.write(
-            f"imuscope: {path.name} holds messages of {' and '.join(others)} too; it is listed as {row.title}. "
+            f"imuscope: {name} holds messages of {' and '.join(others)} too; it is listed as {row.title}. "
             "--protocol chooses another.\n"
         )
+    _judge(name, row, counts, rejects, notes)
 
 
-def _lines(path: Path, row: ProtocolInfo, settings: Mapping[str, Any]) -> Iterator[Line]:
+def _judge(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, notes: TextIO | None) -> None:
+    """Say what was refused for a reason that an option would change; a list without a line is no success.
+
+    Raises:
+        ValueError: not one line was written.
+    """
+    worth = [reason for reason in TELL if counts[reason]]
+    words = "; ".join(f"{counts[one]} frames are not accepted: {EXPLAINED[one]}" for one in worth)
+    if counts[""] or (rejects and counts.total()):
+        if words and notes is not None:
+            notes.write(f"imuscope: {name}: {words}.\n")
+        return
+    if counts["indt"]:
+        raise ValueError(f"{name} holds {counts['indt']} times INDT, the successor of IDTP, which is not read here")
+    others = ", ".join(f"{count} {reason}" for reason, count in counts.most_common(3) if reason)
+    raise ValueError(
+        words or f"{name} has no valid frame of {row.title}" + (f": {others} (--rejects)" if others else "")
+    )
+
+
+def _counted(lines: Iterator[Line], counts: Counter[str], rejects: bool) -> Iterator[Line]:
+    """The lines to show; what was accepted ("") and why the others were not is counted."""
+    for line in lines:
+        counts[line.get("reject", "")] += 1
+        if rejects or "reject" not in line:
+            yield line
+
+
+@contextlib.contextmanager
+def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
+    """The protocol of a file and its bytes in pieces, by the one rule of recordings/importers.py. A pipe is read as it
+    comes; its beginning decides.
+
+    Raises:
+        ValueError: no such protocol, nothing known in it, or no bytes of a device.
+    """
+    if protocol != "auto" and protocol not in PROTOCOLS:
+        raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
+    named = "" if protocol == "auto" else protocol
+    if not path.is_file():
+        with path.open("rb") as pipe:
+            head = _head(pipe)
+            if head.startswith(MAGIC):
+                raise ValueError("a recording cannot be read from a pipe; name its file")
+            yield PROTOCOLS[named or _guessed(head, "standard input")], itertools.chain((head,), _pieces(pipe))
+        return
+    try:
+        source = open_file(path, named)
+    except RecordingError as error:
+        with path.open("rb") as file:
+            head = file.read(GUESS_BYTES)
+        if head and not head.startswith(MAGIC):
+            _guessed(head, path.name)  # says more exactly why
+        raise ValueError(f"{error.message} {error.hint}".strip()) from None
+    if isinstance(source, CaptureSource):
+        with contextlib.closing(source.stream()) as file:
+            yield PROTOCOLS[source.protocol], _pieces(file)
+        return
+    if not isinstance(source, McapSource) or not source.devices:
+        raise ValueError(f"{path.name} holds no bytes of a device; `imuscope decode` reads its numbers")
+    try:
+        one = chosen(source, device)
+    except ReplayError as error:
+        raise ValueError(str(error)) from None
+    parts = (part.data for part in source.parts() if part.device == one and part.way == direction)
+    spoken = named or source.devices[one].protocol
+    if spoken not in PROTOCOLS:
+        head = next(parts, b"")
+        spoken, parts = _guessed(head[:GUESS_BYTES], path.name), itertools.chain((head,), parts)  # type: ignore[assignment]
+    yield PROTOCOLS[spoken], parts
+
+
+def _head(pipe: BinaryIO) -> bytes:
+    """What decides: so many bytes, or all that there are."""
+    head = b""
+    while len(head) < GUESS_BYTES and (more := pipe.read(GUESS_BYTES - len(head))):
+        head += more
+    return head
+
+
+def _guessed(head: bytes, name: str) -> str:
+    """The protocol of some bytes. ValueError: none accounts for enough of them."""
+    if not head:
+        raise ValueError(f"{name} is empty.")
+    best = guess(head)[0]
+    if best.score >= GUESS_SCORE:
+        return best.protocol
+    where = f"the first {GUESS_BYTES // 1024} kB of " if len(head) == GUESS_BYTES else ""
+    if b"INDT" in head and "INDT" in best.why:
+        raise ValueError(f"{name} holds {best.why}")
+    at_best = f", at best {best.why}" if best.score > 0 else ""
+    raise ValueError(
+        f"nothing known in {where}{name}{at_best}. If you know better, add --protocol {' or '.join(PROTOCOLS)}."
+    )
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    while chunk := file.read(CHUNK):
+        yield chunk
+
+
+def _lines(pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], mixture: Mixture) -> Iterator[Line]:
     listing = row.listing(**settings)
-    with path.open("rb") as file:
-        while chunk := file.read(CHUNK):
-            listing.feed(chunk)
-            yield from listing.drain()
+    for chunk in pieces:
+        mixture.feed(chunk)
+        listing.feed(chunk)
+        yield from listing.drain()
+    mixture.feed(b"", final=True)
     yield from listing.drain(stalled=True)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,11 +16,17 @@ from server.version import VERSION
 
 COMMANDS = (
     *("serve", "ports", "doctor", "inspect", "compose", "send", "commands", "rearm", "record", "replay", "decode"),
-    "simulate",
+    *("simulate", "completion"),
 )
-SOURCES = "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, udp://:port, a file, twin:xbus|isb|idtp"
+SHELLS = ("bash", "zsh", "fish")
+FOXGLOVE_PORT = 8765
+SOURCES = (
+    "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, tcp-listen://:port, udp://:port, a file, "
+    "twin:xbus|isb|idtp; `imuscope serve --help` has their options"
+)
 OUTPUTS = (
-    "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .mtb, .raw, .bin (bytes as they came)"
+    "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .rrd (Rerun), "
+    ".mtb, .raw, .bin (bytes as they came)"
 )
 
 SENDING = """A setting that is named without fields is read; with fields it is written and read back, and what the
@@ -26,29 +34,102 @@ device made of it (it rounds rates) is told. What loses settings, stops output o
 consequence until --yes is given. `imuscope commands` lists what there is, `imuscope commands NAME` its fields."""
 
 
+SOURCE_HELP = """sources, with their options after a question mark:
+  /dev/ttyUSB0?baud=921600&bits=8&parity=none|even|odd&stop=1|2&flow=none|hardware
+                                  a serial port; without baud its rate is found by listening
+  tcp://host:port                 connect to a device server
+  tcp-listen://[host]:port        wait for a device to connect
+  udp://[host]:port               receive datagrams
+  FILE?speed=4&loop=1             a capture at its own pace; of a recording also device=, from=, to=
+  twin:xbus|isb|idtp?rate=400     a simulated device; also product=, mode=, clock=, baud=, drop=, corrupt=, drift_ppm=,
+                                  jump_s=, reset_s=, unplug_s=, away_s=, burst_ms=, seed= (server/links/twin.py)
+  any of them                     protocol=, key=, min_mode=, unverified=, time_unit=, rotation=: as the options below
+"""
+SCHEMA_HELP = """a schema describes a vendor's own payload types of IDTP, in TOML:
+  [[message]]                     type = 0x80, name = "WheelSpeed", doc = "…"; then its fields, in order:
+  [[message.field]]               name, type = i8…i64, u8…u64, f32, f64; count, axes, unit, scale, bias, decimals, doc
+"""
+CONFIG_HELP = """a configuration file has, in TOML, under the names of the options above (_ for -): host, port, data,
+sources, protocol, key, min_mode, schema, unverified, time_unit, rotation, record, tls, tls_cert, tls_key,
+foxglove, rerun_connect, log_format, log_level; and beside them:
+  view_token, control_token       tokens of your own, at least 20 characters each
+  allowed_hosts, allowed_origins  lists of names and of pages that may use this server
+  trial_s                         seconds in which settings that could cut the line must be confirmed (20)
+  history_s, memory_mb            how far back samples are remembered, whichever is less (600 s, 256 MB)
+  recordings_quota_gb             beyond it the oldest recordings go that are not pinned (0: no quota)
+  split_mb, split_min             a recording goes on in a new file at this size or age (0: never)
+  record_head                     ask an Xsens device for its Configuration when a recording begins (true)
+  upload_gb                       how large an uploaded recording may be (16)
+  [map] tiles, attribution        a tile server for the map under the track
+"""
+ENVIRONMENT_HELP = """environment, where an option is left out:
+  IMUSCOPE_DATA                   --data
+  IMUSCOPE_CONFIG                 --config
+  IMUSCOPE_KEY                    --key: @FILE, or hex, which then stands in no list of processes
+  IMUSCOPE_TOKEN                  --token
+  XDG_DATA_HOME, NUMBA_CACHE_DIR  where the folder for data, and compiled code, are by default
+"""
+ENVIRONMENT = {"data": "IMUSCOPE_DATA", "config": "IMUSCOPE_CONFIG", "key": "IMUSCOPE_KEY", "token": "IMUSCOPE_TOKEN"}
+"""Option → variable that stands in for it."""
+
+
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as everything else here does."""
+    """Says what is wrong in one line, as everything else here does. Options may stand anywhere among the arguments."""
+
+    commands: dict[str, _Parser]
 
     def error(self, message: str) -> NoReturn:
         print(f"imuscope: {message}. See `{self.prog} --help`.", file=sys.stderr)
         raise SystemExit(1)
 
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        """A value that is none of the choices: the names of all of them."""
+        if action.choices is not None and value not in action.choices:
+            known = ", ".join(map(str, action.choices))
+            raise argparse.ArgumentError(action, f"invalid choice: {value!r}; there are: {known}")
 
-def parser() -> argparse.ArgumentParser:
+
+def parse(given: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line whose first word is a command, --help or --version."""
+    root = parser()
+    command = root.commands.get(given[0])
+    if command is None:
+        return root.parse_args(list(given))
+    rest = list(given[1:])
+    for at, word in enumerate(rest):  # its port may be left out, and then no source is one
+        if word == "--foxglove" and not (at + 1 < len(rest) and rest[at + 1].lstrip("-").isdigit()):
+            rest[at] = f"--foxglove={FOXGLOVE_PORT}"
+    options = command.parse_intermixed_args(rest)
+    options.command = given[0]
+    for name, variable in ENVIRONMENT.items():
+        if getattr(options, name, 0) in (None, "") and os.environ.get(variable):
+            value = os.environ[variable]
+            setattr(options, name, Path(value) if name in ("data", "config") else value)
+    return options
+
+
+def parser() -> _Parser:
     """All commands and options."""
     root = _Parser(
         prog="imuscope",
         description="A page that shows inertial sensors live. Without a source, twins of all device families stream.",
+        epilog=ENVIRONMENT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     root.add_argument("--version", action="version", version=f"imuscope {VERSION}")
     commands = root.add_subparsers(dest="command", metavar="COMMAND")
 
-    serve = commands.add_parser("serve", help="serve the page (what `imuscope` alone does)")
+    serve = commands.add_parser(
+        "serve",
+        help="serve the page (what `imuscope` alone does)",
+        epilog="\n".join((SOURCE_HELP, SCHEMA_HELP, CONFIG_HELP, ENVIRONMENT_HELP)),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     serve.add_argument("sources", nargs="*", metavar="SOURCE", help=SOURCES)
     serve.add_argument("--host", help="address to listen on (127.0.0.1; any other needs a token, which is printed)")
     serve.add_argument("--port", type=int, help="port to listen on (8080; 0: any free one)")
     serve.add_argument("--tls", action="store_true", default=None, help="serve https, with a certificate made here")
-    serve.add_argument("--tls-cert", metavar="FILE", help="… or with this one (PEM); its key is --tls-key")
+    serve.add_argument("--tls-cert", metavar="FILE", help="use this certificate (PEM); its key is --tls-key")
     serve.add_argument("--tls-key", metavar="FILE", help="private key of --tls-cert (PEM, without a passphrase)")
     _add_reading(serve, "protocol of the sources (recognised when left out)")
     serve.add_argument("--record", action="store_true", default=None, help="record all devices from the start")
@@ -56,31 +137,32 @@ def parser() -> argparse.ArgumentParser:
         "--foxglove",
         type=int,
         nargs="?",
-        const=8765,
+        const=FOXGLOVE_PORT,
         metavar="PORT",
         help="speak the Foxglove protocol, on this port of this machine (8765) and at /foxglove of the page's",
     )
     serve.add_argument("--rerun-connect", metavar="URL", help="stream to a Rerun viewer: rerun+http://host:9876/proxy")
-    serve.add_argument("--log-format", choices=logs.STYLES, help="of what happens, on standard error (text)")
-    serve.add_argument("--log-level", choices=logs.LEVELS, help="the least that is told (info)")
-    serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see server/config.py")
+    serve.add_argument("--log-format", choices=logs.STYLES, help="log format, on standard error (text)")
+    serve.add_argument("--log-level", choices=logs.LEVELS, help="lowest level logged (info)")
+    serve.add_argument("--config", type=Path, metavar="FILE", help="TOML file with settings, see below")
     _add_data(serve)
 
     ports = commands.add_parser("ports", help="serial ports, and what is heard on each")
     _add_data(ports)
 
     doctor = commands.add_parser("doctor", help="is this machine fit: ports, rights, disk, clock; and what to do")
-    doctor.add_argument("--json", action="store_true", help="for programs")
+    _add_format(doctor, ("table", "json"), "table for people, json for programs")
     doctor.add_argument("--udev-rule", action="store_true", help="print the rule for /etc/udev/rules.d instead")
     doctor.add_argument("--systemd-unit", action="store_true", help="print the unit for /etc/systemd/system instead")
     doctor.add_argument("--config", type=Path, metavar="FILE", help="the server's settings, for its folder and port")
     _add_data(doctor)
 
     inspect = commands.add_parser("inspect", help="one line per frame of a file")
-    inspect.add_argument("file", metavar="FILE", help="a raw capture")
+    inspect.add_argument("file", metavar="FILE", help='a capture, a recording, a vendor\'s log; "-": standard input')
     _add_reading(inspect, "xbus, isb, idtp, or auto (the default)")
     inspect.add_argument("--direction", choices=("rx", "tx"), default="rx", help="rx: sent by the device (the default)")
-    inspect.add_argument("--format", choices=("table", "jsonl"), default="table")
+    _add_format(inspect, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
+    inspect.add_argument("--device", default="", metavar="D", help="which one, where a recording has several")
     inspect.add_argument("--rejects", action="store_true", help="also show what failed its checks")
     inspect.add_argument("--no-replay-check", action="store_true", help="accept frames of any sequence number")
     _add_data(inspect)
@@ -102,6 +184,7 @@ def parser() -> argparse.ArgumentParser:
 
     manual = commands.add_parser("commands", help="what devices can be told and asked, with ranges and sources")
     manual.add_argument("name", nargs="?", default="", metavar="NAME", help="one command or setting, in full")
+    manual.add_argument("--key", help=argparse.SUPPRESS)
     manual.add_argument("--protocol", default="", metavar="NAME", help="xbus, isb or idtp (all when left out)")
     _add_data(manual)
 
@@ -112,8 +195,8 @@ def parser() -> argparse.ArgumentParser:
     _add_data(rearm)
 
     record = commands.add_parser("record", help="record a source into a file, without a page")
-    record.add_argument("source", metavar="SOURCE", help=SOURCES)
-    record.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="of the recording, .mcap")
+    record.add_argument("sources", nargs="+", metavar="SOURCE", help=SOURCES)
+    record.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="recording to write (.mcap)")
     record.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of data")
     _add_reading(record, "protocol of the source (recognised when left out)")
     _add_data(record)
@@ -123,12 +206,13 @@ def parser() -> argparse.ArgumentParser:
     place = replay.add_mutually_exclusive_group()
     place.add_argument("--tcp", metavar="[HOST]:PORT", help="listen there (127.0.0.1 without a host)")
     place.add_argument("--udp", metavar="HOST:PORT", help="send datagrams there")
-    place.add_argument("--pty", action="store_true", help="be a serial port (the default)")
+    place.add_argument("--pty", action="store_true", help="offer a pseudo-terminal (the default)")
     replay.add_argument("--speed", type=float, default=1.0, metavar="N", help="2: twice as fast; 0.01 to 1000")
     replay.add_argument("--loop", action="store_true", help="begin again at the end, until it is stopped")
     replay.add_argument("--from", dest="begin", type=float, default=0.0, metavar="S", help="seconds from the beginning")
     replay.add_argument("--to", dest="end", type=float, metavar="S", help="seconds from the beginning")
-    replay.add_argument("--device", default="", metavar="D", help="which one, where the recording has several")
+    replay.add_argument("--device", default="", metavar="D", help="device to replay, if there are several")
+    replay.add_argument("--key", help=argparse.SUPPRESS)
     replay.add_argument("--protocol", default="", metavar="NAME", help="of a capture (recognised when left out)")
     _add_data(replay)
 
@@ -141,17 +225,38 @@ def parser() -> argparse.ArgumentParser:
     _add_data(simulate)
 
     decode = commands.add_parser("decode", help="turn a recording, log or capture into files of other programs")
-    decode.add_argument("file", type=Path, metavar="FILE", help="a recording, a vendor's log, a raw capture")
+    decode.add_argument(
+        "file", type=Path, metavar="FILE", help='a recording, a vendor\'s log, a raw capture; "-": standard input'
+    )
     decode.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help=OUTPUTS)
+    decode.add_argument("--from", dest="begin", type=float, default=0.0, metavar="S", help="seconds from the beginning")
+    decode.add_argument("--to", dest="end", type=float, metavar="S", help="seconds from the beginning")
+    decode.add_argument("--device", default="", metavar="D", help="device to decode (all where the format holds all)")
+    decode.add_argument("--channel", action="append", metavar="NAME", help="only this one; may be given several times")
     _add_reading(decode, "protocol of a capture (recognised when left out)")
     _add_data(decode)
+
+    completion = commands.add_parser(
+        "completion",
+        help="print what a shell needs to complete commands and options",
+        epilog="bash: source <(imuscope completion bash); zsh: imuscope completion zsh > ~/.zfunc/_imuscope; "
+        "fish: imuscope completion fish > ~/.config/fish/completions/imuscope.fish",
+    )
+    completion.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
+    root.commands = dict(commands.choices)
     return root
+
+
+def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words: str) -> None:
+    """How results are printed; --json is an older way to say it."""
+    command.add_argument("--format", choices=known, default=known[0], help=words)
+    command.add_argument("--json", dest="format", action="store_const", const=known[1], help=argparse.SUPPRESS)
 
 
 def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
     """What a person says about the bytes of a source or file; see server/live/reading.py."""
     command.add_argument("--protocol", metavar="NAME", help=protocol)
-    command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: hex, or @FILE that holds hex")
+    command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: @FILE that holds hex, or hex")
     command.add_argument(
         "--min-mode", choices=MODES, help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)"
     )
@@ -163,7 +268,7 @@ def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
         choices=ROTATIONS,
         help="which way the quaternion of an IDTP device turns: body to ENU (the default), or ENU to body",
     )
-    command.add_argument("--schema", metavar="FILE", help="descriptions of vendor types, see protocols/idtp/vendor.py")
+    command.add_argument("--schema", metavar="FILE", help="descriptions of vendor types of IDTP (TOML)")
     command.add_argument(
         "--unverified", action="store_true", default=None, help="without a key, show Secure frames, marked"
     )

@@ -1,4 +1,4 @@
-"""Record without a page: `imuscope record SOURCE -o FILE.mcap [--duration S]`.
+"""Record without a page: `imuscope record SOURCE … -o FILE.mcap [--duration S]`.
 
     $ imuscope record /dev/ttyUSB0 -o drive.mcap
     12.3 s, 1.24 MB, MTi-630, 400 samples/s                      (one line that changes, on a terminal)
@@ -15,7 +15,7 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -35,6 +35,8 @@ from server.live.session import Session
 from server.live.sessions import Sessions
 
 LOOK_S = 0.25
+MOST_TOLD = 20
+PATIENT_LOOKS = 8  # without a byte, before it is said what is waited for
 
 
 class RecordError(Exception):
@@ -48,9 +50,10 @@ class Heard:
     size: int = 0
     first_ns: int = 0
     last_ns: int = 0
+    over: bool = False
 
     def take(self, data: bytes, time_ns: int, way: str) -> None:
-        if way == "rx":
+        if way == "rx" and not self.over:
             self.first_ns = self.first_ns or time_ns
             self.last_ns = time_ns
             self.size += len(data)
@@ -65,12 +68,12 @@ class Wish:
     """What is to be recorded.
 
     Args:
+        sources: and how each is read.
         duration_s: of what comes; None until somebody ends it.
         data: the data folder, for settings of the device that are known.
     """
 
-    source: str
-    reading: Reading
+    sources: tuple[tuple[str, Reading], ...]
     path: Path
     duration_s: float | None
     data: Path
@@ -86,7 +89,9 @@ def record(wish: Wish, notes: TextIO) -> str:
         RecordError: nothing was recorded, or it ended before its time.
     """
     if wish.path.suffix != SUFFIX:
-        raise RecordError(f"A recording is a file {SUFFIX}; {wish.path.name} is none.")
+        raise RecordError(f"A recording is a file {SUFFIX}; {wish.path.name} is not.")
+    if not wish.path.parent.is_dir():
+        raise RecordError(f"There is no folder {wish.path.parent}; name another with -o.")
     try:
         heard, name = asyncio.run(_record(wish, notes))
         tty = notes.isatty()
@@ -116,10 +121,14 @@ async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
     try:
         await recorder.start(title="", path=wish.path)
         try:
-            session = sessions.add(wish.source, wish.reading)
-            await _until_end(wish, recorder, session, heard, ended, notes)
-            name, why = session.info.name, f"{session.info.message} {session.info.hint}".strip()
+            for source, reading in wish.sources:
+                sessions.add(source, reading)
+            await _until_end(wish, recorder, sessions.all, heard, ended, notes)
+            name = ", ".join(info.name for info in sessions.infos if info.last_arrival is not None)
+            info = sessions.all[0].info
+            why = f"{info.message} {info.hint}".strip()
         finally:
+            heard.over = True
             if recorder.state.running:
                 await recorder.stop()
             if not heard.size:
@@ -141,10 +150,25 @@ def _listen(session: Session, heard: Heard) -> None:
 
 
 async def _until_end(
-    wish: Wish, recorder: Recorder, session: Session, heard: Heard, ended: asyncio.Event, notes: TextIO
+    wish: Wish, recorder: Recorder, sessions: list[Session], heard: Heard, ended: asyncio.Event, notes: TextIO
 ) -> None:
-    """Return when somebody ends it, its time is over, a file is, or the disk fails."""
-    say: Callable[[str], None] = (lambda text: _say(notes, text)) if notes.isatty() else (lambda text: None)
+    """Return when somebody ends it, its time is over, every file is, or the disk fails. Without a terminal only what
+    a source waits for is said, once."""
+    told: set[str] = set()
+    looks = 0
+
+    def say() -> None:
+        if notes.isatty():
+            _say(notes, progress(sessions, heard, recorder.state))
+            return
+        if heard.size or looks < PATIENT_LOOKS:
+            return
+        for session in sessions:
+            text = f"{session.info.message} {session.info.hint}".strip()
+            if session.info.status != "live" and text and text not in told and len(told) < MOST_TOLD:
+                told.add(text)
+                print(f"imuscope: {text}", file=notes, flush=True)
+
     while not ended.is_set():
         left = LOOK_S
         if wish.duration_s is not None and heard.first_ns:
@@ -153,22 +177,24 @@ async def _until_end(
             return
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(ended.wait(), left)
-        if session.info.status in ("ended", "idle") or not recorder.state.running:
+        if all(one.info.status in ("ended", "idle") for one in sessions) or not recorder.state.running:
             return
-        say(progress(session, heard, recorder.state))
+        looks += 1
+        say()
 
 
-def progress(session: Session, heard: Heard, state: wire.RecorderState) -> str:
+def progress(sessions: Sequence[Session], heard: Heard, state: wire.RecorderState) -> str:
     """How it goes, in a line."""
-    info = session.info
     parts = [f"{heard.seconds:.1f} s", amount(state.bytes)]
-    if info.status == "live":
-        health = session.health(heard.last_ns / 1e9)
-        parts += [info.name, f"{health.rate:.0f} samples/s"]
-        if health.lost:
-            parts.append(f"{health.lost} lost")
-    else:
-        parts.append(info.message)
+    for session in sessions:
+        info = session.info
+        if info.status == "live":
+            health = session.health(heard.last_ns / 1e9)
+            parts += [info.name, f"{health.rate:.0f} samples/s"]
+            if health.lost:
+                parts.append(f"{health.lost} lost")
+        else:
+            parts.append(info.message)
     if state.behind_s > 1:
         parts.append(f"the disk is {state.behind_s:.0f} s behind")
     return ", ".join(part for part in parts if part)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import socket
 import time
 from typing import TYPE_CHECKING
 
 from server import logs
-from server.commands.common import UsageError, check_protocol, no_file, warm
+from server.commands.common import UsageError, check_sources, warm
 from server.config import Config, load
-from server.live.reading import Reading, key_text, taken_from
+from server.live.reading import key_text
 from server.version import VERSION
 
 if TYPE_CHECKING:
@@ -35,11 +37,13 @@ def serve(options: argparse.Namespace) -> None:
     warm(config.data)
     from server.app import create_app
 
-    _check_sources(config, given)
+    check_sources(config.sources, given)
     try:
         listener = serving.listen(config.host, config.port)
     except OSError as error:
         hint = "Give another with --port, or 0 for any free one."
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+            hint = "Give an address of this machine with --host; 0.0.0.0 is all of them."
         raise UsageError(f"cannot listen on {config.host}:{config.port}: {error.strerror}. {hint}") from None
     url = _url(config, listener.getsockname()[1])
 
@@ -76,24 +80,6 @@ def _config(options: argparse.Namespace) -> Config:
         log_format=options.log_format,
         log_level=options.log_level,
     )
-
-
-def _check_sources(config: Config, given: Reading) -> None:
-    """UsageError: one of them cannot be opened, ever."""
-    from server.links import LinkError, open_link
-    from server.links.file import FileLink
-
-    for source in config.sources:
-        try:
-            place, own = taken_from(source, given)
-            link = open_link(place)
-        except LinkError as error:
-            raise UsageError(str(error)) from None
-        check_protocol(own.protocol)
-        if isinstance(link, FileLink) and not link.path.is_file():
-            # A port may be plugged in later; a file that is not there now is a slip of the fingers.
-            raise UsageError(no_file(str(link.path)) + " See `imuscope --help` for commands and sources.")
-    check_protocol(given.protocol)
 
 
 def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols import events
+from protocols.events import Doubts
 from protocols.schema import Message
 from recordings.columns import Columns, ColumnsWriter, Shape
 from recordings.container import EVENTS, NOTES, SNAPSHOT
@@ -40,6 +41,7 @@ from recordings.tables import TableSource
 from server import codec, wire
 from server.library.opening_tables import decode_tables
 from server.links.base import LinkKind
+from server.live.advice import REMEDIES
 from server.live.channels import Piece, clock_alone
 from server.live.hub import Hub
 from server.live.intake import Line
@@ -55,6 +57,7 @@ FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
 MOST_TIME = 9e9  # unix s
+PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # looked at before it is decoded, for the unit of its timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
 CLOCKS = {
     "utc": "UTC as the device says it, unix time.",
@@ -204,12 +207,24 @@ class _Device:
         self._fed = 0
         self._drained = 0  # when the last chunk arrived that is decoded, ns
         self._next_tick = 0.0
-        if self.protocol:
-            self._begin()
+
+    def _settle_unit(self) -> None:
+        """Of timestamps, where nobody has named it: by the arrival of the first seconds."""
+        probe = self._speech.decoder(self.protocol, self._reading, self._link)
+        if not self._timed or self._reading.time_unit or not isinstance(probe, Doubts):
+            return
+        for part in self._waiting:
+            probe.feed_many(part.data, part.ends, part.times)
+        probe.drain()
+        if (doubt := probe.contradiction) is not None:
+            self._reading = replace(self._reading, time_unit=doubt.unit)
+            text = f"Timestamps are read with time_unit={doubt.unit}: {doubt.reason}. Set time_unit to settle it."
+            self.senders.own.incidents.say("device", "caution", text, data={"reason": "unit", "unit": doubt.unit})
 
     def _begin(self) -> None:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
         line = Line(byte_time_ns, self._link, capacity, timed=self._timed)
+        self._settle_unit()
         decoder = self._speech.decoder(self.protocol, self._reading, self._link)
         about = self._speech.about(self.protocol)
         self.portrait.set(protocol=self.protocol)
@@ -219,15 +234,18 @@ class _Device:
         """Bytes that came from it."""
         if self._reader is None:
             self._waiting.append(part)
-            if sum(len(one.data) for one in self._waiting) >= GUESS_BYTES:
+            size = sum(len(one.data) for one in self._waiting)
+            passed = int(part.times[-1]) - int(self._waiting[0].times[0])
+            if size >= GUESS_BYTES and (passed >= PROBE_NS or size >= PROBE_BYTES):
                 self._recognise()
             return
         self._feed(self._reader, part)
 
     def _recognise(self) -> None:
-        guesses = self._speech.guess(b"".join(part.data for part in self._waiting)[: 4 * GUESS_BYTES])
-        if guesses and guesses[0].score >= GUESS_SCORE:
-            self.protocol = guesses[0].protocol
+        if not self.protocol:
+            guesses = self._speech.guess(b"".join(part.data for part in self._waiting)[: 4 * GUESS_BYTES])
+            self.protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
+        if self.protocol:
             self._begin()
             assert self._reader is not None
             for part in self._waiting:
@@ -276,9 +294,18 @@ class _Device:
         if self._reader is not None:
             self._reader.drain(stalled=True)
             self._tell_clocks()
+        self._tell_refusals()
         for sender in self.senders.all:
             sender.incidents.tick(self._hub.time + 3600.0)
             sender.portrait.set(status="ended", message="", hint="", next_try=None)
+
+    def _tell_refusals(self) -> None:
+        """Frames that a setting would let in are told: what is not there would be missed without a word."""
+        own = self.senders.own
+        for reason, (words, remedy) in REMEDIES.items():
+            if count := own.figures.rejects_by.get(reason, 0):
+                text = f"{words} {remedy}" if reason != "no_key" else f"{words} Give the key: --key @FILE."
+                own.incidents.say("device", "caution", text, data={"reason": reason, "count": count})
 
 
 class Showing:

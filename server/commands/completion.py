@@ -1,0 +1,97 @@
+"""Completion of commands and options for bash, zsh and fish: `imuscope completion SHELL`.
+
+The scripts are made from the parser itself, so they know what it knows: commands, options, and the values of those
+that have a few. Everything else is completed as a file, because most sources are one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from collections.abc import Iterator, Mapping
+
+
+def script(commands: Mapping[str, argparse.ArgumentParser], shell: str) -> str:
+    """The script for a shell: "bash", "zsh" or "fish"."""
+    lines = {"bash": _bash, "zsh": _zsh, "fish": _fish}[shell](commands)
+    return "\n".join(lines) + "\n"
+
+
+def _options(command: argparse.ArgumentParser) -> list[argparse.Action]:
+    """What `--help` of a command shows."""
+    return [one for one in command._actions if one.option_strings and one.help != argparse.SUPPRESS]
+
+
+def _values(command: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
+    """Options with a few values, and those values."""
+    for action in _options(command):
+        if action.choices:
+            yield "|".join(action.option_strings), " ".join(map(str, action.choices))
+        if "--protocol" in action.option_strings:
+            yield "--protocol", "auto xbus isb idtp"
+
+
+def _words(command: argparse.ArgumentParser) -> str:
+    return " ".join(name for action in _options(command) for name in action.option_strings)
+
+
+def _bash(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
+    yield "_imuscope() {"
+    yield '    local word="${COMP_WORDS[COMP_CWORD]}" before="${COMP_WORDS[COMP_CWORD-1]}" command="${COMP_WORDS[1]}"'
+    yield "    COMPREPLY=()"
+    yield '    if [ "$COMP_CWORD" -eq 1 ]; then'
+    yield f'        COMPREPLY=($(compgen -W "{" ".join(commands)} --help --version" -- "$word")'
+    yield '            $(compgen -f -- "$word"))'
+    yield "        return"
+    yield "    fi"
+    yield '    case "$command $before" in'
+    for name, command in commands.items():
+        for option, values in _values(command):
+            patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
+            yield f'        {patterns}) COMPREPLY=($(compgen -W "{values}" -- "$word")); return ;;'
+    yield "    esac"
+    yield '    case "$command" in'
+    for name, command in commands.items():
+        yield f'        {name}) [[ "$word" == -* ]] && COMPREPLY=($(compgen -W "{_words(command)}" -- "$word")) ;;'
+    yield "    esac"
+    yield '    [[ "$word" == -* ]] || COMPREPLY=($(compgen -f -- "$word"))'
+    yield "}"
+    yield "complete -o filenames -F _imuscope imuscope"
+
+
+def _zsh(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
+    yield "#compdef imuscope"
+    yield "_imuscope() {"
+    yield "    local -a commands"
+    yield "    commands=("
+    for name in commands:
+        yield f"        {name}"
+    yield "    )"
+    yield "    if (( CURRENT == 2 )); then compadd -a commands; _files; return; fi"
+    yield '    case "$words[2] $words[CURRENT-1]" in'
+    for name, command in commands.items():
+        for option, values in _values(command):
+            patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
+            yield f"        {patterns}) compadd {values}; return ;;"
+    yield "    esac"
+    yield '    case "$words[2]" in'
+    for name, command in commands.items():
+        yield f'        {name}) [[ "$PREFIX" == -* ]] && compadd -- {_words(command)} ;;'
+    yield "    esac"
+    yield '    [[ "$PREFIX" == -* ]] || _files'
+    yield "}"
+    yield "compdef _imuscope imuscope"
+
+
+def _fish(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
+    for name in commands:
+        yield f"complete -c imuscope -n __fish_use_subcommand -a {name}"
+    for name, command in commands.items():
+        known = dict(_values(command))
+        for action in _options(command):
+            parts = [f"complete -c imuscope -n '__fish_seen_subcommand_from {name}'"]
+            parts += [f"-l {one[2:]}" if one.startswith("--") else f"-s {one[1:]}" for one in action.option_strings]
+            values = known.get("|".join(action.option_strings), "")
+            parts += [f"-x -a {shlex.quote(values)}"] if values else ["-r"] * (action.nargs != 0)
+            words = (action.help or "").replace("%%", "%")
+            yield " ".join([*parts, f"-d {shlex.quote(words)}"])
