@@ -30,7 +30,7 @@ def test_defaults_are_loopback() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("prot = 1", "prot is no setting"),
+        ("prot = 1", "prot is not a valid setting"),
         ('port = "8080"', "port must be a whole number"),
         ("port = true", "port must be a whole number"),
         ("port = 70000", "outside 0"),

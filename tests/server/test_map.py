@@ -112,7 +112,7 @@ def test_a_tile_server_that_is_not_there_is_told() -> None:
     ("text", "words"),
     [
         ('map = "http://a"', "must be a table"),
-        ('[map]\ntile = "x"', "map.tile is no setting"),
+        ('[map]\ntile = "x"', "map.tile is not a valid setting"),
         ("[map]\ntiles = 3", "map.tiles must be text"),
         ('[map]\ntiles = "http://a/{z}/{x}.png"', "must be an http address"),
         ('[map]\ntiles = "file:///{z}/{x}/{y}"', "must be an http address"),

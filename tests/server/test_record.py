@@ -83,7 +83,7 @@ def test_what_cannot_be_recorded_is_said_in_a_line_and_leaves_nothing(tmp_path: 
         (("twin:nothing", "-o", str(tmp_path / "a.mcap")), "no twin"),
         (("twin:isb", "-o", str(tmp_path / "none" / "a.mcap")), "There is no folder"),
         ((str(empty), "-o", str(tmp_path / "a.mcap"), "--protocol", "xbus"), "nothing was recorded"),
-        (("twin:isb", "-o", str(tmp_path / "a.mcap"), "--duration", "0"), "is no time"),
+        (("twin:isb", "-o", str(tmp_path / "a.mcap"), "--duration", "0"), "is not a valid time"),
     ]
     for arguments, words in wrong:
         done = imuscope("record", *arguments, "--data", str(data))
