@@ -202,7 +202,7 @@ class Doubt(Protocol):
 
 
 @runtime_checkable
-class Doubts(Protocol):
+class Doubts(Decoder, Protocol):
     """A decoder whose unit of time is a setting; `contradiction` once arrival speaks for another."""
 
     contradiction: Doubt | None

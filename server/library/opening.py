@@ -208,10 +208,20 @@ class _Device:
         self._drained = 0  # when the last chunk arrived that is decoded, ns
         self._next_tick = 0.0
 
+        if self.protocol and self._probe() is None:
+            self._begin()
+
+    def _probe(self) -> Doubts | None:
+        """What judges the unit of timestamps by their arrival; None where there is nothing to judge."""
+        if not self._timed or self._reading.time_unit:
+            return None
+        decoder: object = self._speech.decoder(self.protocol, self._reading, self._link)
+        return decoder if isinstance(decoder, Doubts) else None
+
     def _settle_unit(self) -> None:
         """Of timestamps, where nobody has named it: by the arrival of the first seconds."""
-        probe = self._speech.decoder(self.protocol, self._reading, self._link)
-        if not self._timed or self._reading.time_unit or not isinstance(probe, Doubts):
+        probe = self._probe()
+        if probe is None:
             return
         for part in self._waiting:
             probe.feed_many(part.data, part.ends, part.times)
