@@ -1,12 +1,13 @@
 """CSV in one file, for a spreadsheet: a line for each sample of the fastest channel; the others hold their last value.
 
     # A line for each sample of Acceleration. Any other column holds its last value while that is not older than …
-    time (s),arrival (s),Acceleration.x (m/s²),…,GnssPvtData.lat (°),…
+    time (s),arrival (s),timestamp,utc (s),Acceleration.x (m/s²),…,GnssPvtData.lat (°),…
 
 The rule, which the first line of the file states: the fastest channel is the one with the most samples in the stretch.
 Another channel's cell is its last value at that time, if it is not older than twice its usual interval (or twice the
 fastest's, where that is longer); else it is empty. So a value is repeated until the next one comes, a pause is seen,
-and nothing is interpolated. Tables (satellites) have no place in it and are left out.
+and nothing is interpolated. Tables (satellites) have no place in it and are left out. What the device's own clock said
+of the line's sample, and its UTC where it knows that, stand behind the two times; those of the others are not held.
 
 A line that begins with # is skipped by pandas with `comment="#"`.
 """
@@ -22,7 +23,7 @@ import numpy as np
 import pyarrow as pa
 
 from recordings.exporters.comma import heading, lines
-from recordings.exporters.joined import WINDOW, spoken
+from recordings.exporters.joined import WINDOW, clocks_of, known, of_their_moment, spoken
 from recordings.exporters.joined import heading as named
 from recordings.exporters.wish import ExportError, Step, Wish, usual_interval, with_unit
 
@@ -47,31 +48,37 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
         raise ExportError("There is nothing in this stretch that has one value at a time.", "Choose other channels.")
     leader = max(infos, key=lambda info: sizes[info["id"]][1] - sizes[info["id"]][0])
     least = usual_interval(wish.columns, leader["id"])
+    clocks = clocks_of(wish, leader)
     others = [
-        _Held(info, _names(wish, info), AGES * max(usual_interval(wish.columns, info["id"]), least))
+        _Held(info, _names(wish, info, clocks), AGES * max(usual_interval(wish.columns, info["id"]), least))
         for info in infos
         if info is not leader
     ]
     first, last = sizes[leader["id"]]
     with out.open("wb") as file:
         file.write(f"# {_rule(wish, leader, others)}\n".encode())
-        chosen = [leader, *(held.info for held in others)]
+        chosen = [*clocks, leader, *(held.info for held in others)]
         told = [(column["unit"], spoken(info["frame"])) for info in chosen for column in info["columns"]]
-        names = [*_names(wish, leader), *(name for held in others for name in held.names)]
+        names = [name for info in (*clocks, leader) for name in _names(wish, info, clocks)]
+        names += [name for held in others for name in held.names]
         heads = [with_unit(name, *one) for name, one in zip(names, told, strict=True)]
         heading(file, ["time (s)", "arrival (s)", *heads])
         for lo in range(first, last, WINDOW):
             hi = min(lo + WINDOW, last)
-            lines(file, _batch(wish, leader, others, lo, hi))
+            lines(file, _batch(wish, leader, clocks, others, lo, hi))
             step((hi - first) / (last - first))
     return [out]
 
 
-def _batch(wish: Wish, leader: Mapping[str, Any], others: list[_Held], lo: int, hi: int) -> pa.RecordBatch:
+def _batch(
+    wish: Wish, leader: Mapping[str, Any], clocks: list[Mapping[str, Any]], others: list[_Held], lo: int, hi: int
+) -> pa.RecordBatch:
     columns = wish.columns
     rows = columns.exact(leader["id"], lo, hi)
     times = columns.clock(leader["id"], lo, hi)
-    arrays = [pa.array(rows.time, mask=np.isnan(rows.time)), pa.array(rows.arrival), *map(pa.array, rows.columns)]
+    arrays = [pa.array(rows.time, mask=np.isnan(rows.time)), pa.array(rows.arrival)]
+    arrays += [known(values) for info in clocks for values in of_their_moment(columns, info, rows)]
+    arrays += map(pa.array, rows.columns)
     for held in others:
         number = held.info["id"]
         first = max(columns.between(number, float(times[0]), np.inf)[0] - 1, 0)
@@ -87,11 +94,11 @@ def _batch(wish: Wish, leader: Mapping[str, Any], others: list[_Held], lo: int, 
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
 
 
-def _names(wish: Wish, info: Mapping[str, Any]) -> list[str]:
+def _names(wish: Wish, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
     """Headings that are unique among all: with the device where there are several, the message where it does not say
     so itself, the number where a quantity's layout changed."""
     own = [named(info, column) for column in info["columns"]]
-    rest = [one for one in wish.infos if one is not info and one["device"] == info["device"]]
+    rest = [one for one in (*wish.infos, *clocks) if one is not info and one["device"] == info["device"]]
     taken = {named(one, column) for one in rest for column in one["columns"]}
     if taken & set(own):
         alike = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}

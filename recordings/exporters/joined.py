@@ -100,15 +100,15 @@ def tables(wish: Wish) -> list[Table]:
         table = found.setdefault((info["device"], name), Table(name, info["device"]))
         table.channels.append(info)
     for table in found.values():
-        verified = table.channels[0]["verified"]
-        table.clocks = [
-            info
-            for info in wish.clocks
-            if (info["device"], info["message"], info["verified"])
-            == (table.device, table.channels[0]["message"], verified)
-        ]
+        table.clocks = clocks_of(wish, table.channels[0])
         _name(table)
     return list(found.values())
+
+
+def clocks_of(wish: Wish, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What is known of the device's clock for the message of a channel."""
+    of = info["device"], info["message"], info["verified"]
+    return [one for one in wish.clocks if (one["device"], one["message"], one["verified"]) == of]
 
 
 def _name(table: Table) -> None:
@@ -161,16 +161,16 @@ def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
         arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
         if table.is_rows:
             for info in table.clocks:
-                arrays += _of_their_moment(wish.columns, info, joined)
+                arrays += of_their_moment(wish.columns, info, joined)
         arrays += [pa.array(values, mask=missing) for values, missing in joined.columns()]
-        arrays = [*arrays[:2], *map(_known, arrays[2 : 2 + own]), *arrays[2 + own :]]
+        arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
         step(done / total)
 
 
-def _of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined) -> Iterator[pa.Array]:
-    """What a clock said of each row of a table with many rows a moment."""
+def of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined | Exact) -> Iterator[pa.Array]:
+    """What a clock said of each row; rows that share a moment share it."""
     key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
     lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
     found = columns.exact(clock["id"], lo, hi)
@@ -182,7 +182,7 @@ def _of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined) -
         yield pa.array(values, mask=missing)
 
 
-def _known(values: pa.Array) -> pa.Array:
+def known(values: pa.Array) -> pa.Array:
     """A clock's values; what it did not know is empty."""
     return pc.if_else(pc.is_nan(values), None, values) if pa.types.is_floating(values.type) else values
 
@@ -198,12 +198,21 @@ def schema(table: Table) -> pa.Schema:
         for name, words in about.items()
     ]
     for name, column, frame in table.columns:
-        frame = frame or ("body" if column["axis"] in ("x", "y", "z") else "")
-        told = {"unit": column["unit"], "frame": frame, "label": column["label"], "doc": column["doc"]}
+        told = {
+            "unit": column["unit"],
+            "frame": frame_of(column, frame),
+            "label": column["label"],
+            "doc": column["doc"],
+        }
         fields.append(
             pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
         )
     return pa.schema(fields)
+
+
+def frame_of(column: Mapping[str, Any], frame: str) -> str:
+    """The frame of a column as metadata tells it: axes of a quantity that names none are those of the body."""
+    return frame or ("body" if column["axis"] in ("x", "y", "z") else "")
 
 
 _TYPES = {

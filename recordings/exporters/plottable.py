@@ -4,7 +4,7 @@
     log time     device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
     message      {"time": 1760000000.0123, "arrival": …, "Acceleration": {"x": …, "y": …, "z": …}, "PacketCounter": 17}
 
-Names are nested at their dots: "Acceleration.x" is x of Acceleration. Units are in the schema's descriptions.
+Names are nested at their dots: "Acceleration.x" is x of Acceleration. Unit and frame are in the schema.
 What the device did not send at a moment, and what JSON has no number for (NaN, infinity), is left out.
 
 Chunks of about a megabyte, zstd, with indexes; messages of different topics lie interleaved in time.
@@ -22,7 +22,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from mcap.writer import CompressionType, Writer
 
-from recordings.exporters.joined import Table, batches, tables
+from recordings.exporters.joined import Table, batches, frame_of, tables
 from recordings.exporters.naming import plain
 from recordings.exporters.wish import Step, Wish
 
@@ -118,7 +118,7 @@ def _tree(table: Table) -> Tree:
 
 
 def _registered(writer: Writer, wish: Wish, table: Table) -> int:
-    columns = [*_TIMES, *(column for _, column, _ in table.columns)]
+    columns = [*_TIMES, *({**column, "frame": frame_of(column, frame)} for _, column, frame in table.columns)]
     schema = {"title": table.name, **_schema(_tree(table), columns)}
     data = json.dumps(schema, ensure_ascii=False).encode()
     number = writer.register_schema(name=f"imuscope.{table.name}", encoding="jsonschema", data=data)
@@ -143,7 +143,8 @@ def _schema(tree: Tree, columns: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def _number(column: Mapping[str, Any]) -> dict[str, str]:
     words = " ".join(filter(None, (f"[{column['unit']}]" if column["unit"] else "", column["doc"])))
     kind = "number" if column["dtype"].startswith("f") else "integer"
-    return {"type": kind, **({"description": words} if words else {})}
+    told = {"description": words, "unit": column["unit"], "frame": column.get("frame", "")}
+    return {"type": kind, **{key: text for key, text in told.items() if text}}
 
 
 def _interleaved(writer: Writer, streams: list[_Stream], step: Step) -> None:

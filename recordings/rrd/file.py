@@ -182,7 +182,8 @@ def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb
     for device in devices:
         for number, curves in device.curves.items():
             for curve in curves:
-                still.send_style(stream, curve, by_number[number]["columns"])
+                info = by_number[number]
+                still.send_style(stream, curve, info["columns"], str(info["frame"]))
     _moving(stream, work, devices)
     _curves(stream, work, devices, by_number)
 

@@ -90,14 +90,17 @@ def _send_body(stream: rr.RecordingStream, attitude: Attitude) -> None:
     stream.log(name_of((*attitude.path, "axes")), arrows(1.25, "xyz"), static=True)
 
 
-def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mapping[str, Any]]) -> None:
-    """Name and colour of each component of an entity."""
+def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mapping[str, Any]], frame: str) -> None:
+    """Name and colour of each component of an entity, and the frame that its values are in, where there is one."""
     names = [str(columns[i]["label"] or columns[i]["name"]) for i in curve.columns]
     names = [curve.path[-1] if name == "value" else name for name in names]
     colors = [
         AXES[columns[i]["axis"]] if columns[i]["axis"] else OTHERS[k % len(OTHERS)] for k, i in enumerate(curve.columns)
     ]
     stream.log(name_of(curve.path), rr.SeriesLines(names=names, colors=colors, widths=1.2), static=True)
+    frame = frame or ("body" if any(columns[i]["axis"] in ("x", "y", "z") for i in curve.columns) else "")
+    if frame:
+        stream.log(name_of(curve.path), rr.AnyValues(frame=frame), static=True)
 
 
 def send_track(stream: rr.RecordingStream, device: Device, enu: Floats, latlon: Floats) -> None:

@@ -114,7 +114,8 @@ def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
     assert [body["big"] for _, body in found["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
     schema = next(one for one in summary.schemas.values() if one.name == "imuscope.MTData2")
     members = json.loads(schema.data)["properties"]["Acceleration"]["properties"]
-    assert members["x"] == {"type": "number", "description": "[m/s²] About x."}
+    told = {"description": "[m/s²] About x.", "unit": "m/s²", "frame": "body"}
+    assert members["x"] == {"type": "number", **told}
 
 
 def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) -> None:
@@ -231,6 +232,16 @@ def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     columns.manifest["channels"][1] = {**columns.manifest["channels"][1], "name": "Temperature"}
     table = tables(Wish(columns, device="1"))[0]
     assert table.names[1:] == [["Temperature"], ["Temperature #2"]]
+
+
+def test_a_table_says_the_name_of_its_message_once(tmp_path: Path) -> None:
+    """DID_GPS1_SAT.DID_GPS1_SAT.sat was the name of a file."""
+    columns = store(tmp_path / "store")
+    told = columns.manifest["channels"]
+    told[3] = {**told[3], "message": "DID_GPS1_SAT", "name": "DID_GPS1_SAT.sat"}
+    made = export("csv", Wish(columns, channels=(4,), device="1"), tmp_path / "run.csv")
+    assert [path.name for path in made] == ["run_MTi-630_DID_GPS1_SAT.sat.csv"]
+    assert rows_of(made[0])[0] == ["time (s)", "arrival (s)", "sat.svid", "sat.cno (dBHz)"]
 
 
 # ── bytes ────────────────────────────────────────────────────────────────────────────────────────────────────────────

@@ -133,6 +133,22 @@ def test_an_entity_says_device_quantity_and_unit(read: dict[str, list[pa.RecordB
     assert style == ["x", "y", "z"]
 
 
+def test_an_entity_tells_the_frame_of_its_values(read: dict[str, list[pa.RecordBatch]]) -> None:
+    frames = {
+        str(path): [
+            text
+            for batch in batches
+            for name in batch.schema.names
+            if name.endswith("frame")
+            for value in batch.column(name).to_pylist()
+            for text in value or ()
+        ]
+        for path, batches in read.items()
+    }
+    assert any("Acceleration" in path and told == ["body"] for path, told in frames.items())
+    assert any(told in (["NED"], ["ENU"], ["ENU from body"], ["NED from body"]) for told in frames.values())
+
+
 def numbers_or_words(batches: list[pa.RecordBatch], name: str) -> list[Any]:
     return [word for lists in column(batches, name) for row in lists.to_pylist() for word in row]
 
