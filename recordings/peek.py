@@ -1,21 +1,22 @@
 """What does a file say of itself without being decoded? Enough for a list of hundreds of files.
 
 Of an MCAP file the end tells its times, counts and devices, or, where it has none (it is being recorded, or was torn
-off), its first records. Of a log the name tells when it began. Of other captures the first kilobytes tell the protocol;
-how long they last is known when they have been opened.
+off), its first records. Of a log the name tells when it began; of an .mtb its first kilobytes do, by UTC or the date at
+its head. Of other captures they tell the protocol; how long they last is known when they have been opened.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 
 from protocols.registry import guess
 from recordings import inertial_logs, sidecar
 from recordings.blocks import MAGIC, TIME, Recording
 from recordings.container import DEVICE, EDIT, RECORDING, RecordingError, newer
-from recordings.importers import GUESS_BYTES, GUESS_SCORE, is_dat
+from recordings.importers import GUESS_BYTES, GUESS_SCORE, is_dat, paced
 
 ASK_ANYWAY = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".csv")  # shown, even where nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
@@ -152,5 +153,18 @@ def _capture(path: Path, suffix: str, head: bytes) -> Peek | None:
         return found
     name = inertial_logs.log_name(path)
     found.devices = [Device("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")]
-    found.started = name.started_ns / 1e9 if name is not None else None
+    if name is not None:
+        found.started = name.started_ns / 1e9
+    elif suffix == ".mtb":
+        found.started = _dated(protocol, head)
     return found
+
+
+def _dated(protocol: str, head: bytes) -> float | None:
+    """When a log began, unix s, by UTC in its first bytes, or what stands at its head; None where neither is."""
+    pace = paced(BytesIO(head), protocol)
+    for _ in pace.blocks():
+        if pace.is_dated:
+            break
+    began = pace.dated_ns if pace.started_ns is None else pace.started_ns
+    return began / 1e9 if began is not None else None

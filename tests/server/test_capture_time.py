@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
 from protocols.idtp.frames import build as idtp
@@ -20,6 +22,7 @@ from protocols.xbus.frames import build as xbus
 from recordings.columns import Columns
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
+from recordings.peek import peek
 from server.library.opening import decode
 from server.live import speech
 
@@ -151,6 +154,18 @@ def test_an_mtb_without_utc_is_dated_by_its_head(tmp_path: Path) -> None:
     frames = [xbus(0x0D, bytes(head)), *(sample(i, 100 * i) for i in range(100))]
     store = opened(tmp_path / "a.mtb", b"".join(frames))
     assert store.manifest["started"] == pytest.approx(1741944413.5, abs=1e-3)
+    listed = peek(tmp_path / "a.mtb")  # before anybody opens it
+    assert listed is not None
+    assert listed.started == pytest.approx(1741944413.5, abs=1e-3)
+
+
+def test_an_mtb_with_utc_is_listed_under_it_before_it_is_opened(tmp_path: Path) -> None:
+    utc = struct.pack(">HBIHBBBBBB", 0x1010, 12, 0, 2026, 1, 1, 0, 0, 0, 7)
+    frames = [xbus(0x0D, bytes(118)), *(sample(i, 10_000 * i, utc if i == 1 else b"") for i in range(9))]
+    (tmp_path / "a.mtb").write_bytes(b"".join(frames))
+    listed = peek(tmp_path / "a.mtb")
+    assert listed is not None
+    assert listed.started == pytest.approx(UTC_2026 - 1, abs=1e-4)
 
 
 def test_times_that_are_guessed_are_said_to_be(tmp_path: Path) -> None:
@@ -197,6 +212,29 @@ def test_the_header_of_an_idtp_frame_is_in_its_rows(tmp_path: Path) -> None:
     assert [int(row["sequence"]) for row in rows] == [7 + i for i in range(50)]
 
 
+def test_aligned_lines_have_the_devices_clock_of_their_sample(tmp_path: Path) -> None:
+    frames = [idtp(3, bytes(24), timestamp=5000 + 10_000 * i, sequence=7 + i, device=1) for i in range(50)]
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    (path,) = export("csv-aligned", Wish(store), tmp_path / "out.csv")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    assert list(rows[0])[:4] == ["time (s)", "arrival (s)", "timestamp", "sequence"]
+    assert [int(row["timestamp"]) for row in rows] == [5000 + 10_000 * i for i in range(50)]
+    assert [int(row["sequence"]) for row in rows] == [7 + i for i in range(50)]
+
+
+def test_aligned_lines_have_utc_where_the_device_knows_it(tmp_path: Path) -> None:
+    device = IsbDevice(start_ns=0)
+    store = opened(tmp_path / "a.raw", b"".join(device.advance(n * 50_000_000) for n in range(1, 900)))
+    (path,) = export("csv-aligned", Wish(store), tmp_path / "out.csv")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    (head,) = [name for name in rows[0] if name.endswith("utc (s)")]
+    known = [float(row[head]) for row in rows if row[head]]
+    assert 0 < len(known) < len(rows)
+    np.testing.assert_allclose(known, [float(row["time (s)"]) for row in rows if row[head]], atol=0.011)
+
+
 def test_two_coordinate_systems_are_two_quantities_by_name(tmp_path: Path) -> None:
     frames = []
     for i in range(20):
@@ -209,6 +247,18 @@ def test_two_coordinate_systems_are_two_quantities_by_name(tmp_path: Path) -> No
     assert not any("#2" in name for name in head)
     schema = read_table(export("parquet", Wish(store), tmp_path / "out.parquet")[0]).schema
     assert schema.field("RotationMatrix[NED from body].m11").metadata[b"frame"] == b"NED from body"
+
+
+def test_other_viewers_are_told_the_coordinate_system(tmp_path: Path) -> None:
+    frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
+    store = opened(tmp_path / "a.bin", b"".join(frames))
+    (path,) = export("mcap", Wish(store), tmp_path / "out.mcap")
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (schema,) = summary.schemas.values()
+    velocity = next(one for name, one in json.loads(schema.data)["properties"].items() if name.startswith("Velocity"))
+    assert {axis["frame"] for axis in velocity["properties"].values()} == {"NED"}
 
 
 def test_an_import_of_an_export_has_its_units_again(tmp_path: Path) -> None:
