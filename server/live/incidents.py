@@ -113,7 +113,7 @@ class Incidents:
         message = reply.message
         level: Level = "caution" if message.name in ("Error", "Warning", "WakeUp") else "info"
         if self._may("reply." + message.name, REPLIES_PER_PERIOD):
-            text = f"{message.title or message.name}{_values(reply)}"
+            text = _sentence(reply) or f"{message.title or message.name}{_values(reply)}"
             data = {"message": message.name, "values": plain(reply.values)}
             self.say("reply", level, text, time=reply.arrival_ns / 1e9, data=data)
         else:
@@ -176,6 +176,12 @@ def _signed(seconds: float) -> str:
     sign = "−" if seconds < 0 else "+"
     size = abs(seconds)
     return f"{sign}{size * 1e3:.3g} ms" if size < 1 else f"{sign}{size:.6g} s"
+
+
+def _sentence(reply: Reply) -> str:
+    """What a decoder says of a device in words of its own; "" of any other reply."""
+    words = str(reply.values.get("warning", "")) if reply.message.name == "Warning" else ""
+    return f"{words[0].upper()}{words[1:]}." if words else ""
 
 
 def _values(reply: Reply) -> str:
