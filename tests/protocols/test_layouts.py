@@ -152,3 +152,12 @@ def test_no_place_for_machine_code(tmp_path: Path) -> None:
         "assert checksums.sum8(numpy.frombuffer(b'ab', numpy.uint8), 0, 2) == 195\n"
     )
     subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], check=True)
+
+
+def test_hundredths_are_shown_as_the_decimal_that_was_sent() -> None:
+    """Times 0.01, 9999 hundredths were 99.99000000000001."""
+    field = Field("cno", "<i4", scale=0.01, unit="dBHz")
+    shown = Layout.of((field,)).columns(
+        np.frombuffer(np.array([9999, -9999, 1], "<i4").tobytes(), np.uint8).reshape(3, 4)
+    )
+    assert [repr(float(value)) for value in shown["cno"]] == ["99.99", "-99.99", "0.01"]
