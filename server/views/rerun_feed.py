@@ -98,7 +98,9 @@ class Feed:
         for device in devices:
             for number, curves in device.curves.items():
                 for curve in curves:
-                    still.send_style(self._stream, curve, self._infos[number]["columns"])
+                    still.send_style(
+                        self._stream, curve, self._infos[number]["columns"], str(self._infos[number].get("frame") or "")
+                    )
         first = self._styled == set()
         self._styled = set(self._infos)
         self._say(is_still=True, anew=not first)
