@@ -178,7 +178,9 @@ def watch(page: Page, url: str, complaints: list[str]) -> None:
         # page can prevent.
         refused = "status of 422" in message.text and "/api/recordings/upload" in message.location.get("url", "")
         if message.type == "error" and "ERR_CONNECTION_REFUSED" not in message.text and not refused:
-            complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
+            asked = "status of 409" in message.text and message.location.get("url", "").endswith("/apply")
+            if not asked:  # it asks before it writes, and the page shows the question
+                complaints.append(f"console: {message.text} ({message.location.get('url', 'no address')})")
 
     def connected(socket: WebSocket) -> None:
         if urlsplit(socket.url).netloc != home:
