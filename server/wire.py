@@ -176,6 +176,7 @@ class DeviceInfo:
     time_unit: str = ""  # as which its timestamps are read, where that is a setting: "ms"; "" for the usual one
     rotation: str = ""  # which way its quaternion turns, where that is a setting: "body_from_enu"; "" for the usual one
     parent: str = ""  # the first device on the same link, where that has several; link, retry and removal are its own
+    is_open: bool = False  # its link: a device that is silent on an open one may still answer
     absent: list[str] = field(default_factory=list)  # flags of its status words that this product does not have
 
 

@@ -152,7 +152,13 @@ class Senders:
             return
         for sender in self.others.values():
             if down is not None:
-                state = {"status": down.status, "message": down.message, "hint": down.hint, "next_try": down.next_try}
+                state = {
+                    "status": down.status,
+                    "message": down.message,
+                    "hint": down.hint,
+                    "next_try": down.next_try,
+                    "is_open": False,
+                }
                 sender.portrait.set(**state)
         if down is None:
             for sender in self.all:
@@ -319,7 +325,7 @@ class Reader:
             return
         sender.figures.last_arrival = now
         if sender.portrait.info.status != "live":
-            sender.portrait.set(status="live", message="", hint="", next_try=None, last_arrival=now)
+            sender.portrait.set(status="live", is_open=True, message="", hint="", next_try=None, last_arrival=now)
             sender.incidents.say("link", "info", f"{sender.portrait.info.name} is back.", data={"kind": "back"})
 
     def _intake(self, sender: Sender) -> Intake:

@@ -201,7 +201,7 @@ class Session(Audience):
         if self._reading.protocol:
             self._begin(self._reading.protocol)
         message = f"{self._link.source} is open, no byte yet."
-        self._set(message=message, hint="", baud=self._link.baud, notices=self._notices)
+        self._set(is_open=True, message=message, hint="", baud=self._link.baud, notices=self._notices)
 
     def _explain(self, error: LinkError) -> float | None:
         """Show why the link is not there; how long to wait before the next try, None for as long as nobody asks."""
@@ -212,7 +212,7 @@ class Session(Audience):
             self._died_at = self._figures.last_arrival
         if error.kind in ("ended", "bad-source"):
             status: wire.DeviceStatus = "ended" if error.kind == "ended" else "idle"
-            self._set(status=status, message=error.message, hint=error.hint, next_try=None)
+            self._set(is_open=False, status=status, message=error.message, hint=error.hint, next_try=None)
             self._incidents.say("link", "info", error.message, data={"kind": error.kind})
             return None
         wait, self._retry_s = self._retry_s, min(2 * self._retry_s, LAST_RETRY_S)
@@ -224,7 +224,8 @@ class Session(Audience):
             level: wire.Level = "caution" if status == "connecting" else "fault"
             self._incidents.say("link", level, error.message, data={"kind": error.kind, "hint": error.hint})
         self._portrait.tried(wire.Try(self._link.source, error.message, self._hub.now()))
-        self._set(status=status, message=error.message, hint=error.hint, next_try=self._hub.now() + wait)
+        next_try = self._hub.now() + wait
+        self._set(is_open=False, status=status, message=error.message, hint=error.hint, next_try=next_try)
         return wait
 
     async def _pause(self, seconds: float | None) -> None:
@@ -256,8 +257,8 @@ class Session(Audience):
             await asyncio.gather(self._task, return_exceptions=True)
         self._drain(final=True)
         self._opened_at = None
-        at = f" at {baud} Bd" if baud else ""
-        self._set(status="connecting", message=f"Opening {self._link.source}{at}.", hint="", next_try=None)
+        message = f"Opening {self._link.source}{f' at {baud} Bd' if baud else ''}."
+        self._set(is_open=False, status="connecting", message=message, hint="", next_try=None)
         try:
             await self._link.relink(baud)
         except BaseException:

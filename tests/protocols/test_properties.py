@@ -253,7 +253,7 @@ def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
     out = [(e.offset, e.offset + e.size) for e in events if isinstance(e, Reply)]
     for event in events:
         if isinstance(event, Batch):
-            size = sum(np.asarray(event.columns[n][0]).nbytes + 3 for n in event.columns) + 7
+            size = event.size or sum(np.asarray(event.columns[n][0]).nbytes + 3 for n in event.columns) + 7
             out += [(int(o), int(o) + size) for o in event.offset]
     return out
 

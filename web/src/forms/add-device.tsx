@@ -85,8 +85,12 @@ function isIdtp(): boolean {
 
 /** Is there something to send about a device that is there? */
 function changed(begin: Begin): boolean {
-  const how = [protocol.value !== begin.protocol, timeUnit.value !== begin.time_unit, rotation.value !== (begin.rotation || "enu_from_body")];
-  return key.value.trim() !== "" || how.some(Boolean);
+  return key.value.trim() !== "" || changedHow(begin);
+}
+
+/** The same, but for the key. */
+function changedHow(begin: Begin): boolean {
+  return protocol.value !== begin.protocol || timeUnit.value !== begin.time_unit || rotation.value !== (begin.rotation || "enu_from_body");
 }
 
 export function AddDevice({ begin, onClose, onAdded }: Props) {
@@ -166,7 +170,7 @@ export function AddDevice({ begin, onClose, onAdded }: Props) {
             Cancel
           </button>
           <button type="submit" class="btn main" disabled={busy.value || source.value.trim() === "" || (begin !== undefined && !changed(begin))}>
-            {busy.value ? "Sending…" : begin ? "Read it so" : "Add"}
+            {busy.value ? "Sending…" : !begin ? "Add" : changedHow(begin) ? "Apply" : "Use this key"}
           </button>
         </div>
       </form>

@@ -17,7 +17,7 @@ const channel = (id: number, name: string, title: string, kind: ChannelInfo["kin
 const xyz = (unit: string): ColumnInfo[] => (["x", "y", "z"] as const).map((axis) => column(axis, "f4", unit, axis));
 
 export const DEVICE: DeviceInfo = {
-  id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", protection: "", absent: [], baud: null,
+  id: "1", name: "Synthetic", source: "synthetic", link: "twin", status: "live", protocol: "", product: "", serial_number: "", firmware: "", protection: "", is_open: true, absent: [], baud: null,
   message: "", hint: "", tries: [], next_try: null, last_arrival: null, notices: [], rearm: [], wants: "", time_unit: "", rotation: "", parent: "",
 };
 

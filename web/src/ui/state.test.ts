@@ -11,7 +11,7 @@ const device = (status: DeviceStatus): DeviceInfo => ({
   protocol: "xbus",
   product: "",
   serial_number: "",
-  firmware: "", protection: "", absent: [],
+  firmware: "", protection: "", is_open: true, absent: [],
   baud: null,
   message: "",
   hint: "",

@@ -147,6 +147,8 @@ export interface DeviceInfo {
   readonly rotation: string;
   /** the first device on the same link, where that has several; link, retry and removal are its own */
   readonly parent: string;
+  /** its link: a device that is silent on an open one may still answer */
+  readonly is_open: boolean;
   /** flags of its status words that this product does not have */
   readonly absent: readonly string[];
 }

@@ -346,9 +346,10 @@ export class Model {
       const why = this.setting(name)?.editor ? overWords(load, this.baud.value) : "";
       if (why) return why;
     }
-    const status = this.device.value?.status;
-    // A device that is silent may answer all the same: one whose streams were stopped, one in the config state. Only the answer tells.
-    return status === "denied" || status === "ended" ? "The device is not reached." : "";
+    const device = this.device.value;
+    // A device that is silent on an open link may answer all the same: one whose streams were stopped, one in the config state.
+    const isGone = device !== undefined && (device.status === "denied" || device.status === "ended" || !device.is_open);
+    return isGone ? "The device is not reached." : "";
   });
 
   /** Capacity at the rate that will be in effect. */
