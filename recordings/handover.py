@@ -64,7 +64,7 @@ def whole(entry: Entry, out: BinaryIO) -> None:
         **{DEVICE + name: _about(source, name) for name in source.devices},
         EDIT: entry.edits.as_metadata(),
     }
-    wrapped(topics, _pieces(source, topics), metadata, out)
+    wrapped(topics, _pieces(source, topics), metadata, entry.path.stat().st_size, out)
 
 
 def original(path: Path, device: str, out: BinaryIO) -> None:

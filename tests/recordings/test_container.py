@@ -116,6 +116,18 @@ def test_the_summary_of_a_packed_recording_is_right_for_the_standard_reader(tmp_
     ]
 
 
+def test_a_short_recording_that_is_cut_keeps_what_stands_before(tmp_path: Path) -> None:
+    """It was mostly one chunk: cut at three quarters, 9 messages of 1,618 were left."""
+    path = tmp_path / "a.mcap"
+    kept = written(path, chunks=1600, size=200)
+    pack(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 3 // 4])
+    left = read(path)
+    assert left == kept[: len(left)]
+    assert len(left) > len(kept) * 2 // 3
+
+
 def test_blocks_outside_a_span_are_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)
