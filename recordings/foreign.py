@@ -42,10 +42,15 @@ _EMPTY_SECTION = re.compile(r"(?:^|\n)MSG:[^\n]*\n(?:[ \t]*(?:#[^\n]*)?(?:\n|$))
 
 @dataclass(slots=True)
 class Numbers:
-    """The numbers of one message by their path, and when it was measured, unix s; NaN where it does not say."""
+    """The numbers of one message by their path, and when it was measured, unix s; NaN where it does not say.
+
+    Args:
+        rows: of a table of a moment ({"rows": [{…}, …]}, as exports of ours have satellites), each of its rows.
+    """
 
     stamp: float = math.nan
     of: dict[str, float] = field(default_factory=dict)
+    rows: list[Numbers] = field(default_factory=list)
 
     def put(self, path: str, value: Any) -> None:
         """One value: only numbers count."""
@@ -90,18 +95,18 @@ def unit_of(topic: Topic, path: str) -> str:
 
 
 def _json(topic: Topic) -> Reader:
-    def read(data: bytes) -> Numbers:
-        found = Numbers()
-
-        def walk(value: Any, path: str, depth: int) -> None:
-            if depth > DEEPEST:
-                return
-            for name, inside in _inside(value):
-                walk(inside, f"{path}.{name}" if path else name, depth + 1)
-            found.put(path, value)
-
-        walk(loads(data), "", 0)
+    def walk(value: Any, path: str, depth: int, found: Numbers) -> Numbers:
+        for name, inside in _inside(value) if depth < DEEPEST else ():
+            walk(inside, f"{path}.{name}" if path else name, depth + 1, found)
+        found.put(path, value)
         return found
+
+    def read(data: bytes) -> Numbers:
+        value = loads(data)
+        rows = value["rows"] if isinstance(value, dict) and value.keys() == {"rows"} else None
+        if isinstance(rows, list) and rows and all(isinstance(row, dict) for row in rows):
+            return Numbers(rows=[walk(row, "", 0, Numbers()) for row in rows])
+        return walk(value, "", 0, Numbers())
 
     return read
 

@@ -35,6 +35,7 @@ from recordings.blocks import DATA, LENGTH, TIME, Damage, Recording, Topic
 from recordings.container import RecordingError
 from recordings.foreign import Numbers, Reader, reader_of, unit_of
 from recordings.parts import Part, SourceDevice
+from recordings.topics import columns_of
 
 if TYPE_CHECKING:  # imported where a CSV file is read: a server starts sooner without
     import pyarrow as pa
@@ -350,14 +351,18 @@ class MessageSource(TableSource):
                         read(bytes(block.data[at : at + size]))
                         for at, size in zip(rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True)
                     ]
-                    names = headings.setdefault(number, _names(bodies))
                     arrival = rows[TIME] / 1e9
+                    if any(body.rows for body in bodies):
+                        arrival = np.repeat(arrival, [len(body.rows) for body in bodies])
+                        bodies = [row for body in bodies for row in body.rows]
+                    told = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
+                    names = headings.setdefault(number, list(told)[:MOST_COLUMNS] or _names(bodies))
                     stamps = np.array([body.stamp for body in bodies])
                     time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
-                    columns = {
-                        name: (np.array([body.of.get(name, np.nan) for body in bodies]), unit_of(topic, name))
-                        for name in names
-                    }
+                    columns = {}
+                    for name in names:
+                        heading, unit = told.get(name) or (name, unit_of(topic, name))
+                        columns[heading] = (np.array([body.of.get(name, np.nan) for body in bodies]), unit)
                     yield Rows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
             self.damage.extend(recording.damage)
         self.damage.extend(Damage(-1, words) for words in sorted(left_out))

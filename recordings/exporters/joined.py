@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from recordings.columns import Columns, Exact
 from recordings.exporters.wish import Step, Wish, with_unit
+from recordings.topics import frame_of
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]
@@ -208,11 +209,6 @@ def schema(table: Table) -> pa.Schema:
             pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
         )
     return pa.schema(fields)
-
-
-def frame_of(column: Mapping[str, Any], frame: str) -> str:
-    """The frame of a column as metadata tells it: axes of a quantity that names none are those of the body."""
-    return frame or ("body" if column["axis"] in ("x", "y", "z") else "")
 
 
 _TYPES = {

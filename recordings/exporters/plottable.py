@@ -1,170 +1,221 @@
-"""MCAP with decoded values, which Foxglove, Lichtblick and PlotJuggler plot without being told anything.
+"""MCAP with decoded values, which Foxglove, Lichtblick and PlotJuggler show without being told anything.
 
-    topic        /<device>/<message>           schema  imuscope.<message>, JSON Schema
-    log time     device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
-    message      {"time": 1760000000.0123, "arrival": …, "Acceleration": {"x": …, "y": …, "z": …}, "PacketCounter": 17}
+    topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
+                   fields and schemas as the live Foxglove server's, so a layout made of one fits the other
+    and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC
+    log time       device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
+    publish time   its arrival
+    message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
 
-Names are nested at their dots: "Acceleration.x" is x of Acceleration. Unit and frame are in the schema.
 What the device did not send at a moment, and what JSON has no number for (NaN, infinity), is left out.
 
-Chunks of about a megabyte, zstd, with indexes; messages of different topics lie interleaved in time.
+Messages of different topics lie interleaved in time, in compressed and indexed chunks. An hour of 1 kHz is some twenty
+million messages, so their records are made column by column: Arrow joins texts, one sort puts the topics in order.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from mcap.writer import CompressionType, Writer
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
 
-from recordings.exporters.joined import Table, batches, frame_of, tables
-from recordings.exporters.naming import plain
+from protocols.framing import Ints
+from recordings import well_known
+from recordings.blocks import Topic
+from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
+from recordings.columns import Exact
+from recordings.exporters.joined import windows
 from recordings.exporters.wish import Step, Wish
+from recordings.names import device_names
+from recordings.rrd.layout import Device, devices_of
+from recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
-CHUNK_BYTES = 1 << 20
-Tree = dict[str, "int | Tree"]
+Array = NDArray[Any]
+Info = Mapping[str, Any]
+
+WINDOW = 1 << 14  # rows of the busiest channel that are held at once
+PER_ROW = 100  # bytes of a message, about
+_HEAD = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("told", "<u8")])
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Messages of some topics: (n,) each.
+
+    Args:
+        topic: their number in the file.
+        log, publish: ns since 1970.
+        body: large binary.
+    """
+
+    topic: Array
+    log: Array
+    publish: Array
+    body: pa.Array
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A topic, and how rows of a channel become its messages."""
+
+    topic: Topic
+    channel: int
+    made: Callable[[Exact], Messages]
 
 
 def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     """One file."""
-    found = tables(wish)
+    streams = _streams(wish)
+    ranges = {stream.channel: wish.rows(stream.channel) for stream in streams}
+    total = sum(hi - lo for lo, hi in ranges.values()) or 1
+    largest = chunk_bytes(total * PER_ROW)
+    done = 0
     with out.open("wb") as file:
-        writer = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        writer.start(profile="", library="imuscope")
-        writer.add_metadata("export", {"recording": wish.title, "base": wish.base})
-        streams = [_Stream(wish, table, _registered(writer, wish, table)) for table in found]
-        _interleaved(writer, streams, step)
-        writer.finish()  # type: ignore[no-untyped-call]
+        target = ChunkedFile(file, profile="")
+        target.tell({stream.topic.id: stream.topic for stream in streams})
+        _events(wish, len(streams) + 1, target)
+        for window in windows(wish.columns, ranges, WINDOW):
+            rows = {number: wish.columns.exact(number, *part) for number, part in window.items() if part[1] > part[0]}
+            _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
+            done += sum(map(len, rows.values()))
+            step(done / total)
+        target.end({"export": {"recording": wish.title, "base": wish.base}})
+    step(1.0)
     return [out]
 
 
-class _Stream:
-    """The messages of one table, a stretch at a time."""
-
-    def __init__(self, wish: Wish, table: Table, channel: int) -> None:
-        self.channel = channel
-        self.share = 0.0
-        self._base = wish.base
-        self._tree = _tree(table)
-        self._batches = batches(wish, table, self._step)
-        self.rows: Iterator[tuple[int, bytes]] = iter(())
-        self.next: tuple[int, bytes] | None = None
-        self.advance()
-
-    def _step(self, share: float) -> None:
-        self.share = share
-
-    def advance(self) -> None:
-        """To the next message; None at the end."""
-        self.next = next(self.rows, None)
-        while self.next is None:
-            batch = next(self._batches, None)
-            if batch is None:
-                return
-            self.rows = self._messages(batch)
-            self.next = next(self.rows, None)
-
-    def _messages(self, batch: pa.RecordBatch) -> Iterator[tuple[int, bytes]]:
-        for start in range(0, batch.num_rows, 4096):  # what one loop holds as text
-            piece = batch.slice(start, 4096)
-            clock = piece.column(1) if self._base == "arrival" else pc.coalesce(piece.column(0), piece.column(1))
-            times = np.round(clock.to_numpy(zero_copy_only=False) * 1e9).astype(np.int64).tolist()
-            bodies = _objects(self._tree, [_texts(column) for column in piece.columns])
-            for time, body in zip(times, bodies, strict=True):
-                yield time, (body or "{}").encode()
+def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
+    """Messages of all topics, the earliest first."""
+    found = list(parts)
+    log = np.concatenate([part.log for part in found])
+    order = np.argsort(log, kind="stable")
+    body = pa.concat_arrays([part.body for part in found])
+    sizes = pc.binary_length(body).to_numpy()
+    head = np.zeros(len(log), _HEAD)
+    head["op"], head["size"] = Opcode.MESSAGE, sizes + HEAD - 9
+    head["channel"] = np.concatenate([part.topic for part in found])
+    head["log"], head["told"] = log, np.concatenate([part.publish for part in found])
+    heads = pa.FixedSizeBinaryArray.from_buffers(pa.binary(HEAD), len(head), [None, pa.py_buffer(head)])
+    empty = pa.scalar(b"", pa.large_binary())
+    records = pc.binary_join_element_wise(heads.cast(pa.large_binary()), body, empty).take(pa.array(order))
+    sizes = sizes[order]
+    at = np.cumsum(sizes + HEAD) - sizes
+    rows = np.stack((head["channel"][order], log[order], at, sizes)).astype(np.int64)
+    data = memoryview(records.buffers()[2])
+    for first, past in cut(sizes + HEAD, largest):
+        target.chunk(data, rows[:, first:past])
 
 
-def _objects(tree: Tree, texts: list[list[str]]) -> list[str]:
-    """Each row of a tree as a JSON object; "" where there is nothing of it."""
-    members = []
-    for name, inside in tree.items():
-        key = json.dumps(name)
-        values = texts[inside] if isinstance(inside, int) else _objects(inside, texts)
-        members.append([f"{key}:{value}" if value else "" for value in values])
-    bodies = [",".join(filter(None, row)) for row in zip(*members, strict=True)]
-    return [f"{{{body}}}" if body else "" for body in bodies]
+def _streams(wish: Wish) -> list[Stream]:
+    """Topics of what is wished for. They are named among all that the recording has, so the choice changes no name."""
+    manifest = wish.columns.manifest
+    names = device_names(manifest["devices"])
+    chosen = {info["id"] for info in wish.infos}
+    taken: set[str] = set()
+    found: list[Stream] = []
 
+    def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
+        taken.add(topic)
+        if info["id"] in chosen:
+            told = Topic(len(found) + 1, topic, **about)
+            found.append(Stream(told, info["id"], partial(body, told.id)))
 
-def _texts(column: pa.Array) -> list[str]:
-    """Numbers as JSON writes them, in full; "" where JSON has none."""
-    if pa.types.is_floating(column.type):
-        column = pc.if_else(pc.is_finite(column), column, None)
-    texts = pc.fill_null(pc.cast(column, pa.string()), "")
-    found: list[str] = texts.to_pylist()
+    devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
+    for info in manifest["channels"]:
+        name, device = names.get(info["device"], info["device"]), devices[info["device"]]
+        stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, wish, info))
+        if device.attitude and device.attitude.channel == info["id"]:
+            topic = named(name, well_known.ATTITUDE, taken=taken)
+            stream(topic, info, _protobuf(well_known.FrameTransform), partial(_transforms, wish, device))
+        if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
+            topic = named(name, well_known.POSITION, taken=taken)
+            stream(topic, info, _protobuf(well_known.LocationFix), partial(_fixes, wish, device))
+    chosen |= {info["id"] for info in wish.clocks if wish.columns.rows(info["id"])}
+    for info in wish.clocks:
+        what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
+        topic = named(names.get(info["device"], info["device"]), info["message"], what, taken=taken)
+        stream(topic, info, _json(schema_of(info)), partial(_plain, wish, info))
     return found
 
 
-def _tree(table: Table) -> Tree:
-    """The members of a message, nested as their names are: "I.acc.x" is x of acc of I. Leaves: column of the batch."""
-    root: Tree = {"time": 0, "arrival": 1}
-    for at, (name, *_) in enumerate(table.columns, start=2):
-        *path, last = name.split(".")
-        node = root
-        for part in path:
-            below = node.setdefault(part, {})
-            if isinstance(below, int):  # a number of that name stands there already
-                below = node[part] = {"value": below}
-            node = below
-        if isinstance(node.get(last), dict):
-            node = cast(Tree, node[last])
-            last = "value"
-        node[last] = at
-    return root
+def _json(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    data = json.dumps(schema).encode()
+    return {"encoding": "json", "schema": schema["title"], "schema_encoding": "jsonschema", "schema_data": data}
 
 
-def _registered(writer: Writer, wish: Wish, table: Table) -> int:
-    columns = [*_TIMES, *({**column, "frame": frame_of(column, frame)} for _, column, frame in table.columns)]
-    schema = {"title": table.name, **_schema(_tree(table), columns)}
-    data = json.dumps(schema, ensure_ascii=False).encode()
-    number = writer.register_schema(name=f"imuscope.{table.name}", encoding="jsonschema", data=data)
-    device = plain(wish.device_name(table.device))
-    return writer.register_channel(topic=f"/{device}/{table.name}", message_encoding="json", schema_id=number)
-
-
-_TIMES: tuple[Mapping[str, Any], ...] = (
-    {"dtype": "f8", "unit": "s", "doc": "Device time on the host's clock, unix seconds."},
-    {"dtype": "f8", "unit": "s", "doc": "When its bytes arrived, unix seconds."},
-)
-
-
-def _schema(tree: Tree, columns: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    inside = {
-        name: _number(columns[below]) if isinstance(below, int) else _schema(below, columns)
-        for name, below in tree.items()
+def _protobuf(message: Any) -> Mapping[str, Any]:
+    told = message.get_schema()
+    return {
+        "encoding": "protobuf",
+        "schema": told.name,
+        "schema_encoding": told.encoding,
+        "schema_data": told.data,
     }
-    return {"type": "object", "properties": inside}
 
 
-def _number(column: Mapping[str, Any]) -> dict[str, str]:
-    words = " ".join(filter(None, (f"[{column['unit']}]" if column["unit"] else "", column["doc"])))
-    kind = "number" if column["dtype"].startswith("f") else "integer"
-    told = {"description": words, "unit": column["unit"], "frame": column.get("frame", "")}
-    return {"type": kind, **{key: text for key, text in told.items() if text}}
+def _times(wish: Wish, rows: Exact) -> Ints:
+    return stamps(rows.arrival, rows.arrival if wish.base == "arrival" else rows.time)
 
 
-def _interleaved(writer: Writer, streams: list[_Stream], step: Step) -> None:
-    """The messages of all topics, the earliest first."""
-    count = 0
-    live = [stream for stream in streams if stream.next is not None]
-    while live:
-        stream = min(live, key=_when)
-        limit = min((_when(other) for other in live if other is not stream), default=1 << 63)
-        while stream.next is not None and stream.next[0] <= limit:
-            time, data = stream.next
-            writer.add_message(stream.channel, log_time=time, publish_time=time, data=data)
-            stream.advance()
-            count += 1
-            if count % 4096 == 0:
-                step(sum(one.share for one in streams) / len(streams))
-        if stream.next is None:
-            live.remove(stream)
-    step(1.0)
+def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
+    """Every quantity as JSON."""
+    body = bodies(info, rows.columns)
+    log, publish = _times(wish, rows), stamps(rows.arrival, rows.arrival)
+    if info["kind"] == "rows":
+        first = np.flatnonzero(np.diff(log, prepend=log[:1] - 1))
+        body, log, publish = tables(body, first), log[first], publish[first]
+    return Messages(np.full(len(log), topic, np.uint16), log, publish, body.cast(pa.large_binary()))
 
 
-def _when(stream: _Stream) -> int:
-    return stream.next[0] if stream.next is not None else 1 << 63
+def _transforms(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+    assert device.attitude is not None
+    times = _times(wish, rows)
+    made = well_known.transforms(device.name, device.attitude, rows.columns, times)
+    return _of(topic, rows, times, made)
+
+
+def _fixes(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+    place = device.position
+    assert place is not None
+    times = _times(wish, rows)
+    height = np.zeros(len(rows))
+    if place.height:
+        key = np.where(np.isfinite(rows.time), rows.time, rows.arrival)
+        lo = max(wish.columns.row_at(place.height, float(key[0])), 0)
+        told = wish.columns.exact(place.height, lo, max(wish.columns.row_at(place.height, float(key[-1])) + 1, lo + 1))
+        height = well_known.heights(_times(wish, told), told.columns[0], times)
+    return _of(topic, rows, times, well_known.fixes(device.name, place, rows.columns, height, times))
+
+
+def _of(topic: int, rows: Exact, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
+    """Messages that were made one by one."""
+    found = list(made)
+    at = np.array([row for row, _ in found], np.int64)
+    body = pa.array([data for _, data in found], pa.large_binary())
+    return Messages(np.full(len(found), topic, np.uint16), times[at], stamps(rows.arrival, rows.arrival)[at], body)
+
+
+def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
+    """What happened to the devices of the export, before all else in the file: there are few."""
+    manifest = wish.columns.manifest
+    names = device_names(manifest["devices"])
+    inside = [
+        event
+        for event in manifest.get("events", [])
+        if "text" in event and wish.t0 <= event["time"] <= wish.t1 and wish.device in ("", event["device"])
+    ]
+    target.tell({topic: Topic(topic, EVENTS, **_protobuf(well_known.Log))})
+    if inside:
+        made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
+        log = np.array([time for time, _ in made], np.int64)
+        body = pa.array([data for _, data in made], pa.large_binary())
+        _put(target, [Messages(np.full(len(made), topic, np.uint16), log, log, body)], 1 << 20)

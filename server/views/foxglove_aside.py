@@ -5,10 +5,10 @@
                                              are judged here, by the same rules (server/auth.py): settings of Config
     says:  {"op": "served", "port": …} or {"op": "failed", "why": …}
 
-Every channel becomes a topic of JSON messages (server/views/topics.py), every attitude a foxglove.FrameTransform from
-ENU to the device, every latitude and longitude a foxglove.LocationFix, and what happens a foxglove.Log. A channel is
-asked for and encoded only while somebody has subscribed to it. The messages are written by Foxglove's SDK, the protocol
-is spoken by server/views/foxglove_server.py.
+Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
+ENU to the device, every latitude and longitude a foxglove.LocationFix, and what happens a foxglove.Log
+(recordings/well_known.py). A channel is asked for and encoded only while somebody has subscribed to it. The protocol is
+spoken by server/views/foxglove_server.py.
 """
 
 from __future__ import annotations
@@ -16,30 +16,29 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-from foxglove import messages
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import MultipleValuesError
 from websockets.http11 import Request, Response
 
+from recordings import well_known
 from recordings.names import device_names
+from recordings.rrd.layout import Attitude, Device, Position, devices_of
+from recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
 from server.auth import Access, RefusedError
 from server.codec import Samples
 from server.config import Config
 from server.version import VERSION
 from server.views.door import knows
 from server.views.foxglove_server import FoxgloveServer
-from server.views.poses import ENU_FROM, READ, Look, looks_of, multiply
 from server.views.told import Told
-from server.views.topics import Encoder, schema_of, stamps, topic_of
 
-WORLD = "ENU"
 LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
 PATH = "/foxglove"  # of our own port: the same rules hold
 
@@ -53,7 +52,8 @@ class Topics:
     plain: int  # ids of what is advertised; 0 for what is not
     transform: int = 0
     fix: int = 0
-    look: Look | None = None
+    attitude: Attitude | None = None
+    position: Position | None = None
     topics: list[str] = field(default_factory=list)
 
     @property
@@ -111,7 +111,7 @@ class Bridge:
         self._topics: dict[int, Topics] = {}
         self._taken: set[str] = set()
         self._asked: list[int] = []
-        self._log = self._well_known("/events", messages.Log)
+        self._log = self._well_known(EVENTS, well_known.Log)
         self._next_event = 0
         self._heights: dict[int, Samples | None] = {}  # of places that come without; None: not heard yet
 
@@ -128,30 +128,34 @@ class Bridge:
         """Advertise what is new, take back what is gone."""
         with self._lock:
             unique = device_names(self._told.devices)
-            devices = {one["id"]: {**one, "name": unique[one["id"]]} for one in self._told.devices}
-            infos = {id: info for id, info in self._told.channels.items() if info["device"] in devices}
-            names = {id: str(devices[info["device"]]["name"]) for id, info in infos.items()}
+            infos = {id: info for id, info in self._told.channels.items() if info["device"] in unique}
+            names = {id: unique[info["device"]] for id, info in infos.items()}
             for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
                 topics = self._topics.pop(id)
                 self._taken -= set(topics.topics)
                 self._server.withdraw(topics.all)
-            looks = {look.id: look for look in looks_of(self._told.devices, list(infos.values()))}
+            told = {device.id: device for device in devices_of(self._told.devices, list(infos.values()))}
             for id, info in infos.items():
                 if id not in self._topics:
-                    self._topics[id] = self._advertise(devices[info["device"]], info)
-                self._also(self._topics[id], devices[info["device"]], info, looks.get(info["device"]))
+                    self._topics[id] = self._advertise(names[id], info)
+                self._also(self._topics[id], info, told[info["device"]])
         self._subscribe()
 
-    def hear(self, samples: Samples) -> None:
-        """Encode what is subscribed to."""
+    def hear(self, message: Sequence[Samples]) -> None:
+        """Samples that came together: encode what is subscribed to."""
+        for samples in message:  # a height may come behind its place
+            if samples.channel in self._heights and samples.n:
+                self._heights[samples.channel] = samples
+        for samples in message:
+            self._send(samples)
+
+    def _send(self, samples: Samples) -> None:
         topics = self._topics.get(samples.channel)
         if topics is None or samples.n == 0:
             return
-        if samples.channel in self._heights:
-            self._heights[samples.channel] = samples
         server = self._server
         if server.is_wanted(topics.plain):
-            for time, body in topics.encoder.messages(samples):
+            for time, body in topics.encoder.messages(samples.columns):
                 server.send(topics.plain, time, body)
         if server.is_wanted(topics.transform):
             self._transforms(topics, samples)
@@ -160,114 +164,69 @@ class Bridge:
 
     def events(self, told: list[Mapping[str, Any]]) -> None:
         """What happened, once each."""
-        levels = messages.LogLevel
-        names = {one["id"]: one["name"] for one in self._told.devices}
+        names = device_names(self._told.devices)
         for event in told:
             if event["seq"] < self._next_event:
                 continue
             self._next_event = event["seq"] + 1
             if self._server.is_wanted(self._log):
-                level = {"caution": levels.Warning, "fault": levels.Error}.get(event["level"], levels.Info)
-                words = messages.Log(
-                    timestamp=_stamp(int(event["time"] * 1e9)),
-                    level=level,
-                    message=event["text"],
-                    name=names.get(event["device"], "imuscope"),
-                )
-                self._server.send(self._log, int(event["time"] * 1e9), words.encode())
+                self._server.send(self._log, *well_known.logged(event, names.get(event["device"], "")))
 
     # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _advertise(self, device: Mapping[str, Any], info: Mapping[str, Any]) -> Topics:
+    def _advertise(self, device: str, info: Mapping[str, Any]) -> Topics:
         topic = topic_of(device, info, self._taken)
         self._taken.add(topic)
         schema = schema_of(info)
         plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
-        return Topics(str(device["name"]), Encoder(info), plain, topics=[topic])
+        return Topics(device, Encoder(info), plain, topics=[topic])
 
-    def _also(self, topics: Topics, device: Mapping[str, Any], info: Mapping[str, Any], look: Look | None) -> None:
+    def _also(self, topics: Topics, info: Mapping[str, Any], device: Device) -> None:
         """The well-known form of an attitude and of a position."""
-        topics.look = look
-        if look is None:
-            return
-        if look.attitude and look.attitude.channel == info["id"] and not topics.transform:
-            name = self._name(device, "attitude")
-            topics.topics.append(name)
-            topics.transform = self._well_known(name, messages.FrameTransform)
-        place = look.position and look.position.kind == "place" and look.position.channel == info["id"]
+        topics.attitude, topics.position = device.attitude, device.position
+        if device.attitude and device.attitude.channel == info["id"] and not topics.transform:
+            topics.transform = self._named(topics, well_known.ATTITUDE, well_known.FrameTransform)
+        place = device.position and device.position.kind == "place" and device.position.channel == info["id"]
         if place and not topics.fix:
-            name = self._name(device, "position")
-            topics.topics.append(name)
-            topics.fix = self._well_known(name, messages.LocationFix)
+            topics.fix = self._named(topics, well_known.POSITION, well_known.LocationFix)
 
     def _well_known(self, topic: str, message: Any) -> int:
         schema = message.get_schema()
         return self._server.advertise(topic, "protobuf", schema.name, schema.data, schema.encoding)
 
-    def _name(self, device: Mapping[str, Any], what: str) -> str:
-        name = topic_of(device, {"group": "", "title": what, "name": what, "id": device["id"]}, self._taken)
-        self._taken.add(name)
-        return name
+    def _named(self, topics: Topics, what: str, message: Any) -> int:
+        topic = named(topics.device, what, taken=self._taken)
+        self._taken.add(topic)
+        topics.topics.append(topic)
+        return self._well_known(topic, message)
 
     def _transforms(self, topics: Topics, samples: Samples) -> None:
-        look = topics.look
-        if look is None or look.attitude is None:
-            return
-        read, turn = READ[look.attitude.kind], ENU_FROM[look.frame]
-        rows = zip(*(column.tolist() for column in samples.columns[2:]), strict=True)
-        for time, row in zip(stamps(samples), rows, strict=True):
-            q = read(row)
-            if q is None:
-                continue
-            w, x, y, z = multiply(turn, q)
-            message = messages.FrameTransform(
-                timestamp=_stamp(time),
-                parent_frame_id=WORLD,
-                child_frame_id=look.name,
-                translation=messages.Vector3(x=0.0, y=0.0, z=0.0),
-                rotation=messages.Quaternion(x=x, y=y, z=z, w=w),
-            )
-            self._server.send(topics.transform, time, message.encode())
+        assert topics.attitude is not None
+        times = stamps(samples.columns[0], samples.columns[1])
+        for row, body in well_known.transforms(topics.device, topics.attitude, samples.columns[2:], times):
+            self._server.send(topics.transform, int(times[row]), body)
 
     def _fixes(self, topics: Topics, samples: Samples) -> None:
-        look = topics.look
-        if look is None or look.position is None:
-            return
-        own = samples.columns[2:]
-        lat, lon = own[look.position.columns[0]].tolist(), own[look.position.columns[1]].tolist()
-        at = look.position.columns[2]
-        height = own[at].tolist() if at >= 0 else self._heights_at(look.position.height, samples)
-        for time, a, b, c in zip(stamps(samples), lat, lon, height, strict=True):
-            if -90 <= a <= 90 and -360 <= b <= 360 and (a or b):
-                message = messages.LocationFix(
-                    timestamp=_stamp(time), frame_id=look.name, latitude=a, longitude=b, altitude=c
-                )
-                self._server.send(topics.fix, time, message.encode())
-
-    def _heights_at(self, channel: int, samples: Samples) -> list[float]:
-        """Heights that come in a channel of their own: of the same moment, else the last ones before; 0 before any."""
-        told = self._heights.get(channel)
-        if told is None:
-            return [0.0] * samples.n
-        at = np.searchsorted(stamps(told), stamps(samples), "right") - 1
-        heights: list[float] = told.columns[2][np.maximum(at, 0)].tolist()
-        return heights
+        assert topics.position is not None
+        times = stamps(samples.columns[0], samples.columns[1])
+        told = self._heights.get(topics.position.height)
+        height = np.zeros(samples.n)
+        if told is not None:
+            height = well_known.heights(stamps(told.columns[0], told.columns[1]), told.columns[2], times)
+        for row, body in well_known.fixes(topics.device, topics.position, samples.columns[2:], height, times):
+            self._server.send(topics.fix, int(times[row]), body)
 
     def _subscribe(self) -> None:
         """Ask for what somebody wants, and for nothing else."""
         with self._lock:
             asked = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
-            fixes = [topics.look for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
-            heights = {look.position.height for look in fixes if look and look.position and look.position.height}
+            places = [topics.position for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
+            heights = {place.height for place in places if place and place.height}
             self._heights = {id: self._heights.get(id) for id in heights}
             wanted = sorted(asked | heights)
             if wanted != self._asked:
                 self._asked = wanted
                 self._told.subscribe(wanted)
-
-
-def _stamp(time: int) -> messages.Timestamp:
-    return messages.Timestamp(time // 1_000_000_000, time % 1_000_000_000)
 
 
 def main() -> None:
@@ -283,8 +242,7 @@ def main() -> None:
         if told.changed:
             told.changed = False
             bridge.arrange()
-        for samples in message:
-            bridge.hear(samples)
+        bridge.hear(message)
 
 
 if __name__ == "__main__":

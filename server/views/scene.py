@@ -29,9 +29,10 @@ import numpy as np
 import viser
 from viser import _messages
 
+from recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
 from server.views.door import closed
 from server.views.meshes import MOST_BYTES, Mesh, MeshError, read
-from server.views.poses import ENU_FROM, Look, Quaternion, Vector, about_z, from_x, multiply, yaw_of
+from server.views.poses import Look
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0

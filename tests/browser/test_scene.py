@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from server.views.poses import of_euler
+from recordings.rotations import of_euler
 from tests import conftest
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY

@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from protocols.xbus.frames import build
+from recordings.blocks import Recording
 from recordings.columns import Columns, ColumnsWriter, Exact, Shape
 from recordings.container import Writer
 from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, comma, export
@@ -89,33 +90,48 @@ def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
 def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     (made,) = export("mcap", Wish(columns), tmp_path / "run.mcap")
-    found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
+    found: dict[str, list[tuple[int, int, dict[str, Any]]]] = {}
     with made.open("rb") as file:
         reader = make_reader(file)
         for schema, channel, message in reader.iter_messages():
             assert schema is not None
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
-            found.setdefault(channel.topic, []).append((message.log_time, json.loads(message.data)))
+            body = json.loads(message.data)
+            found.setdefault(channel.topic, []).append((message.log_time, message.publish_time, body))
         summary = reader.get_summary()
     assert summary is not None
     assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
-    assert found.keys() == {"/MTi-630/MTData2", "/MTi-630/MTData2.GnssSatInfo", "/IMX-5/DID_INS_1"}
+    names = ("Acceleration", "PacketCounter", "Temperature", "GnssSatInfo")
+    assert found.keys() == {*(f"/MTi-630/{name}" for name in names), "/IMX-5/DID_INS_1"}
     wanted = columns.exact(1, 0, 1000)
-    for row, (time, body) in enumerate(found["/MTi-630/MTData2"]):
-        assert time == round(body["time"] * 1e9)
-        assert body["time"] == wanted.time[row]
-        assert body["PacketCounter"] == row
+    assert len(found["/MTi-630/Acceleration"]) == 1000
+    for row, (time, arrival, body) in enumerate(found["/MTi-630/Acceleration"]):
+        assert (time, arrival) == (round(wanted.time[row] * 1e9), round(wanted.arrival[row] * 1e9))
         for axis, column in zip("xyz", wanted.columns, strict=True):
             if np.isfinite(column[row]):
-                assert np.float32(body["Acceleration"][axis]) == column[row]
+                assert np.float32(body[f"{axis}_m_s2"]) == column[row]
             else:
-                assert axis not in body["Acceleration"]
-        assert ("Temperature" in body) == (row % 10 == 0)
-    assert [body["big"] for _, body in found["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
-    schema = next(one for one in summary.schemas.values() if one.name == "imuscope.MTData2")
-    members = json.loads(schema.data)["properties"]["Acceleration"]["properties"]
+                assert f"{axis}_m_s2" not in body
+    assert [body["value"] for _, _, body in found["/MTi-630/PacketCounter"]] == list(range(1000))
+    assert len(found["/MTi-630/Temperature"]) == 100
+    sats = [[row["svid"] for row in body["rows"]] for _, _, body in found["/MTi-630/GnssSatInfo"]]
+    assert sats == np.arange(30).reshape(-1, 3).tolist()
+    assert [body["big"] for _, _, body in found["/IMX-5/DID_INS_1"]] == (np.arange(500) - 2**60).tolist()
+    times = columns.exact(5, 0, 500).arrival
+    assert [time for time, _, _ in found["/IMX-5/DID_INS_1"]] == np.round(times * 1e9).astype(int).tolist()
+    schema = next(one for one in summary.schemas.values() if one.name == "Acceleration")
     told = {"description": "[m/s²] About x.", "unit": "m/s²", "frame": "body"}
-    assert members["x"] == {"type": "number", **told}
+    assert json.loads(schema.data)["properties"]["x_m_s2"] == {"type": "number", **told}
+
+
+def test_mcap_of_a_short_recording_is_not_one_chunk(tmp_path: Path) -> None:
+    """Cut at three quarters, a file of one chunk was lost whole."""
+    (made,) = export("mcap", Wish(store(tmp_path / "store")), tmp_path / "run.mcap")
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(made.read_bytes()[: made.stat().st_size * 3 // 4])
+    with Recording(torn) as recording:
+        kept = sum(block.table.shape[1] for block in recording.blocks())
+    assert kept > 1000
 
 
 def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) -> None:
@@ -151,7 +167,8 @@ def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: 
         found = pq.read_table(made).column("time").to_numpy()
     elif format == "mcap":
         with made.open("rb") as file:
-            found = np.array([json.loads(message.data)["time"] for _, _, message in make_reader(file).iter_messages()])
+            found = np.array([message.log_time for _, _, message in make_reader(file).iter_messages()])
+        times = np.round(times * 1e9)
     else:
         found = numbers(rows_of(made)[1], 0)
     np.testing.assert_array_equal(found, times[100:201])

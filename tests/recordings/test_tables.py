@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from recordings.columns import Columns
 from recordings.container import RecordingError
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
+from recordings.tables import TableSource
 from server.library.opening import decode
 from server.live import speech
 from tests.recordings.stores import START, store
@@ -132,6 +134,49 @@ def test_an_export_as_mcap_is_read_again(tmp_path: Path) -> None:
     again = opened(made)
     got = again.exact(named(again)["PacketCounter"], 0, 1000)
     assert got.columns[0].tolist() == list(range(1000))
+
+
+def test_quantities_of_an_export_have_their_axes_and_units_again(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    (made,) = export("mcap", Wish(columns, channels=(1,)), tmp_path / "run.mcap")
+    (info,) = (one for one in opened(made).manifest["channels"] if "Acceleration" in one["name"])
+    assert [(column["name"], column["unit"]) for column in info["columns"]] == [(axis, "m/s²") for axis in "xyz"]
+
+
+def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
+    """One message of a moment had all quantities nested, its times too."""
+    path = tmp_path / "run.mcap"
+    number = {"type": "number", "unit": "m/s²"}
+    axes = {"type": "object", "properties": dict.fromkeys("xyz", number)}
+    second = {"type": "number", "unit": "s"}
+    inside = {"time": second, "arrival": second, "Acceleration": axes}
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = {"title": "MTData2", "type": "object", "properties": inside}
+        id = writer.register_schema("imuscope.MTData2", "jsonschema", json.dumps(schema).encode())
+        topic = writer.register_channel("/MTi-630/MTData2", "json", id)
+        for n in range(20):
+            body = {"time": START + n, "arrival": START + n, "Acceleration": {"x": n, "y": 0.5, "z": 9.8}}
+            at = round((START + n) * 1e9)
+            writer.add_message(topic, at, json.dumps(body).encode(), at)
+        writer.finish()  # type: ignore[no-untyped-call]
+    again = opened(path)
+    assert again.exact(named(again)["Acceleration"], 0, 20).columns[0].tolist() == list(range(20))
+    assert {"time", "arrival"} <= named(again).keys()
+
+
+def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
+    """A table is one message a moment there; its rows were columns of their own, and those past the sixteenth gone."""
+    columns = store(tmp_path / "store")
+    (made,) = export("mcap", Wish(columns, channels=(4,)), tmp_path / "run.mcap")
+    source = open_file(made)
+    assert isinstance(source, TableSource)
+    (rows,) = (rows for rows in source.rows() if rows.table == "/MTi-630/GnssSatInfo")
+    wanted = columns.exact(4, 0, 30)
+    np.testing.assert_array_equal(rows.columns["GnssSatInfo.svid"][0], wanted.columns[0])
+    assert rows.columns["GnssSatInfo.cno"][1] == "dBHz"
+    np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
 
 
 def test_an_mcap_without_json_is_told(tmp_path: Path) -> None:

@@ -26,8 +26,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
-from server.codec import Samples
-from server.views.topics import Encoder, fields_of, schema_of, topic_of
+from recordings.topics import Encoder, fields_of, schema_of, topic_of
 from tests.patience import connecting, get
 from tests.process import ROOT, ServerProcess
 
@@ -318,10 +317,10 @@ def channel(*columns: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def test_names_are_letters_that_a_path_needs_no_quotes_for() -> None:
-    device = {"name": "MTi-630 (left)"}
+    device = "MTi-630 (left)"
     assert topic_of(device, channel(), set()) == "/MTi-630_left/Rate_of_turn"
     assert topic_of(device, channel(group="INS 1"), set()) == "/MTi-630_left/INS_1/Rate_of_turn"
-    assert topic_of(device, channel(), {"/MTi-630_left/Rate_of_turn"}) == "/MTi-630_left/Rate_of_turn_7"
+    assert topic_of(device, channel(), {"/MTi-630_left/Rate_of_turn"}) == "/MTi-630_left/Rate_of_turn_2"
     units = [column("x", "°/s"), column("t", "°C"), column("m", "µT"), column("a", "m/s²"), column("r", "%rH")]
     assert fields_of(channel(*units)) == ["x_deg_s", "t_degC", "m_uT", "a_m_s2", "r_pctrH"]
 
@@ -331,9 +330,7 @@ def test_flags_are_fields_and_what_is_not_finite_is_left_out() -> None:
     info = channel(column("value", dtype="u4", bits=bits), column("x", "m"))
     assert schema_of(info)["properties"]["Clipped"] == {"type": "boolean", "description": "too much"}
     clock = np.array([100.0, 100.5])
-    rows = Samples(
-        7, 0, 2, 0, False, 0.0, [clock, np.array([99.0, np.nan]), np.array([8, 7], "u4"), np.array([1.5, np.inf])]
-    )
+    rows = [clock, np.array([99.0, np.nan]), np.array([8, 7], "u4"), np.array([1.5, np.inf])]
     assert [(time, json.loads(body)) for time, body in Encoder(info).messages(rows)] == [
         (99_000_000_000, {"value": 8, "Clipped": True, "x_m": 1.5}),
         (100_500_000_000, {"value": 7, "Clipped": False}),
@@ -343,7 +340,7 @@ def test_flags_are_fields_and_what_is_not_finite_is_left_out() -> None:
 def test_a_table_is_one_message_a_time() -> None:
     info = channel(column("svId", dtype="u1"), kind="rows")
     clock = np.array([1.0, 1.0, 2.0])
-    rows = Samples(7, 0, 3, 0, False, 0.0, [clock, clock, np.array([5, 6, 7], "u1")])
+    rows = [clock, clock, np.array([5, 6, 7], "u1")]
     found = [json.loads(body) for _, body in Encoder(info).messages(rows)]
     assert found == [{"rows": [{"svId": 5}, {"svId": 6}]}, {"rows": [{"svId": 7}]}]
     assert schema_of(info)["properties"]["rows"]["items"]["properties"] == {

@@ -67,8 +67,7 @@ def test_two_devices_of_one_product_have_topics_and_frames_of_their_own(monkeypa
     made, server = bridge(monkeypatch, Told(devices, [quaternion(1, "1"), quaternion(2, "2")]))
     assert "/MTi-630/Quaternion" in server.topics
     assert "/MTi-630-2/Quaternion" in server.topics
-    made.hear(samples(1, [1.0], [0.0], [0.0], [0.0]))
-    made.hear(samples(2, [1.0], [0.0], [0.0], [0.0]))
+    made.hear([samples(1, [1.0], [0.0], [0.0], [0.0]), samples(2, [1.0], [0.0], [0.0], [0.0])])
     told = [body for topic, body in server.sent if topic.endswith("attitude")]
     assert sorted(b"MTi-630-2" in body for body in told) == [False, True]
     assert FrameTransform.get_schema().name == "foxglove.FrameTransform"
@@ -84,8 +83,7 @@ def test_a_place_has_the_height_that_comes_beside_it(monkeypatch: pytest.MonkeyP
     told = Told([{"id": "1", "name": "MTi-680G"}], [quaternion(1, "1"), place, height])
     made, server = bridge(monkeypatch, told)
     assert 3 in told.asked
-    made.hear(samples(3, [100.0, 101.0]))
-    made.hear(samples(2, [52.0, 52.1], [5.0, 5.1]))
+    made.hear([samples(2, [52.0, 52.1], [5.0, 5.1]), samples(3, [100.0, 101.0])])
     fixes = [body for topic, body in server.sent if topic.endswith("position")]
     assert len(fixes) == 2
     assert np.float64(101.0).tobytes() in fixes[1]

@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recordings import rotations
 from recordings.columns import Exact
 from recordings.derived import euler_columns
 from server.codec import Samples
 from server.views import meshes, poses
 from server.views.replayed import Replayed
 
-Q = poses.Quaternion
+Q = rotations.Quaternion
 
 
 def info(number: int, kind: str, title: str, names: str, unit: str = "", frame: str = "") -> dict[str, Any]:
@@ -41,7 +42,7 @@ def look(*infos: dict[str, Any]) -> poses.Look:
 
 
 def turned(q: Q, v: Sequence[float]) -> list[float]:
-    w, x, y, z = poses.multiply(poses.multiply(q, (0.0, v[0], v[1], v[2])), (q[0], -q[1], -q[2], -q[3]))
+    w, x, y, z = rotations.multiply(rotations.multiply(q, (0.0, v[0], v[1], v[2])), (q[0], -q[1], -q[2], -q[3]))
     assert abs(w) < 1e-9
     return [x, y, z]
 
@@ -51,19 +52,19 @@ ANGLE = st.floats(-179, 179)
 
 @given(ANGLE, st.floats(-88, 88), ANGLE)
 def test_angles_become_the_quaternion_that_has_these_angles(roll: float, pitch: float, yaw: float) -> None:
-    q = poses.of_euler(roll, pitch, yaw)
+    q = rotations.of_euler(roll, pitch, yaw)
     assert q is not None
     found = [float(column[0]) for column in euler_columns([np.array([part]) for part in q])]
     assert found == pytest.approx([roll, pitch, yaw], abs=1e-6)
-    assert math.degrees(poses.yaw_of(q)) == pytest.approx(yaw, abs=1e-6)
+    assert math.degrees(rotations.yaw_of(q)) == pytest.approx(yaw, abs=1e-6)
 
 
 @given(ANGLE, ANGLE, ANGLE)
 def test_a_matrix_is_read_row_by_row(roll: float, pitch: float, yaw: float) -> None:
-    q = poses.of_euler(roll, pitch, yaw)
+    q = rotations.of_euler(roll, pitch, yaw)
     assert q is not None
     rows = np.column_stack([turned(q, axis) for axis in np.eye(3)])
-    found = poses.of_matrix(rows.reshape(-1).tolist())
+    found = rotations.of_matrix(rows.reshape(-1).tolist())
     assert found is not None
     assert abs(sum(a * b for a, b in zip(found, q, strict=True))) == pytest.approx(1)
 
@@ -75,13 +76,13 @@ def test_a_matrix_is_read_row_by_row(roll: float, pitch: float, yaw: float) -> N
 def test_every_frame_comes_to_lie_in_one_world(frame: str, north_east_up: tuple[list[int], ...]) -> None:
     in_enu = ([0, 1, 0], [1, 0, 0], [0, 0, 1])
     for own, expected in zip(north_east_up, in_enu, strict=True):
-        assert turned(poses.ENU_FROM[frame], own) == pytest.approx(expected)
-    assert turned(poses.ENU_FROM["NWU"], [0, 1, 0]) == pytest.approx([-1, 0, 0])
+        assert turned(rotations.ENU_FROM[frame], own) == pytest.approx(expected)
+    assert turned(rotations.ENU_FROM["NWU"], [0, 1, 0]) == pytest.approx([-1, 0, 0])
 
 
 @given(st.tuples(*[st.floats(-10, 10)] * 3).filter(lambda v: math.hypot(*v) > 1e-3))
 def test_an_arrow_along_x_comes_to_point_there(v: tuple[float, float, float]) -> None:
-    assert turned(poses.from_x(v), [1, 0, 0]) == pytest.approx([part / math.hypot(*v) for part in v], abs=2e-3)
+    assert turned(rotations.from_x(v), [1, 0, 0]) == pytest.approx([part / math.hypot(*v) for part in v], abs=2e-3)
 
 
 def test_the_newest_row_is_the_pose_and_nonsense_leaves_it() -> None:

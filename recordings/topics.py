@@ -1,0 +1,225 @@
+"""What other people's viewers are told of a channel of ours: its topic, its schema, its messages as JSON. Pure.
+
+    topic     /MTi-630/Acceleration            device, message where it has several quantities, quantity
+    field     x_m_s2                           the column, with its unit in letters: a plot's path needs no quotes
+    schema    JSON Schema, which says the unit as it is written, the frame, what the field and what its numbers mean
+
+A number that is not finite is left out of its message, because JSON has none. Single flags of a status word are fields
+of their own, true or false, which a plot of states can show. A table (satellites) is one message a time: {"rows": []}.
+
+The live Foxglove server and the plottable export both speak so: a layout made of one fits the other. `Encoder` is for a
+few rows at a time, `bodies` for many at once; a test holds them to the same words.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # imported where many rows are encoded: a server starts sooner without
+    import pyarrow as pa
+
+Array = NDArray[Any]
+Info = Mapping[str, Any]  # a channel: server/wire.py ChannelInfo
+EVENTS = "/events"
+_LETTERS = str.maketrans(
+    {"µ": "u", "°": "deg", "²": "2", "³": "3", "/": "_", "%": "pct", "Ω": "Ohm", "·": "_", " ": "_"}
+)
+
+
+def topic_of(device: str, info: Info, taken: Iterable[str]) -> str:
+    """The topic of a channel; one that is taken gets a number.
+
+    Args:
+        device: what it is called where names must differ (recordings/names.py).
+    """
+    parts = [device, *([info["group"]] if info["group"] and info["group"] != info["title"] else [])]
+    return named(*map(str, parts), str(info["title"] or info["name"]), taken=taken)
+
+
+def named(*parts: str, taken: Iterable[str]) -> str:
+    """A topic of these words; one that is taken gets a number."""
+    topic = wanted = "/" + "/".join(map(_word, parts))
+    count = 1
+    while topic in taken:
+        count += 1
+        topic = f"{wanted}_{count}"
+    return topic
+
+
+def fields_of(info: Info) -> list[str]:
+    """The field of each column, with its unit in letters."""
+    found: list[str] = []
+    for column in info["columns"]:
+        unit = _letters(str(column["unit"]))
+        name = _word(f"{column['name']}_{unit}" if unit else str(column["name"]))
+        found.append(f"{name}_{len(found)}" if name in found else name)
+    return found
+
+
+def schema_of(info: Info) -> dict[str, Any]:
+    """JSON Schema of a channel's messages."""
+    properties: dict[str, Any] = {}
+    for name, column in zip(fields_of(info), info["columns"], strict=True):
+        kind = "number" if column["dtype"].startswith("f") else "integer"
+        told = {"description": _words(column), "unit": column["unit"], "frame": frame_of(column, str(info["frame"]))}
+        properties[name] = {"type": kind, **{key: text for key, text in told.items() if text}}
+        for bit in _flags(column):
+            properties[_flag(name, bit)] = {"type": "boolean", "description": bit["doc"] or bit["name"]}
+    words = " ".join(part for part in (info["doc"], f"Frame: {info['frame']}." if info["frame"] else "") if part)
+    row = {"type": "object", "title": info["title"] or info["name"], "description": words, "properties": properties}
+    if info["kind"] != "rows":
+        return row
+    return {"type": "object", "title": row["title"], "properties": {"rows": {"type": "array", "items": row}}}
+
+
+def frame_of(column: Mapping[str, Any], frame: str) -> str:
+    """The frame of a column as metadata tells it: axes of a quantity that names none are those of the body."""
+    return frame or ("body" if column.get("axis") in ("x", "y", "z") else "")
+
+
+def columns_of(title: str, schema: bytes) -> dict[str, tuple[str, str]]:
+    """What the fields of a schema of ours were columns of: {"x_m_s2": ("Acceleration.x", "m/s²")}; {} of another's.
+
+    Args:
+        title: the schema's name.
+    """
+    try:
+        told = json.loads(schema)
+        row = told["properties"].get("rows", {}).get("items", told)
+        if told["title"] != title:
+            return {}
+        units = {field: str(one.get("unit", "")) for field, one in row["properties"].items()}
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return {}
+    found = {}
+    for field, unit in units.items():
+        name = field.removesuffix(f"_{_letters(unit)}") if unit else field
+        found[field] = (title if name == "value" else f"{title}.{name}", unit)
+    return found
+
+
+class Encoder:
+    """Messages of one channel, a few at a time."""
+
+    def __init__(self, info: Info) -> None:
+        self._names = fields_of(info)
+        self._flags = _flags_of(info)
+        self._table = info["kind"] == "rows"
+
+    def messages(self, columns: Sequence[Array]) -> Iterator[tuple[int, bytes]]:
+        """Each sample, or table, as (time in ns since 1970: device time where there is one, JSON).
+
+        Args:
+            columns: arrival, time, then the channel's own; (n,) each.
+        """
+        times = stamps(columns[0], columns[1]).tolist()
+        rows = [self._object(row) for row in zip(*(column.tolist() for column in columns[2:]), strict=True)]
+        if not self._table:
+            for time, row in zip(times, rows, strict=True):
+                yield time, json.dumps(row).encode()
+            return
+        first = 0
+        for i in range(1, len(rows) + 1):
+            if i == len(rows) or times[i] != times[first]:
+                yield times[first], json.dumps({"rows": rows[first:i]}).encode()
+                first = i
+
+    def _object(self, row: Sequence[Any]) -> dict[str, Any]:
+        out = {name: value for name, value in zip(self._names, row, strict=True) if math.isfinite(value)}
+        for at, name, low in self._flags:
+            out[name] = bool(int(row[at]) >> low & 1)
+        return out
+
+
+def bodies(info: Info, columns: Sequence[Array]) -> pa.Array:
+    """The JSON of many samples at once.
+
+    Args:
+        columns: the channel's own, (n,) each.
+    Returns:
+        (n,) large strings, an object each, also of a table: `tables` puts those of a moment together.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    def text(words: str) -> pa.Scalar:
+        return pa.scalar(words, pa.large_string())
+
+    members = []
+    for name, column in zip(fields_of(info), columns, strict=True):
+        values = pa.array(np.asarray(column))
+        if pa.types.is_floating(values.type):
+            values = pc.if_else(pc.is_finite(values), values, None)
+        values = pc.cast(values, pa.large_string())
+        members.append(pc.binary_join_element_wise(text(f"{json.dumps(name)}:"), values, text("")))
+    for at, name, low in _flags_of(info):
+        is_set = pa.array((np.asarray(columns[at]) >> low & 1).astype(bool))
+        members.append(pc.if_else(is_set, text(f"{json.dumps(name)}:true"), text(f"{json.dumps(name)}:false")))
+    empty = reduce(pc.and_, map(pc.is_null, members))
+    members[0] = pc.if_else(empty, text(""), members[0])  # where all are missing, the join would leave the row out
+    joined = pc.binary_join_element_wise(*members, text(","), null_handling="skip")
+    return pc.binary_join_element_wise(text("{"), joined, text("}"), text(""))
+
+
+def tables(rows: pa.Array, first: Array) -> pa.Array:
+    """The rows of each moment as one message.
+
+    Args:
+        first: (m,) where each moment begins.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    def text(words: str) -> pa.Scalar:
+        return pa.scalar(words, pa.large_string())
+
+    lists = pa.LargeListArray.from_arrays(np.append(first, len(rows)).astype(np.int64), rows)
+    joined = pc.binary_join(lists, text(","))
+    return pc.binary_join_element_wise(text('{"rows":['), joined, text("]}"), text(""))
+
+
+def stamps(arrival: Array, time: Array) -> NDArray[np.int64]:
+    """Nanoseconds since 1970 of each sample: its device time mapped to the host's, or its arrival."""
+    return np.round(np.where(np.isfinite(time), time, arrival) * 1e9).astype(np.int64)
+
+
+def _letters(unit: str) -> str:
+    """A unit in letters: m_s2."""
+    return re.sub(r"\W", "", unit.translate(_LETTERS), flags=re.ASCII)
+
+
+def _word(text: str) -> str:
+    """Letters, digits, hyphen and underscore."""
+    return re.sub(r"(?:[^\w-]|_)+", "_", text.translate(_LETTERS), flags=re.ASCII).strip("_") or "_"
+
+
+def _flags(column: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [bit for bit in column["bits"] if bit["width"] == 1]
+
+
+def _flags_of(info: Info) -> list[tuple[int, str, int]]:
+    """Column, field and bit of each single flag."""
+    return [
+        (at, _flag(name, bit), int(bit["low"]))
+        for at, (name, column) in enumerate(zip(fields_of(info), info["columns"], strict=True))
+        for bit in _flags(column)
+    ]
+
+
+def _flag(field: str, bit: Mapping[str, Any]) -> str:
+    name = _word(str(bit["name"]))
+    return name if field == "value" else f"{field}_{name}"
+
+
+def _words(column: Mapping[str, Any]) -> str:
+    choices = ", ".join(f"{value}: {meaning}" for value, meaning in column.get("choices", {}).items())
+    parts = (f"[{column['unit']}]" if column["unit"] else "", column["label"], column["doc"], choices)
+    return " ".join(part for part in parts if part)
