@@ -6,7 +6,9 @@
     then                the loop goes on; the next turn begins when that has had as long
 
 What a byte costs to decode differs a thousandfold: a good frame costs next to nothing, the beginnings of frames that
-never go on cost most. So the size of a slice follows from the time that was measured, not from what is in it.
+never go on cost most. So the size of a slice follows from the time that was measured, not from what is in it. A slice
+costs something whatever its size, too; one that holds next to nothing would spend all of its time on that, and fall
+behind a stream that is cheap. Both costs are the line through the sizes and times of the last slices.
 """
 
 from __future__ import annotations
@@ -17,11 +19,47 @@ from collections import deque
 from collections.abc import Callable
 
 SLICE_S = 0.003
-LEAST, FIRST, MOST = 1 << 10, 1 << 12, 1 << 18  # bytes
+LEAST, FIRST, MOST = 1 << 11, 1 << 12, 1 << 18  # bytes
 TURN_S = 0.012
+FORGETTING = 0.9  # of what is known, by each slice
+FLATTEST = 0.05  # of the mean cost of a byte is its own at the least, whatever noise says
 
 Drain = Callable[[], object]
 """Does a slice of work; true when more of it waits."""
+
+
+class Costs:
+    """What slices have cost, newer ones counting more: a constant and so much a byte, by least squares."""
+
+    def __init__(self) -> None:
+        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)  # weights, sizes, times, sizes squared, sizes by times
+
+    def add(self, size: int, spent: float) -> None:
+        """A slice of `size` bytes took `spent` s."""
+        new = (1.0, float(size), spent, float(size) * size, size * spent)
+        constant, byte_s = self._line()
+        if spent > max(SLICE_S, 4 * (constant + byte_s * size)):
+            self._sums = new  # other bytes than those before
+        else:
+            n, sizes, times, squares, products = (
+                FORGETTING * old + one for old, one in zip(self._sums, new, strict=True)
+            )
+            self._sums = n, sizes, times, squares, products
+
+    def fitting(self) -> int:
+        """The bytes whose own cost is `SLICE_S`, or what any slice costs, if that is more."""
+        constant, byte_s = self._line()
+        return int(max(SLICE_S, constant) / byte_s)
+
+    def _line(self) -> tuple[float, float]:
+        """What any slice costs, and what each byte, s."""
+        n, sizes, times, squares, products = self._sums
+        if not n:
+            return 0.0, 0.0
+        byte_s, spread = times / sizes, squares - sizes * sizes / n
+        if spread > 0.01 * squares:  # sizes of one kind tell no line
+            byte_s *= min(max((products - sizes * times / n) / spread / byte_s, FLATTEST), 1.0)
+        return (times - byte_s * sizes) / n, byte_s
 
 
 class Slices:
@@ -36,6 +74,7 @@ class Slices:
     def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
         self.size = FIRST
         self._clock = clock
+        self._costs = Costs()
         self._began = 0.0
         self._taken = 0
         self._room = asyncio.Event()
@@ -63,10 +102,13 @@ class Slices:
         """It has been."""
         size, self._taken = self._taken, 0
         self._room.set()
+        if not size:
+            return
         spent = max(self._clock() - self._began, 1e-6)
-        fitting = int(size * SLICE_S / spent)
-        if spent > SLICE_S and size:
-            self.size = max(LEAST, min(self.size // 2, fitting))
+        self._costs.add(size, spent)
+        fitting = self._costs.fitting()
+        if fitting < self.size and spent > SLICE_S:
+            self.size = max(LEAST, fitting)
         elif size > self.size // 2:  # fewer say little: most of it may be what any slice costs
             self.size = min(MOST, 2 * self.size, max(self.size, fitting))
 
@@ -75,13 +117,13 @@ class Turns:
     """Gives each of many a slice after the other, until the time is over.
 
     Args:
-        clock: s.
+        clock: s of processor time of this thread: one that others keep from running has not had its turn.
     Attributes:
         spent: by the last turn, s.
         more: whether it left work.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
         self._all: list[Drain] = []
         self._clock = clock
         self.spent = 0.0

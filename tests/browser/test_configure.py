@@ -220,6 +220,8 @@ def test_every_setting_and_command_opens_as_a_form(serve: Serve, open_page: Open
     if forms["settings"]:
         page.get_by_role("button", name="Read the settings").click()
         until(page, "document.querySelector('[data-setting]') !== null")
+        until(page, "document.querySelector('.applybar [role=status]') === null")
+        forms = asked(server, "forms")  # of the product, which may have become known by reading
     page.get_by_role("button", name="All", exact=True).click()
     parts = {"setting": "fields", "command": "arguments"}
     asked_for = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 import socket
 from typing import cast
 
@@ -53,6 +54,30 @@ def test_costly_bytes_make_the_next_slice_small_at_once() -> None:
         clock.s += 0.1
         made.end()
         assert made.size == LEAST
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize("constant", [0.0028, 0.02])
+def test_what_any_slice_costs_does_not_make_slices_small(constant: float) -> None:
+    """Three senders on one UDP port, on a slow machine: each slice cost 3 ms for a kilobyte and for four, became a
+    kilobyte for it, and the server fell behind a stream of 36 kB/s."""
+
+    async def check() -> None:
+        clock, chance = Clock(), random.Random(3)
+        made = Slices(clock)
+        for _ in range(200):
+            size = made.size if chance.random() < 0.5 else chance.randrange(300, made.size)
+            made.take(size)
+            made.begin()
+            clock.s += (constant + size * 1e-7) * chance.uniform(0.9, 1.2)
+            made.end()
+        assert made.size * 1e-7 > constant / 4, "most of the time goes into bytes"
+        made.take(made.size)
+        made.begin()
+        clock.s += 100 * (constant + made.size * 1e-7)
+        made.end()
+        assert made.size == LEAST, "a flood begins"
 
     asyncio.run(check())
 
