@@ -109,6 +109,7 @@ class Desk:
         self.state = ""
         self.unfinished: dict[str, str] = {}  # command → what it left open that a change of state discards, in words
         self.trial: Trial | None = None
+        self.cut_off: Mapping[str, Values] = {}  # what was being written when the device went, until it is read again
         self.answer: asyncio.Event = asyncio.Event()  # somebody answered the question of a trial
         self.kept = False
         self._queue: deque[Task] = deque()

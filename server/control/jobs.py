@@ -18,7 +18,7 @@ from typing import Any
 from protocols.dialogues import Driver, InState, Known, LineChange, RefusedError, SilentError, Values, Written
 from protocols.schema import Setting
 from server.codec import plain
-from server.control import errands
+from server.control import cut_off, errands
 from server.control.budget import OVER_HINT, overload
 from server.control.desk import Desk, JobError, Task
 from server.control.runner import group
@@ -27,8 +27,6 @@ from server.control.trials import RESTORE_HINT, Hand, Record, Trials
 from server.control.values import field_at, title_at, value_at, words
 from server.links.base import LinkError
 
-RETURN_S = 120.0  # for a person who looks for the plug
-REOPEN_S = 0.05  # a device hears the call for a moment only after it has got power
 LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
 MOST_WORDS = 12  # changes that a trial lists
 FIRST = "First contact"
@@ -71,6 +69,11 @@ class Jobs:
         body = errands.survey(driver, known, names, lambda words: desk.step(task, words))
         found = await desk.run(driver.within(body, known))
         desk.learn(found.known, found.values, found.missing)
+        if desk.cut_off and set(desk.cut_off) <= set(found.values):  # what it took is known now: nothing goes back
+            desk.cut_off = {}
+            record = await asyncio.to_thread(self._trials.of, desk.session.info.protocol, found.known.serial_number)
+            if record is not None and record.state == "applying":
+                await asyncio.to_thread(self._trials.forget, record)
         return found
 
     async def _keep(self, desk: Desk, found: errands.Survey, title: str, reason: str, *, pinned: bool = False) -> str:
@@ -175,14 +178,46 @@ class Jobs:
         if record is not None:
             await asyncio.to_thread(self._trials.keep, record)
         try:
-            body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words), held)
-            written = await desk.run(desk.driver.within(body, desk.known))
+            written: list[Written] = []
+            try:
+                body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words), held)
+                written = await desk.run(desk.driver.within(body, desk.known))
+                cut = any(one.got is None and not one.refused for one in written)
+            except (LinkError, SilentError) as error:
+                desk.log.note(str(error), fault=True)
+                cut = True
+            if cut:
+                written = await self._cut_off(desk, task, todo, written, record)
             if restart and not all(one.refused for one in written):
                 written = await self._restarted(desk, task, written)
             return written
         finally:
-            if record is not None:
+            if record is not None and desk.cut_off != record.new:
                 await asyncio.to_thread(self._trials.forget, record)
+
+    async def _cut_off(
+        self,
+        desk: Desk,
+        task: Task,
+        todo: dict[str, dict[str, Any]],
+        written: Sequence[Written],
+        record: Record | None,
+    ) -> list[Written]:
+        """What the device has after it was cut off in the middle.
+
+        Raises:
+            JobError: it did not take everything, or did not come back; then the way back stays on disk.
+        """
+        desk.cut_off = record.new if record is not None else {}
+        back = await cut_off.read_back(desk, task, list(todo))
+        desk.cut_off = {}
+        written = cut_off.merged(todo, written, back)
+        task.job.outcomes = errands.outcomes(desk.driver, desk.rows, written)
+        if task.job.outcomes:
+            words = cut_off.account(desk, written)
+            raise JobError(f"The device was cut off while it was written. Read back: {words}", cut_off.AGAIN_HINT)
+        desk.log.note("The device was cut off while it was written; read back, it has what was asked.")
+        return written
 
     async def _restarted(self, desk: Desk, task: Task, written: list[Written]) -> list[Written]:
         """Restart, and what the device has then."""
@@ -260,6 +295,8 @@ class Jobs:
         data = {"settings": plain({one.setting: one.asked for one in written}), "snapshot": job.snapshot}
         desk.hub.event(desk.device, "device", "info", f"{titles}: {job.message}", data=data)
         if refused and not good:
+            if any(one.got is None and not one.refused for one in written):
+                raise JobError("The device could not be read back.", cut_off.AWAY_HINT)
             raise JobError(f"The device refused: {refused[0].why}.", "What was there before is unchanged.")
 
     # ── the rest ─────────────────────────────────────────────────────────────────────────────────────────────────────
@@ -374,24 +411,16 @@ async def _called(desk: Desk, driver: Driver, known: Known, task: Task) -> bool:
     Raises:
         LinkError: the port went, and did not come back in time.
     """
-    end = time.monotonic() + RETURN_S
+    end = time.monotonic() + cut_off.RETURN_S
     while True:
         try:
             return await desk.run(driver.restore_communication(known))
         except LinkError as gone:
             desk.step(task, "Its port is gone: switch the device on again")
-            while not await _opened(desk):
+            while not await cut_off.opened(desk):
                 if time.monotonic() > end:
                     raise gone from None
-                await asyncio.sleep(REOPEN_S)
-
-
-async def _opened(desk: Desk) -> bool:
-    try:
-        await desk.session.relink()
-    except LinkError:
-        return False
-    return True
+                await asyncio.sleep(cut_off.REOPEN_S)
 
 
 def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) -> list[str]:

@@ -1,0 +1,100 @@
+"""A device that goes while it is written: it is read when it is back, and what it took is told as it is."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.control import cut_off
+from server.control.desk import Desk, Task
+from server.links.twin import TwinLink
+from tests.server.desk import House, house, outputs, over, until
+
+SOURCE = "twin:xbus?baud=921600&unplug_s=86400"
+BOTH: dict[str, dict[str, object]] = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(10)}
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def files(data: Path) -> list[Path]:
+    return list((data / "trials").glob("*.json"))
+
+
+def unplug(desk: Desk) -> None:
+    link = desk.session._link
+    assert isinstance(link, TwinLink)
+    assert link._bench is not None
+    link._bench.unplug()
+    link._bench.join()
+
+
+def when(desk: Desk, step: str, act: Callable[[Desk], None]) -> None:
+    """Do something once, when a job begins a step."""
+    before = desk.step
+    acted: list[str] = []
+
+    def after(task: Task, words: str) -> None:
+        before(task, words)
+        if words == step and not acted:
+            acted.append(words)
+            act(desk)
+
+    desk.step = after  # type: ignore[method-assign]
+
+
+async def cut(here: House, away_s: float) -> tuple[Desk, Task]:
+    """A device that is unplugged when the second of two settings is written."""
+    desk = await here.add(f"{SOURCE}&away_s={away_s}")
+    await here.read(desk)
+    title = desk.rows["OutputConfiguration"].title
+    when(desk, f"Writing {title}", unplug)
+    return desk, desk.add("Write", here.desks.jobs.apply(desk, BOTH, ""))
+
+
+def test_a_device_unplugged_while_it_was_written_kept_showing_old_values(tmp_path: Path) -> None:
+    """It had taken the first setting; the page showed the old one, and that the device refused."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk, task = await cut(here, 0.2)
+            job = await over(task)
+            assert job.state == "failed"
+            assert job.message.startswith(
+                "The device was cut off while it was written. Read back: Location identifier has"
+            )
+            assert "refused" not in job.message
+            assert desk.values["LocationID"] == {"location_id": 7}
+            assert desk.values["OutputConfiguration"] != outputs(10)
+            assert {one.setting for one in job.outcomes} == {"OutputConfiguration"}
+            assert files(tmp_path) == []
+
+    run(check())
+
+
+def test_the_way_back_of_a_device_that_stayed_away_was_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is on disk for the next server, until this one has read what the device took; old values are not shown."""
+    monkeypatch.setattr(cut_off, "RETURN_S", 0.2)
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk, task = await cut(here, 1.0)
+            job = await over(task)
+            assert job.message == "The device was cut off while it was written, and did not come back."
+            assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
+            assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
+            assert desk.missing["LocationID"] == cut_off.UNKNOWN
+            await until(lambda: desk.session.info.status == "live", "it is plugged in again")
+            assert (await here.read(desk)).state == "done"
+            assert desk.values["LocationID"] == {"location_id": 7}
+            assert files(tmp_path) == []
+
+    run(check())
