@@ -79,6 +79,8 @@ class Field:
         most: greatest number of elements of an open shape; 0 where the payload decides.
         simple: False for what most people never change: a form shows it one click away.
         read_only: told by the device, never written.
+        momentary: what is so now and is not kept: a temperature, a counter, the state of something that runs. It is
+            shown; it is no difference between two states of a device, and is not put back.
         base: 16 for an identifier that is printed in hex on the label; the wire value stays a number.
         options: texts that a text field is known to take; a device may know others.
         doc, source: one sentence; section of the document.
@@ -107,6 +109,7 @@ class Field:
     most: int = 0
     simple: bool = True
     read_only: bool = False
+    momentary: bool = False
     base: int = 10
     options: tuple[str, ...] = ()
     doc: str = ""

@@ -55,6 +55,7 @@ KINDS: Mapping[str, Kind] = {
     "full": Kind(409, "There are as many as there may be; one has to end first."),
     "not-now": Kind(409, "It cannot be done in the state that it is in."),
     "not-read": Kind(409, "The device has to be read first."),
+    "no-defaults": Kind(409, "A device whose factory settings no document tells."),
     "not-alike": Kind(409, "Devices or settings of another family, which cannot be compared."),
     "no-driver": Kind(409, "A device that cannot be configured."),
     "no-settings": Kind(409, "A device without settings."),

@@ -142,6 +142,25 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
 }
 
 
+_MOMENTARY: Mapping[int, tuple[str, ...]] = {
+    1: ("hdwRunState",),
+    12: ("checksum", "lastLla", "lastLlaTimeOfWeekMs", "lastLlaWeek"),
+    73: ("state", "elapsedTimeSec", "hAccuracy", "lla"),
+    81: ("checksum",),
+    87: ("timeOfWeekMs", "status", "mode"),
+    93: ("hdwRunState",),
+    120: ("hdwRunState",),
+    121: ("checksum",),
+}
+_ALL_MOMENTARY = (2, 10, 19, 64, 75, 94, 125)
+"""Faults, the state of the system, traffic; calibrations and tests, which writing their state begins."""
+
+
+def is_momentary(did: int, name: str) -> bool:
+    """Does a field tell what is so now, and not what the device is set to?"""
+    return did in _ALL_MOMENTARY or name in _MOMENTARY.get(did, ())
+
+
 LISTS = ((8, "nmeaBroadcastMsgs"),)
 
 
@@ -149,6 +168,8 @@ def noted(did: int, field: Field) -> Field:
     """A field of a data set with what is known of it."""
     if not field.title and field.name.isalpha() and field.name.islower():
         field = replace(field, title=field.name.capitalize())  # "state" is a word already
+    if is_momentary(did, field.name):
+        field = replace(field, momentary=True)
     note = _OF_SET.get((did, field.name)) or _GENERAL.get(field.name)
     if note is None:
         return replace(field, simple=False)

@@ -209,6 +209,7 @@ class Kept:
     Args:
         read, write: messages; write "" for what the device only tells.
         only: names of the fields that it has; () for all of the answer's.
+        momentary: those of its fields that tell when it was asked.
         fixed: arguments that both messages carry beside (which of two alignments).
     """
 
@@ -223,6 +224,7 @@ class Kept:
     simple: bool = True
     only: tuple[str, ...] = ()
     told: tuple[str, ...] = ()
+    momentary: tuple[str, ...] = ()
     fixed: Mapping[str, int] = field(default_factory=dict)
 
 
@@ -263,7 +265,8 @@ _KEPT: tuple[Kept, ...] = (
     Kept("ProductCode", "ReqProductCode", "", IDENTITY, "Product code"),
     Kept("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
     Kept("FirmwareRev", "ReqFWRev", "", IDENTITY, "Firmware revision"),
-    Kept("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log", simple=False),
+    Kept("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log", simple=False,
+         momentary=("date", "time")),
 )  # fmt: skip
 
 
@@ -358,6 +361,7 @@ def _setting(one: Kept, model: Model | None) -> Setting:
     if writer is None:
         fields = tuple(replace(field, read_only=True) for field in fields)
     fields = tuple(replace(field, read_only=True) if field.name in one.told else field for field in fields)
+    fields = tuple(replace(field, momentary=True) if field.name in one.momentary else field for field in fields)
     return Setting(
         one.name,
         fields,
@@ -398,6 +402,17 @@ def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
     if command == "IccCommand":
         return _CALIBRATION.get(int(values.get("command", 3)))
     return None
+
+
+def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tuple[str, ...]:
+    """See protocols.dialogues.Driver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
+    if command == "RestoreFactoryDef":
+        return tuple(kept(model))
+    if command in ("SetSyncSettings", "SetPeriod", "SetOutputSkipFactor"):
+        return ("Configuration",)  # has a copy of it
+    if command == RESET_AND_STORE or (command == "ResetOrientation" and values.get("code", 0) == 0):
+        return tuple(name for name, one in kept(model).items() if one.write == "SetAlignmentRotation")
+    return ()
 
 
 def state_of(row: Row, values: Mapping[str, Any]) -> State:

@@ -18,8 +18,8 @@ from server.control.compare import NO_DEFAULT, SideValues, compare
 from server.control.desk import Desk
 from server.control.desks import Desks
 from server.control.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
-from server.control.jobs import plain_values
 from server.control.products import mismatch
+from server.control.reading import plain_values
 from server.control.snapshots import Snapshot, SnapshotError, from_text
 from server.control.wishes import dangers_of
 
@@ -27,6 +27,7 @@ router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 
 NOT_READ = "The device has not been read yet."
 READ_FIRST = "Read its settings first."
+FACTORY_HINT = "Compare with “First contact”, which is what it had when it was first read here."
 
 
 def _who(desk: Desk) -> tuple[str, str]:
@@ -152,6 +153,9 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
         case "factory":
             certain = _certain(desk)
             defaults = desk.driver.factory(certain)
+            if not defaults:
+                message = f"The document does not tell the factory settings of the {certain.product}."
+                raise ApiError(409, "no-defaults", message, FACTORY_HINT)
             return SideValues("Factory default", defaults, otherwise=NO_DEFAULT, product=certain.product)
         case "snapshot":
             owner = _alike(desk, desk_of(ref.device, desks)) if ref.device else desk

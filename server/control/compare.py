@@ -5,6 +5,9 @@
     right ─┘   no ──> a row: "Acceleration, rate   400 Hz   100 Hz"
                     + changes: what to write to make the left side what the right one is
 
+What is so only now (Field.momentary: temperatures, counters, the state of a calibration) is no difference, and is not
+written back: it would begin what it tells of.
+
 An Xsens output configuration is a set, not a list: its entries are compared by the quantity they ask for, whatever
 their order.
 """
@@ -55,6 +58,8 @@ def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -
     rows = {row.name: row for row in driver.settings(known)}
     _strangers(driver, known, rows, right, found)
     for row in rows.values():
+        if all(one.momentary for one in row.fields):
+            continue
         if row.name not in left.values and row.name not in right.values:
             if row.name in left.missing or row.name in right.missing:
                 found.missing[row.name] = f"{left.title}: {left.lacks(row.name)}"
@@ -102,7 +107,8 @@ def _meant(row: Setting, path: str) -> str:
 
 
 def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: Difference) -> None:
-    common = {name for name in left if name in right}
+    passing = {one.name for one in row.fields if one.momentary}
+    common = {name for name in left if name in right and name not in passing}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
     if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):
         return  # what cannot be written cannot be compared value by value either
@@ -110,7 +116,7 @@ def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: D
     found.rows += rows
     found.same += same
     told = {one.name for one in row.fields if one.read_only}
-    writable = {name: value for name, value in right.items() if name not in told}
+    writable = {name: value for name, value in right.items() if name not in told}  # nothing momentary
     if row.write and writable:
         found.profile[row.name] = writable
     if not rows or not row.write:

@@ -25,8 +25,8 @@
 harm is answered with 409, kind "confirm" and the consequence as its message, until it comes with `confirmed`. A command
 that writes a setting is applied like a change of that setting: with snapshot, reading back, and a trial where the line
 could be cut. Further refusals: 409 "not-now" (nothing is on trial; a job that cannot be stopped), "full" (the queue),
-"not-read", "no-driver", "no-settings", "not-alike"; 422 "bad-value", "too-much" (for the line), "bad-snapshot";
-404 "not-found"; 507 "disk".
+"not-read", "no-driver", "no-settings", "no-defaults", "not-alike"; 422 "bad-value", "too-much" (for the line),
+"bad-snapshot"; 404 "not-found"; 507 "disk".
 
 A job comes back at once (202); how it goes is told over the WebSocket (`control`, `exchange`, `jobs`), and its result
 is in `ControlState.done` until five newer ones are. Values are wire values by field name, as `imuscope inspect` prints
@@ -158,6 +158,7 @@ class Forms:
     outputs: list[OutputChoice] = field(default_factory=list)
     streams: list[StreamChoice] = field(default_factory=list)
     corrections: bool = False  # takes RTCM
+    factory: bool = False  # the document tells its factory settings
     note: str = ""  # what is not known yet, in one sentence
 
 

@@ -59,6 +59,7 @@ def forms_of(
         outputs=output_choices(known) if "outputs" in editors else [],
         streams=stream_choices(known, values) if "streams" in editors else [],
         corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
+        factory=bool(driver.factory(known)),
         note=note,
     )
 

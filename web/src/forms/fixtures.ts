@@ -26,6 +26,6 @@ export function command(part: Partial<CommandForm> = {}): CommandForm {
 export function forms(part: Partial<Forms> = {}): Forms {
   return {
     protocol: "xbus", product: "MTi-680", serial_number: "", firmware: "", groups: ["Group"], settings: [], commands: [], outputs: [],
-    streams: [], corrections: false, note: "", ...part,
+    streams: [], corrections: false, factory: false, note: "", ...part,
   };
 }

@@ -132,6 +132,8 @@ export interface Forms {
   readonly streams: readonly StreamChoice[];
   /** takes RTCM */
   readonly corrections: boolean;
+  /** the document tells its factory settings */
+  readonly factory: boolean;
   /** what is not known yet, in one sentence */
   readonly note: string;
 }

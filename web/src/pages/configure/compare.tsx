@@ -17,7 +17,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
   const difference = useSignal<Difference | undefined>(undefined);
   const why = useSignal("");
   const left = model.left.value;
-  const right = here.value.more ?? model.snapshots.value[0]?.name ?? "~factory";
+  const right = here.value.more ?? model.snapshots.value[0]?.name ?? (model.forms.value?.factory ? "~factory" : "~file");
   const file = model.file.value;
   const taken = model.body.value?.info.taken;
   useEffect(() => {
@@ -104,7 +104,7 @@ function SidePicker({ label, model, others, side, choose }: PickerProps) {
       <span class="vh">{label} side</span>
       <select aria-label={`${label} side`} value={side} onChange={(event) => choose(event.currentTarget.value)}>
         <option value="device">Device, as last read</option>
-        <option value="~factory">Factory default</option>
+        {(model.forms.value?.factory || side === "~factory") && <option value="~factory">Factory default</option>}
         {model.snapshots.value.map((snapshot) => (
           <option key={snapshot.name} value={snapshot.name}>
             {titleOf(snapshot)} · {stamp(snapshot.taken)}
