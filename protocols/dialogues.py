@@ -283,6 +283,13 @@ class Driver(Protocol):
         """What a command leaves open that a change of state throws away, in words; "" where it ends that of an earlier
         command of its kind; None where it does neither."""
 
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        """Settings that may be others after a command, beside those that it is there to write (Setting.write).
+
+        Args:
+            values: its arguments; one that is not in it is not known.
+        """
+
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         """The values of one setting."""
 

@@ -82,6 +82,9 @@ class IdtpDriver:
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
 
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        return ()
+
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         yield from ()  # a dialogue is a generator, also one that does nothing
         raise EncodeError("IDTP has no settings")

@@ -58,6 +58,7 @@ from protocols.isb.commands import (
     settings_of,
 )
 from protocols.isb.compare import SAVED, differences
+from protocols.isb.effects import alters
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from protocols.isb.harm import harm
 from protocols.isb.identity import identity
@@ -267,6 +268,9 @@ class IsbDriver:
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
+
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        return alters(command, values, (row.name for row in self.settings(known)))
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         if setting == STREAMS_SETTING:

@@ -141,6 +141,9 @@ class XbusDriver:
     def unfinished(self, command: str, values: Values) -> str | None:
         return commands.unfinished(command, values)
 
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        return commands.alters(command, values, model_of(known.product))
+
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
         return (yield from _read(_kept(setting, model_of(known.product))))
 

@@ -1,4 +1,4 @@
-"""What does a device have that was cut off while it was written? Wait until it is back, then ask it.
+"""Read back a device that was cut off, or fell silent, while it was written: wait until it is back, then ask it.
 
     write ──x link gone, or silence ──> its settings count as unknown ──> wait for it ──> read back ──> what it took
                                                                               │ not back
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from server.links.base import LinkError
 
 RETURN_S = 120.0  # for a person who looks for the plug
 REOPEN_S = 0.05  # a device hears a call for a moment only after it has got power
-UNKNOWN = "not known: the device was cut off while it was written"
+UNKNOWN = "not known: the device stopped answering while it was written"
 AWAY_HINT = "Connect it and switch it on, then read its settings: some may be new and some old."
 AGAIN_HINT = "Apply again what is missing."
 
@@ -37,12 +37,6 @@ async def opened(desk: Desk) -> bool:
     return True
 
 
-def doubt(desk: Desk, names: Collection[str]) -> None:
-    """What the device has of these settings is not known any more; the page must not show what it had before."""
-    desk.values = {name: values for name, values in desk.values.items() if name not in names}
-    desk.missing = {**desk.missing, **dict.fromkeys(names, UNKNOWN)}
-
-
 async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str, Values]:
     """What the device has when it is back.
 
@@ -50,8 +44,8 @@ async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str
         JobError: it did not come back in time, or another one did.
     """
     ours = desk.known.serial_number
-    doubt(desk, names)
-    desk.step(task, "The device was cut off; waiting for it")
+    desk.doubt(names, UNKNOWN)
+    desk.step(task, "The device stopped answering; waiting for it")
     end = time.monotonic() + RETURN_S
     while time.monotonic() < end:
         found: errands.Survey | None = None
@@ -72,7 +66,7 @@ async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str
                 raise JobError(f"Another device is at this port: {told}, not {ours}. It was left as it is.", AWAY_HINT)
             return found.values
         await asyncio.sleep(REOPEN_S)
-    raise JobError("The device was cut off while it was written, and did not come back.", AWAY_HINT)
+    raise JobError("The device stopped answering while it was written, and did not come back.", AWAY_HINT)
 
 
 def merged(

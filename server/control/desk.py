@@ -18,7 +18,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -169,6 +169,12 @@ class Desk:
         self.values = {**self.values, **values}
         self.missing = {name: why for name, why in {**self.missing, **missing}.items() if name not in values}
         self.read_at = self.hub.now()
+
+    def doubt(self, names: Collection[str], why: str) -> None:
+        """What the device has of these settings is not known any more: nobody is shown what it had before."""
+        stale = [name for name in names if name in self.values]
+        self.values = {name: values for name, values in self.values.items() if name not in stale}
+        self.missing = {**self.missing, **dict.fromkeys(stale, why)}
 
     def leave(self, command: str, words: str | None) -> None:
         """What a command left unfinished: "" ends it, None says nothing."""

@@ -147,6 +147,13 @@ def _differ(driver: Driver, setting: str, key: str, old: Values, new: Values) ->
     return bool(driver.same(setting, {key: old[key]}, {key: new[key]}))
 
 
+def altered(driver: Driver, known: Known, written: Collection[str]) -> list[str]:
+    """The settings that are others when these have been written, beside them."""
+    rows = {row.name: row for row in driver.settings(known)}
+    more = {name for one in written if one in rows for name in driver.alters(rows[one].write, {}, known)}
+    return [name for name in rows if name in more and name not in written]
+
+
 def outcomes(driver: Driver, rows: Mapping[str, Setting], written: Sequence[Written]) -> list[FieldOutcome]:
     """Each field that the device did not take as asked."""
     found: list[FieldOutcome] = []

@@ -12,27 +12,43 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.dialogues import Driver, InState, Known, LineChange, RefusedError, SilentError, Values, Written
+from protocols.dialogues import Dialogue, Driver, Known, LineChange, RefusedError, SilentError, Values, Written
 from protocols.schema import Setting
 from server.codec import plain
-from server.control import cut_off, errands
+from server.control import commanding, cut_off, errands
 from server.control.budget import OVER_HINT, overload
 from server.control.desk import Desk, JobError, Task
+from server.control.reading import Reader
 from server.control.runner import group
-from server.control.snapshots import Snapshot, SnapshotError, Snapshots
+from server.control.snapshots import Snapshots
 from server.control.trials import RESTORE_HINT, Hand, Record, Trials
 from server.control.values import field_at, title_at, value_at, words
 from server.links.base import LinkError
 
-LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
 MOST_WORDS = 12  # changes that a trial lists
-FIRST = "First contact"
 CHANGED_HINT = (
     "Nothing was written. Look at the edits again, which are now based on what the device has, then apply them."
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is written, and to what.
+
+    Args:
+        found: what the device has before.
+        todo: settings to write, whole or in part.
+        held: those of them with values that the device has told once; they are sent unchecked.
+        restart: they take effect by a restart.
+    """
+
+    found: errands.Survey
+    todo: dict[str, dict[str, Any]]
+    held: Collection[str]
+    restart: bool
 
 
 class Jobs:
@@ -43,7 +59,7 @@ class Jobs:
     """
 
     def __init__(self, snapshots: Snapshots, trials: Trials, trial_s: float) -> None:
-        self._snapshots = snapshots
+        self._reader = Reader(snapshots, trials)
         self._trials = trials
         self._trial_s = trial_s
 
@@ -55,47 +71,14 @@ class Jobs:
         """Read settings into a snapshot."""
 
         async def work(task: Task) -> None:
-            found = await self._survey(desk, task, names)
-            name = await self._keep(desk, found, title or "Read from the device", reason, pinned=pinned)
+            found = await self._reader.survey(desk, task, names)
+            name = await self._reader.keep(desk, found, title or "Read from the device", reason, pinned=pinned)
             task.job.snapshot = name
             lacking = f"; {len(found.missing)} could not be read" if found.missing else ""
             task.job.message = f"{len(found.values)} settings read{lacking}."
             desk.log.note(f"{task.job.message[:-1]}, kept as a snapshot.")
 
         return work
-
-    async def _survey(self, desk: Desk, task: Task, names: Sequence[str] | None) -> errands.Survey:
-        driver, known = desk.driver, desk.known
-        body = errands.survey(driver, known, names, lambda words: desk.step(task, words))
-        found = await desk.run(driver.within(body, known))
-        desk.learn(found.known, found.values, found.missing)
-        if desk.cut_off and set(desk.cut_off) <= set(found.values):  # what it took is known now: nothing goes back
-            desk.cut_off = {}
-            record = await asyncio.to_thread(self._trials.of, desk.session.info.protocol, found.known.serial_number)
-            if record is not None and record.state == "applying":
-                await asyncio.to_thread(self._trials.forget, record)
-        return found
-
-    async def _keep(self, desk: Desk, found: errands.Survey, title: str, reason: str, *, pinned: bool = False) -> str:
-        """A snapshot of what was found, on disk; its name."""
-        protocol = desk.session.info.protocol
-        there = await asyncio.to_thread(self._snapshots.all, protocol, found.known.serial_number)
-        snapshot = Snapshot(
-            protocol=protocol,
-            product=found.known.product,
-            serial_number=found.known.serial_number,
-            firmware=found.known.firmware,
-            title=title if there or pinned else FIRST,
-            reason=reason,
-            taken=desk.hub.now(),
-            pinned=pinned or not there,
-            values=plain_values(found.values),
-            missing=found.missing,
-        )
-        try:
-            return (await asyncio.to_thread(self._snapshots.keep, snapshot, desk.rows)).name
-        except SnapshotError as error:
-            raise JobError(str(error), f"Nothing was written to the device. {error.hint}") from None
 
     # ── apply ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -116,7 +99,7 @@ class Jobs:
         """
 
         async def work(task: Task) -> None:
-            found = await self._survey(desk, task, None)
+            found = await self._reader.survey(desk, task, None)
             rows = desk.rows
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
@@ -132,63 +115,46 @@ class Jobs:
             if why:
                 raise JobError(why, f"Nothing was written. {OVER_HINT}")
             titles = ", ".join(rows[name].title or name for name in todo)
-            task.job.snapshot = await self._keep(
+            task.job.snapshot = await self._reader.keep(
                 desk, found, "Before this change", reason or f"Before writing {titles}."
             )
-            await self._write(desk, task, found, todo, held)
+            restart = any(rows[name].after == "reset" for name in todo)
+            await self._write(desk, task, Change(found, todo, held, restart))
 
         return work
 
-    async def _write(
-        self,
-        desk: Desk,
-        task: Task,
-        found: errands.Survey,
-        todo: dict[str, dict[str, Any]],
-        held: Collection[str],
-    ) -> None:
-        rows, driver = desk.rows, desk.driver
-        lines = [driver.line_change(name, found.values.get(name), new, desk.known) for name, new in todo.items()]
+    async def _write(self, desk: Desk, task: Task, change: Change) -> None:
+        rows, driver, old = desk.rows, desk.driver, change.found.values
+        lines = [driver.line_change(name, old.get(name), new, desk.known) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
-        restart = any(rows[name].after == "reset" for name in todo)
         if cuts:
-            record = self._record(desk, found, todo, cuts, restart=restart)
-            record.held = [name for name in todo if name in held]
+            record = self._record(desk, change, cuts)
+            record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
                 await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
             written = await Hand(desk, driver, self._trials, record, task).apply()
         else:
-            written = await self._write_in_place(desk, task, found, todo, held, restart=restart)
+            written = await self._write_in_place(desk, task, change)
         self._report(desk, task, rows, written)
 
-    async def _write_in_place(
-        self,
-        desk: Desk,
-        task: Task,
-        found: errands.Survey,
-        todo: dict[str, dict[str, Any]],
-        held: Collection[str],
-        *,
-        restart: bool,
-    ) -> list[Written]:
+    async def _write_in_place(self, desk: Desk, task: Task, change: Change) -> list[Written]:
         """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
         would stay silent, with half of the settings; the next one puts it back (server/control/trials.py)."""
-        known = all(found.values.get(name) for name in todo)
-        record = self._record(desk, found, todo, (), restart=restart) if known else None
+        known = all(change.found.values.get(name) for name in change.todo)
+        record = self._record(desk, change, ()) if known else None
         if record is not None:
             await asyncio.to_thread(self._trials.keep, record)
         try:
             written: list[Written] = []
             try:
-                body = errands.write_all(desk.driver, desk.known, todo, lambda words: desk.step(task, words), held)
-                written = await desk.run(desk.driver.within(body, desk.known))
+                written = await desk.run(desk.driver.within(_writing(desk, task, change), desk.known))
                 cut = any(one.got is None and not one.refused for one in written)
             except (LinkError, SilentError) as error:
                 desk.log.note(str(error), fault=True)
                 cut = True
             if cut:
-                written = await self._cut_off(desk, task, todo, written, record)
-            if restart and not all(one.refused for one in written):
+                written = await self._cut_off(desk, task, change.todo, written, record)
+            if change.restart and not all(one.refused for one in written):
                 written = await self._restarted(desk, task, written)
             return written
         finally:
@@ -215,8 +181,8 @@ class Jobs:
         task.job.outcomes = errands.outcomes(desk.driver, desk.rows, written)
         if task.job.outcomes:
             words = cut_off.account(desk, written)
-            raise JobError(f"The device was cut off while it was written. Read back: {words}", cut_off.AGAIN_HINT)
-        desk.log.note("The device was cut off while it was written; read back, it has what was asked.")
+            raise JobError(f"The device stopped answering while it was written. Read back: {words}", cut_off.AGAIN_HINT)
+        desk.log.note("The device stopped answering while it was written; read back, it has what was asked.")
         return written
 
     async def _restarted(self, desk: Desk, task: Task, written: list[Written]) -> list[Written]:
@@ -227,20 +193,17 @@ class Jobs:
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
-        back = await self._survey(desk, task, names)
+        back = await self._reader.survey(desk, task, [*names, *errands.altered(desk.driver, desk.known, names)])
         return [replace(one, got=back.values.get(one.setting)) for one in written]
 
     def _record(
         self,
         desk: Desk,
-        found: errands.Survey,
-        todo: Mapping[str, dict[str, Any]],
+        change: Change,
         cuts: Sequence[LineChange],
-        *,
-        restart: bool,
     ) -> Record:
         """A trial as it is kept on disk."""
-        rows = desk.rows
+        rows, found, todo = desk.rows, change.found, change.todo
         lacking = [rows[name].title or name for name in todo if name not in found.values]
         if lacking:
             names = ", ".join(lacking)
@@ -267,7 +230,7 @@ class Jobs:
             old_baud=baud,
             new_baud=bauds[-1] if bauds and baud is not None else baud,
             other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
-            restart=restart,
+            restart=change.restart,
             changes=changes[:MOST_WORDS],
             deadline=desk.hub.now() + 60 + self._trial_s,
             seconds=self._trial_s,
@@ -304,57 +267,12 @@ class Jobs:
     def run(
         self, desk: Desk, command: str, values: Values, *, changes: bool, restarts: bool = False
     ) -> Callable[[Task], Awaitable[None]]:
-        """One command.
-
-        Args:
-            changes: it writes something, so a snapshot is taken first; unless it takes up what an earlier command
-                began, which reading everything would discard.
-            restarts: the device restarts, and may then speak at a rate that was stored before: the link follows it.
-        """
-
-        async def work(task: Task) -> None:
-            driver, known = desk.driver, desk.known
-            body = driver.run(command, values, known)
-            if changes and not (isinstance(body, InState) and body.continues):
-                found = await self._survey(desk, task, None)
-                task.job.snapshot = await self._keep(desk, found, "Before this change", f"Before {task.job.title}.")
-                body = driver.run(command, values, desk.known)
-            desk.step(task, command)
-            answer = await desk.run(driver.within(body, known))
-            if restarts:
-                await self._follow(desk, task)
-            desk.leave(command, driver.unfinished(command, values))
-            task.job.values = plain(answer)
-            task.job.message = task.job.message or ("Answered." if answer else "Done.")
-
-        return work
-
-    async def _follow(self, desk: Desk, task: Task) -> None:
-        """The link at the rate at which a device speaks after its restart."""
-        before = desk.session.baud
-        rates = desk.driver.rates(desk.values, desk.known) if before is not None else ()
-        for rate in rates:
-            if rate != desk.session.baud and not await desk.runner.relink(rate):
-                continue
-            desk.step(task, f"The device restarts; the link listens at {group(rate)} Bd")
-            if await desk.run(desk.driver.alive(desk.known)):
-                if rate != before:
-                    task.job.message = f"The device speaks at {group(rate)} Bd after its restart; the link follows it."
-                return
-        if rates:
-            await desk.runner.relink(before)
-            raise JobError("The device does not answer after its restart.", RESTORE_HINT)
+        """One command; see server/control/commanding.py."""
+        return commanding.run(self._reader, desk, command, values, changes=changes, restarts=restarts)
 
     def raw(self, desk: Desk, data: bytes) -> Callable[[Task], Awaitable[None]]:
-        """Bytes as they are; what comes back within a second is in the log."""
-
-        async def work(task: Task) -> None:
-            desk.log.sent(data, "")
-            await desk.session.send(data)
-            await asyncio.sleep(LISTEN_S)
-            task.job.message = f"{len(data)} bytes sent as they are."
-
-        return work
+        """Bytes as they are."""
+        return commanding.raw(desk, data)
 
     def restore(self, desk: Desk) -> Callable[[Task], Awaitable[None]]:
         """The procedure for a device that answers at no rate; old settings come back where a trial was under way."""
@@ -380,8 +298,19 @@ class Jobs:
                 if not back:
                     raise JobError(f"The device answers{rate}, but has not its old settings.", "Read its settings.")
                 task.job.message = "The device answers again and has its old settings."
+            await self._refreshed(desk, task)
 
         return work
+
+    async def _refreshed(self, desk: Desk, task: Task) -> None:
+        """All that the device has, once it is found again: of what was read before nothing is certain. What cannot be
+        read is marked; that it was found stays true."""
+        desk.doubt(list(desk.values), commanding.NOT_SINCE.format(task.job.title))
+        try:
+            await self._reader.survey(desk, task, None)
+        except (SilentError, RefusedError, LinkError) as error:
+            desk.log.note(str(error), fault=True)
+            task.job.hint = "Its settings could not be read; read them again."
 
     def _unfinished(self, desk: Desk, known: Known) -> Record | None:
         source = desk.session.info.source
@@ -401,8 +330,23 @@ class Jobs:
                 raise JobError("The device could not be reached when this server last ran.", RESTORE_HINT)
             await hand.go_back("The server was started again in the middle of a trial.")
             task.job.message = "The device has its old settings again."
+            await self._refreshed(desk, task)
 
         return work
+
+
+def _writing(desk: Desk, task: Task, change: Change) -> Dialogue[list[Written]]:
+    """Write, and read what changed with it; after a restart that is read then."""
+
+    def tell(words: str) -> None:
+        desk.step(task, words)
+
+    written = yield from errands.write_all(desk.driver, desk.known, change.todo, tell, change.held)
+    also = [] if change.restart else errands.altered(desk.driver, desk.known, change.todo)
+    if also and not all(one.refused for one in written):
+        found = yield from errands.survey(desk.driver, desk.known, also, tell)
+        desk.learn(found.known, found.values, found.missing)
+    return written
 
 
 async def _called(desk: Desk, driver: Driver, known: Known, task: Task) -> bool:
@@ -432,8 +376,3 @@ def changed_words(row: Setting, paths: Sequence[str], old: Values, new: Values) 
         left, right = ("—" if v is None else words(at, v) if at is not None else str(v) for v in sides)
         said.append(f"{title_at(row.fields, path)} {left} → {right}")
     return said
-
-
-def plain_values(values: Mapping[str, Values]) -> dict[str, dict[str, Any]]:
-    """Wire values as JSON and YAML hold them; 64-bit numbers stay numbers."""
-    return {name: dict(fields) for name, fields in values.items()}

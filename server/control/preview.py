@@ -126,7 +126,12 @@ def frame_info(driver: Driver, frame: bytes) -> FrameInfo:
 
 
 def load_of(present: Present, values: Mapping[str, Values], baud: int | None) -> LoadInfo | None:
-    """What these settings ask of the line; None where they are not known well enough to tell."""
+    """What these settings ask of the line; None where they are not known well enough to tell.
+
+    Outputs that were not read are not none.
+    """
+    if any(row.editor and row.name not in values for row in present.driver.settings(present.known)):
+        return None
     try:
         load = present.driver.load(values, present.known)
     except (KeyError, EncodeError):

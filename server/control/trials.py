@@ -362,7 +362,8 @@ class Hand:
 
     async def _read(self, names: Mapping[str, Any]) -> errands.Survey | None:
         known = self._known(self._desk.session.baud)
-        body = errands.survey(self._driver, known, list(names), self._tell)
+        also = errands.altered(self._driver, known, names)
+        body = errands.survey(self._driver, known, [*names, *also], self._tell)
         try:
             found = await self._desk.run(self._driver.within(body, known))
         except (SilentError, RefusedError) as error:

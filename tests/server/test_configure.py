@@ -90,7 +90,11 @@ def test_an_orientation_reset_is_stored_with_nothing_between(http: Client) -> No
     command(http, "ResetOrientation", {"code": 4}, confirmed=True)
     assert "not stored" in http.get("/api/devices/1/control").json()["unfinished"]
     command(http, "ResetOrientation", {"code": 0}, confirmed=True)
-    assert sent(http, since) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    frames = sent(http, since)
+    assert frames[:4] == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    assert {"ReqAlignmentRotation"} == {name for name in frames[4:] if "Rotation" in name or "Orientation" in name}
+    stored = http.get("/api/devices/1/values").json()["values"]["AlignmentRotation.RotLocal"]
+    assert stored != before, "the form has the new one without being asked"
     assert http.get("/api/devices/1/control").json()["unfinished"] == ""
     assert read(http)["AlignmentRotation.RotLocal"] != before
     command(http, "ResetOrientation.Stored", {"code": 7}, confirmed=True)

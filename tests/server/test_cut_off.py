@@ -67,7 +67,7 @@ def test_a_device_unplugged_while_it_was_written_kept_showing_old_values(tmp_pat
             job = await over(task)
             assert job.state == "failed"
             assert job.message.startswith(
-                "The device was cut off while it was written. Read back: Location identifier has"
+                "The device stopped answering while it was written. Read back: Location identifier has"
             )
             assert "refused" not in job.message
             assert desk.values["LocationID"] == {"location_id": 7}
@@ -88,7 +88,7 @@ def test_the_way_back_of_a_device_that_stayed_away_was_forgotten(
         async with house(tmp_path) as here:
             desk, task = await cut(here, 1.0)
             job = await over(task)
-            assert job.message == "The device was cut off while it was written, and did not come back."
+            assert job.message == "The device stopped answering while it was written, and did not come back."
             assert [json.loads(path.read_text())["state"] for path in files(tmp_path)] == ["applying"]
             assert not {"LocationID", "OutputConfiguration"} & set(desk.values)
             assert desk.missing["LocationID"] == cut_off.UNKNOWN

@@ -210,6 +210,11 @@ export class Model {
     return current(this.present.value, this.drafts.value, form.name) ?? (form.partial ? {} : initials(form.fields));
   }
 
+  /** Is there something to show of a setting that is the device's, or a person's? */
+  isKnown(form: SettingForm): boolean {
+    return current(this.present.value, this.drafts.value, form.name) !== undefined;
+  }
+
   argumentsOf(form: CommandForm): Values {
     const held = this.present.value[form.writes] ?? {}; // a form that writes a setting opens with what the device has
     const own = Object.fromEntries(form.arguments.flatMap(({ name }) => (held[name] === undefined ? [] : [[name, held[name]]])));
@@ -305,6 +310,7 @@ export class Model {
     const isPresent = key.startsWith("=");
     const form = this.setting(isPresent ? key.slice(1) : key);
     if (form === undefined || !form.writable) return undefined;
+    if (!isPresent && !this.isKnown(form)) return undefined; // what a form begins with is not what the device has
     const values = isPresent ? this.present.peek()[form.name] : form.partial ? this.changes.peek()[form.name] : this.valuesOf(form);
     if (values === undefined) return undefined;
     const own = form.fields.filter(({ name, read_only }) => !read_only && values[name] !== undefined);

@@ -31,6 +31,7 @@ const EFFECT: Readonly<Record<SettingForm["after"], string>> = {
 export function Setting({ model, form, alone }: Props) {
   const edits = model.counts.value.get(form.name) ?? 0;
   const lacking = model.body.value?.missing[form.name];
+  const unread = model.present.value[form.name] === undefined;
   const showsBytes = alone || edits > 0 || form.editor !== "";
   useEffect(() => {
     if (!showsBytes) return undefined;
@@ -52,7 +53,7 @@ export function Setting({ model, form, alone }: Props) {
         </div>
       )}
       <Words form={form} source={!alone} />
-      {lacking !== undefined && <p class="hint inset">Not read from this device: {lacking}.</p>}
+      {unread && <p class="hint inset unread">Not read from this device: {lacking ?? "nobody has asked it yet"}.</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
     </section>
@@ -109,6 +110,7 @@ function Body({ model, form }: { readonly model: Model; readonly form: SettingFo
   const forms = model.forms.value as Forms;
   const list: FieldForm | undefined = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
   if (list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
+  if (!model.isKnown(form)) return null; // an empty table would say that nothing is sent
   const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
   const rest = form.fields.filter((field) => field !== list);
   const table = { sheet, field: list, load, hot: model.hot.value };

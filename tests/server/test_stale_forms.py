@@ -1,0 +1,146 @@
+"""Settings that a command alters by the way: nobody is shown what the device had before it."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known
+from protocols.registry import PROTOCOLS
+from server.control.desk import Desk
+from server.control.preview import load_of
+from tests.server.desk import House, house, outputs, over
+
+IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+def dids(desk: Desk) -> set[int]:
+    return {one["did"] for one in desk.values["streams"]["streams"]}
+
+
+async def command(here: House, desk: Desk, name: str, restarts: bool = False, **values: object) -> None:
+    work = here.desks.jobs.run(desk, name, values, changes=False, restarts=restarts)
+    job = await over(desk.add(name, work))
+    assert job.state == "done", job.message
+
+
+def test_a_preset_of_streams_left_the_form_as_it_was(tmp_path: Path) -> None:
+    """Six streams flowed, and the form went on showing those that it had replaced; a restart brought them back."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(IMX)
+            await here.read(desk)
+            before = dids(desk)
+            await command(here, desk, "DID_RMC.INS", options=0)
+            assert dids(desk) != before
+            await command(here, desk, "DID_SYS_CMD.SOFTWARE_RESET", restarts=True)
+            assert dids(desk) == before
+            await command(here, desk, "STOP_BROADCASTS_CURRENT_PORT")
+            assert dids(desk) == set()
+
+    run(check())
+
+
+def test_factory_settings_left_every_form_as_it_was(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(MTI)
+            await here.read(desk)
+            assert (await here.apply(desk, {"LocationID": {"location_id": 7}})).state == "done"
+            await command(here, desk, "RestoreFactoryDef")
+            assert desk.values["LocationID"] == {"location_id": 0}
+
+    run(check())
+
+
+def test_what_a_command_altered_is_marked_where_it_cannot_be_read(tmp_path: Path) -> None:
+    """Bytes that a person composed: the setting that they write is not known until it is read again."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(MTI)
+            await here.read(desk)
+            frame = desk.driver.frame("SetLocationID", {"location_id": 9}, desk.known)
+            job = await over(desk.add("Send 7 bytes", here.desks.jobs.raw(desk, frame)))
+            assert job.state == "done"
+            assert "LocationID" not in desk.values
+            assert desk.missing["LocationID"] == "not read since “Send 7 bytes”"
+            assert "OutputConfiguration" in desk.values
+            asked = desk.driver.frame("ReqDID", {}, desk.known)
+            await over(desk.add("Ask", here.desks.jobs.raw(desk, asked)))
+            assert "OutputConfiguration" in desk.values
+            await over(desk.add("Send 2 bytes", here.desks.jobs.raw(desk, b"\x00\x01")))
+            assert not desk.values
+            await here.read(desk)
+            assert not desk.missing
+
+    run(check())
+
+
+def test_a_new_period_of_navigation_left_the_streams_at_the_old_one(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(IMX)
+            await here.read(desk)
+            change = {"DID_FLASH_CONFIG": {"startupNavDtMs": 40, "startupImuDtMs": 40}}
+            assert (await here.apply(desk, change)).state == "done"
+            assert desk.values["DID_SYS_PARAMS"]["navOutputPeriodMs"] == 40
+            row = next(one for one in desk.values["streams"]["streams"] if one["did"] == 4)
+            assert row["source_ms"] == pytest.approx(40, rel=0.05)
+
+    run(check())
+
+
+def test_outputs_that_were_not_read_counted_as_none(tmp_path: Path) -> None:
+    """The link budget said 0 B/s beside what was measured."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(MTI)
+            await over(desk.add("Read", here.desks.jobs.read(desk, ["LocationID"], "")))
+            assert load_of(desk.present, desk.values, 921_600) is None
+            merged = {**desk.values, "OutputConfiguration": outputs(100)}
+            load = load_of(desk.present, merged, 921_600)
+            assert load is not None
+            assert load.total > 0
+
+    run(check())
+
+
+@pytest.mark.parametrize(
+    ("protocol", "name", "values", "some"),
+    [
+        ("isb", "DID_RMC.IMX_PPD", {"options": 0}, {"streams"}),
+        ("isb", "SET_DID_RMC", {"bits": 0, "options": 0}, {"streams"}),
+        ("isb", "GET_DID_INS_1", {"period": 4}, {"streams"}),
+        ("isb", "GET_DID_INS_1", {"period": 0}, set()),
+        ("isb", "STOP_DID_BROADCAST", {"id": 4}, {"streams"}),
+        ("isb", "STPB", {}, {"streams", "DID_NMEA_BCAST_PERIOD"}),
+        ("isb", "ASCE", {}, {"DID_NMEA_BCAST_PERIOD"}),
+        ("isb", "SRST", {}, {"streams", "DID_NMEA_BCAST_PERIOD", "DID_MAG_CAL"}),
+        ("isb", "DID_MAG_CAL.MULTI_AXIS", {}, {"DID_MAG_CAL"}),
+        ("isb", "DID_SYS_CMD.MANF_CHIP_ERASE", {}, {"DID_FLASH_CONFIG", "streams"}),
+        ("isb", "SET_DID_SYS_CMD", {"command": 99}, {"streams", "DID_NMEA_BCAST_PERIOD"}),
+        ("isb", "SET_DID_SYS_CMD", {"command": 97}, set()),
+        ("isb", "DID_SYS_CMD.SAVE_FLASH", {}, set()),
+        ("xbus", "RestoreFactoryDef", {}, {"LocationID", "OutputConfiguration", "AlignmentRotation.RotLocal"}),
+        ("xbus", "ResetOrientation.Stored", {"code": 4}, {"AlignmentRotation.RotSensor", "AlignmentRotation.RotLocal"}),
+        ("xbus", "ResetOrientation", {"code": 4}, set()),
+        ("xbus", "Reset", {}, set()),
+    ],
+)
+def test_what_a_command_alters(protocol: str, name: str, values: dict[str, object], some: set[str]) -> None:
+    driver = PROTOCOLS[protocol].driver
+    known = Known(product="IMX-5" if protocol == "isb" else "MTi-630")
+    assert name in {row.name for row in driver.commands(known)}
+    found = set(driver.alters(name, values, known))
+    assert found <= {row.name for row in driver.settings(known)}
+    assert (some <= found) if some else not found
