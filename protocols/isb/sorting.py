@@ -24,19 +24,23 @@ import numpy as np
 from protocols.framing import BODY, FRAME, ID, LENGTH, OFFSET, STATUS, Bytes, Ints
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, WITH_OFFSET
 from protocols.isb.timeline import (
+    DATED,
     FIX,
     GTIME,
     NO_STEP,
     NONE,
     ONE,
     RESET,
+    SYNC,
     WEEK_TOW,
     S,
     begin_again,
     double_ns,
+    due,
     exact,
     four,
     is_reset,
+    spacing,
     tell,
     up_time,
 )
@@ -57,9 +61,10 @@ RULES = 12
 NO_VARIANT, RAW_DATA, VELOCITY, POSITION, EVENT = range(5)
 EVENT_TYPE_AT, EVENT_TEXT = 16, 2
 
-# The last whole value of each data set, one row per DID; WHOLE_UP of this start of the device.
-WHOLE_KEY, WHOLE_SIZE, WHOLE_UP = range(3)
-WHOLES = 3
+# The last whole value of each data set, one row per DID; of this start of the device its up-time, and how far apart two
+# were while it told that.
+WHOLE_KEY, WHOLE_SIZE, WHOLE_UP, WHOLE_EVERY = range(4)
+WHOLES = 4
 
 DATA_TYPE_AT, OBSERVATIONS_AT, RAW_AT, OBSERVATION_SIZE = 1, 2, 4, 69
 RAW_OBSERVATION = 1
@@ -192,10 +197,14 @@ def sort(
             if is_reset(wholes[did, WHOLE_UP], up):
                 state, time, timed, step, by = begin_again(state, up)
             else:
+                if up == DATED:
+                    state = due(state, week, wholes[did, WHOLE_UP], wholes[did, WHOLE_EVERY])
                 state, time, timed, step, by = tell(state, clock, ns, week)
             if step == RESET:
-                wholes[:, WHOLE_UP] = -1  # else each set in turn would tell of the same reset
+                wholes[:, WHOLE_UP:] = -1  # else each set in turn would tell of the same reset
             if up >= 0:
+                if clock == WEEK_TOW:
+                    wholes[did, WHOLE_EVERY] = spacing(wholes[did, WHOLE_EVERY], wholes[did, WHOLE_UP], up)
                 wholes[did, WHOLE_UP] = up
             out[TIME, f] = time
             out[TIMED, f] = timed
@@ -203,7 +212,9 @@ def sort(
             out[BY, f] = by
             if rules[did, VARIANT] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
                 state, _, _, step, by = exact(state, week, double_ns(data, body + TOW_OFFSET_AT))
-                if step != NO_STEP and out[STEP, f] == NO_STEP:
+                if out[STEP, f] == SYNC:  # what was before the fix moves by what is known exactly now
+                    out[BY, f] += by
+                elif step != NO_STEP and out[STEP, f] == NO_STEP:
                     out[STEP, f] = step
                     out[BY, f] = by
         variant = 0

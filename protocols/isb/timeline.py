@@ -14,8 +14,9 @@ carry one or the other:
     before the first fix   up-time. A week of 0 says that there was none; the time of week beside it is up-time then,
                            and never a date in 1980.
     from then on           UTC, ns since the Unix epoch. Up-time is shifted by what the two clocks differ. GPS position
-                           says it exactly (towOffset); until one passes by, the last up-time before the fix stands for
-                           the same moment, which is right to one output period.
+                           says it exactly (towOffset). Until one passes by, the first set with a date is taken to come
+                           as far behind its last one as that was behind the one before (`due`); of a set that was not
+                           seen before, the newest up-time stands for the same moment, which is right to one period.
 
 The change of epoch is a Step of kind "sync" whose `by` is the whole shift; a device that starts again is a "reset".
 A time of week without any week known has no time. Rows older than the newest by less than LATE_NS are just late: a
@@ -58,6 +59,7 @@ LATE_NS = 10 * S
 BACK_NS = (
     S // 2
 )  # a set that goes back by more than its jitter, to a time near zero, comes from a device that restarted
+SOON = 10  # of its period: so much later than a set that is due at the same moment another one's clock may be read
 DATED = 1 << 62  # the up-time, for comparison, of a set that carried a week
 NEAR_NS = 2 * S  # an exact shift that differs from the rough one by more is not believed
 TOLD_NS = 5_000_000  # a correction of the shift below this is no event
@@ -128,6 +130,28 @@ def up_time(kind: int, ns: int, week: int) -> int:
 def is_reset(before: int, up: int) -> bool:
     """Did the device start again, by two up-times of one data set, the earlier one first (see `up_time`)?"""
     return 0 <= up < LATE_NS and before > up + BACK_NS
+
+
+@inlined
+def spacing(every: int, before: int, up: int) -> int:
+    """How far apart a set comes by its up-time: the least that was seen, since packets may be lost; -1 if unknown."""
+    if before < 0 or before >= DATED or up >= DATED or up <= before:
+        return every
+    return up - before if every < 0 else min(every, up - before)
+
+
+@inlined
+def due(state: State, week: int, before: int, every: int) -> State:
+    """The newest up-time as that of a set which has just told its first date, by when it was due.
+
+    Args:
+        before, every: its own last up-time, and how far apart it comes; negative where they are not known.
+    """
+    if state[5] == FROM_1970 or every <= 0 or before < 0 or before >= DATED or week < FIRST_WEEK or week > LAST_WEEK:
+        return state
+    missed = max(0, state[2] - before - every // SOON)
+    up = before + every * max(1, -(-missed // every))
+    return state[0], state[1], up, state[3], state[4], state[5]
 
 
 @compiled(TOLD, STATE, INT)

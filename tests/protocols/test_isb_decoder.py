@@ -89,6 +89,32 @@ def test_position_tells_the_shift_exactly() -> None:
     assert times(decode(*parts), "DID_IMU")[-1] == pytest.approx(MIDNIGHT - 18 + tow + 1, abs=1e-6)
 
 
+@pytest.mark.parametrize("lost", [(), (2,), (4,)])
+def test_rows_before_the_first_fix_were_moved_by_up_to_a_period_too_much(lost: tuple[int, ...]) -> None:
+    """A set that is alone on its line tells its first date one period after its last up-time, not with it; also where
+    packets were lost before."""
+    ups = [place / 100 for place in range(500, 506)]
+    dated = [18 + 0.01 * place for place in range(6)]
+    before = [ins(0, up) for place, up in enumerate(ups) if place not in lost]
+    events = decode(*before, *(ins(WEEK, tow) for tow in dated))
+    (step,) = (event for event in events if isinstance(event, Step))
+    assert step.by_ns == pytest.approx((MIDNIGHT - 5.06) * S, abs=1000)
+
+
+def test_up_time_after_the_first_fix_was_a_period_early_until_a_position_came() -> None:
+    """DID_IMU behind DID_INS_1 in each turn: the newest up-time when the fix shows is that of the turn before."""
+    turns = [part for up in (4.98, 4.99, 5.0) for part in (ins(0, up), imu(up + 0.0001))]
+    events = decode(*turns, ins(WEEK, 18.0), imu(5.0101), ins(WEEK, 18.01), imu(5.0201))
+    assert times(events, "DID_IMU")[-2:] == pytest.approx([MIDNIGHT + 0.0001, MIDNIGHT + 0.0101], abs=1e-6)
+
+
+def test_a_position_that_brings_the_first_fix_moves_what_was_before_exactly() -> None:
+    """What a receiver solves is old when it is sent; its offset says by how much the clocks differ."""
+    parts = [imu(100.0), imu(100.01), position(WEEK, 299_930, 300.0 - 100.01), imu(100.02)]
+    (step,) = (event for event in decode(*parts) if isinstance(event, Step))
+    assert step.by_ns == pytest.approx((MIDNIGHT - 18 + 300 - 100.01) * S, abs=1000)
+
+
 def test_time_of_week_without_a_week_has_no_time_and_follows_the_week_over_its_end() -> None:
     assert times(decode(velocity(1000)), "DID_GPS1_VEL") == [None]
     events = decode(ins(WEEK, 604_799.9), velocity(100), ins(WEEK + 1, 0.2), velocity(604_799_950))
