@@ -8,7 +8,8 @@ FIELD=VALUE:   400   0x400F   -1.5   a name of a choice (GROUND_VEHICLE)   names
                an angle in degrees where the unit is rad (90deg, [0,0,90°])
                a group of bits and its value (GPS1_SOURCE=SER1|GPS1_TYPE=GPX; protocols/flag_words.py)
                a list or record as JSON ([1, 2, 3])   hex digits of opaque bytes   text
-               a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named
+               a path into lists and records (outputs.0.output_frequency=400); lists grow as their places are named;
+               of a vector one element (gps1AntOffset.1=0.3) where a device is asked for the others, as `send` does
 
 A message is a command of a protocol, with what it is usually sent with filled in; or any message that `imuscope
 inspect` names, as it stands. Whose it is is found by its name. What is not known is answered with the nearest names.
@@ -42,6 +43,7 @@ from protocols.xbus.strings import EM1000, EM1000_HEAD
 from server.live.reading import Reading
 
 Record = Mapping[str, Any]
+NOTHING: Record = {}
 _DEGREES = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?:°|deg)(?:/s)?\Z", re.IGNORECASE)
 _DEGREES_IN = re.compile(r"\d\s*(°|deg)", re.IGNORECASE)
 FOREIGN = ("nmea", "ubx", "rtcm3", "tss2", "em1000")
@@ -140,12 +142,17 @@ def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "") 
 
 
 def frame_of(
-    tongue: Tongue, message: str, pairs: Sequence[str], known: Known | None = None
+    tongue: Tongue,
+    message: str,
+    pairs: Sequence[str],
+    known: Known | None = None,
+    present: Mapping[str, Any] = NOTHING,
 ) -> tuple[bytes, dict[str, Any]]:
     """The frame of a message and the values that went into it.
 
     Args:
         pairs: FIELD=VALUE.
+        present: what the device has, for vectors of which one element is named.
     Raises:
         ComposeError: a name or value that cannot be used.
     """
@@ -153,7 +160,7 @@ def frame_of(
     problem = None
     for command in tongue.forms(message):
         try:
-            values = parse(pairs, command.arguments)
+            values = parse(pairs, command.arguments, present)
         except ComposeError as error:
             problem = problem or error
             continue
@@ -172,9 +179,26 @@ def frame_of(
         raise ComposeError(f"{message}: {error}") from None
 
 
-def parse(pairs: Sequence[str], fields: Sequence[Field]) -> dict[str, Any]:
+def names_elements(pairs: Sequence[str], fields: Sequence[Field]) -> bool:
+    """Is an element of a vector named, whose others the device has to tell?
+
+    Raises:
+        ComposeError: no field of that name.
+    """
+    found = (_found(pair.partition("=")[0], fields) for pair in pairs)
+    return any(rest and _is_vector(field) for field, rest in found)
+
+
+def _is_vector(field: Field) -> bool:
+    """Is it a list of fixed length, of numbers?"""
+    return len(field.shape) == 1 and field.shape[0] > 0 and not field.fields and field.dtype not in ("ascii", "bytes")
+
+
+def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, Any] = NOTHING) -> dict[str, Any]:
     """FIELD=VALUE pairs as values by name.
 
+    Args:
+        present: what the device has: a vector of which one element is named keeps the others.
     Raises:
         ComposeError: no field of that name, a value that is none, a path that leads nowhere.
     """
@@ -184,6 +208,8 @@ def parse(pairs: Sequence[str], fields: Sequence[Field]) -> dict[str, Any]:
         if not equals or not path:
             raise ComposeError(f"{pair!r} is no FIELD=VALUE")
         field, rest = _found(path, fields)
+        if rest and _is_vector(field) and field.name not in values and field.name in present:
+            values[field.name] = list(present[field.name])
         _put(values, field.name, field, rest, path, text)
     return values
 
@@ -213,6 +239,11 @@ def _put(into: dict[str, Any], name: str, field: Field, rest: list[str], path: s
     if not rest[0].isdecimal():
         raise ComposeError(f"{path}: {field.name} is a list: {field.name}.0 is its first")
     place, rows = int(rest[0]), into.setdefault(name, [])
+    if _is_vector(field) and place >= field.shape[0]:
+        raise ComposeError(f"{path}: {field.name} has {field.shape[0]} elements, the last is {field.shape[0] - 1}")
+    if place > len(rows) and _is_vector(field):
+        whole = ",".join("…" * field.shape[0])
+        raise ComposeError(f"{path}: what else is in {field.name} is not known here; give {field.name}=[{whole}]")
     if place > len(rows):
         raise ComposeError(f"{path}: {field.name} has {len(rows)} entries so far; the next is {field.name}.{len(rows)}")
     if place == len(rows):

@@ -27,7 +27,7 @@ from protocols.events import Decoder, Event
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS, guess
 from protocols.schema import Command, Setting
-from server.commands.compose import ComposeError, Tongue, chosen, frame_of, parse, tongues
+from server.commands.compose import ComposeError, Tongue, chosen, frame_of, names_elements, parse, tongues
 from server.control.dangers import dangers_of_write
 from server.control.runner import Runner
 from server.control.values import value_at
@@ -206,7 +206,8 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
     if setting is not None and command is None:
         await _setting_wish(asked.tongue, setting, wish, known, play, out, notes)
         return
-    frame, values = frame_of(asked.tongue, wish.message, wish.pairs, known)
+    present = await _present(driver, command, wish, known, play)
+    frame, values = frame_of(asked.tongue, wish.message, wish.pairs, known, present)
     if command is None:
         await channel.send(frame)
         _print(out, {"sent": frame.hex()})
@@ -222,6 +223,19 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
         got = await play(driver.read(kept.name, known))
         _print(out, {"setting": kept.name, "fields": got})
         _tell_altered(driver, kept, values, got, notes)
+
+
+async def _present(
+    driver: Driver, command: Command | None, wish: Wish, known: Known, play: Callable[[Dialogue[Any]], Any]
+) -> Values:
+    """What the device has of the setting that a command writes, where one element of a vector is named."""
+    try:
+        if command is None or not names_elements(wish.pairs, command.arguments):
+            return {}
+    except ComposeError:  # fields of another form of it: told when it is composed
+        return {}
+    row = next((row for row in driver.settings(known) if row.write == command.name), None)
+    return {} if row is None else await play(driver.read(row.name, known))
 
 
 def _continues(tongue: Tongue, command: Command, wish: Wish, known: Known) -> bool:
@@ -250,7 +264,10 @@ async def _setting_wish(
         return
     if not setting.write:
         raise SendError(f"{setting.name} can be read, not written")
-    values = parse(wish.pairs, setting.fields)
+    present: Values = {}
+    if names_elements(wish.pairs, setting.fields):
+        present = await play(driver.read(setting.name, known))
+    values = parse(wish.pairs, setting.fields, present)
     driver.setting_frames(setting.name, values, known)
     await _allow_write(driver, setting, values, wish, known, play)
     written = await play(driver.write(setting.name, values, known))

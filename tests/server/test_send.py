@@ -39,6 +39,19 @@ def test_a_field_of_an_imx_is_written_and_read_back() -> None:
     assert kept["fields"]["magDeclination"] == 0.25
 
 
+def test_one_element_of_a_vector_was_refused() -> None:
+    """The device has the others, which stay; without a device they are not known."""
+    before = sent("twin:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
+    [kept] = sent("twin:isb", "DID_FLASH_CONFIG", "refLla.2=50.5")
+    assert kept["fields"]["refLla"] == [*before[:2], 50.5]
+    _, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25")
+    assert kept["fields"]["refLla"] == [before[0], 7.25, before[2]]
+    assert "the last is 2" in refused("twin:isb", "DID_FLASH_CONFIG", "refLla.3=1")
+    done = imuscope("compose", "SET_DID_FLASH_CONFIG", "gps1AntOffset.1=0.3")
+    assert done.returncode == 1
+    assert "give gps1AntOffset=[…,…,…]" in done.stderr
+
+
 def test_a_setting_is_read_and_written_by_its_name() -> None:
     [kept] = sent("twin:isb", "streams", 'streams=[{"did": "DID_INS_1", "period": 4}]')
     assert [(row["did"], row["period"]) for row in kept["fields"]["streams"]] == [(4, 4)]
