@@ -1,13 +1,16 @@
 """What does the twin of an IMX-5 say and understand in text? NMEA 0183, beside its binary packets.
 
     $INFO*0E             ──>  $INFO,62123,5.0.4.0,2.7.1.0,7,2.0.0.0,…        who it is
-    $ASCE*14             ──>  $ASCB,0,4,1,7,1*xx                              sentences and their periods
+    $ASCE*14             ──>  $ASCE,0,4,1,7,1*xx                              sentences and their periods
     $ASCE,0,7,1*0E            GGA with every solution; 0 ends it; option 512 keeps it
     $PERS $SRST $STPB $STPC   keep what streams; restart; stop everything
 
 A sentence is made of the data set that it reports, at its pace.
 
-Source: Inertial Sense user manual, "NMEA 0183 (ASCII) protocol".
+The manual calls the answer to ASCE ASCB; firmware 2.7.1 calls it ASCE, and so does this. Who it is ends with type of
+hardware, state and type of build, which the manual does not have.
+
+Source: Inertial Sense user manual, "NMEA 0183 (ASCII) protocol"; inertial-sense-sdk 2.7.1, protocol_nmea.cpp.
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ def _imu(row: Any) -> str:
 
 
 def _pimu(row: Any) -> str:
-    return f"{row['time']:.3f},{_vector(row['theta'], 6)},{_vector(row['vel'], 6)},{row['dt']:.3f}"
+    return f"{row['time']:.3f},{_vector(row['theta'], 4)},{_vector(row['vel'], 4)},{row['dt']:.3f}"
 
 
 def _ins(row: Any) -> str:
@@ -126,14 +129,16 @@ def info(payload: bytes) -> bytes:
     maker, more = (row[name].tobytes().rstrip(b"\0").decode() for name in ("manufacturer", "addInfo"))
     date = f"20{row['buildYear']:02d}-{row['buildMonth']:02d}-{row['buildDay']:02d}"
     words: tuple[Any, ...] = (row["serialNumber"], version("hardwareVer"), version("firmwareVer"), row["buildNumber"])
-    words += (version("protocolVer"), row["repoRevision"], maker, date, "00:00:00.000", more)
+    time = f"{row['buildHour']:02d}:{row['buildMinute']:02d}:{row['buildSecond']:02d}.{row['buildMillisecond']:02d}"
+    words += (version("protocolVer"), row["repoRevision"], maker, date, time, more)
+    words += (row["hardwareType"], row["hdwRunState"], chr(row["buildType"] or ord(" ")))
     return sentence(f"INFO,{','.join(str(word) for word in words)}")
 
 
 def periods(sentences: Mapping[int, int]) -> bytes:
     """What is sent, as the answer to a question."""
     pairs = "".join(f",{number},{period}" for number, period in sorted(sentences.items()))
-    return sentence(f"ASCB,0{pairs}")
+    return sentence(f"ASCE,0{pairs}")
 
 
 def chosen(words: list[str]) -> tuple[int, dict[int, int]] | None:

@@ -204,11 +204,12 @@ def test_text() -> None:
     there = wire()
     info = play(DRIVER.run("INFO", {}, KNOWN), there)
     assert info["line"].startswith("$INFO,62000,5.0.4.0,2.7.1.0,7,2.0.0.0,")
+    assert info["line"].partition("*")[0].endswith(",twin,3,2,r"), "hardware, its state, the build"
     play(
         DRIVER.run("ASCE", {"options": 0, "messages": [{"id": 7, "period": 1}, {"id": 4, "period": 10}]}, KNOWN), there
     )
     told = play(DRIVER.run("$ASCE", {}, KNOWN), there)
-    assert told["line"].startswith("$ASCB,0,4,10,7,1*")
+    assert told["line"].startswith("$ASCE,0,4,10,7,1*"), "as firmware 2.7.1 answers"
     begin, sentences = there.now_ns + 1, Counter[str]()
     there.device.advance(begin)
     decoder = IsbDecoder()

@@ -42,9 +42,9 @@ def test_a_field_of_an_imx_is_written_and_read_back() -> None:
 def test_one_element_of_a_vector_was_refused() -> None:
     """The device has the others, which stay; without a device they are not known."""
     before = sent("twin:isb", "DID_FLASH_CONFIG")[0]["fields"]["refLla"]
-    [kept] = sent("twin:isb", "DID_FLASH_CONFIG", "refLla.2=50.5")
+    [kept] = sent("twin:isb", "DID_FLASH_CONFIG", "refLla.2=50.5", "--yes")
     assert kept["fields"]["refLla"] == [*before[:2], 50.5]
-    _, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25")
+    _, kept = sent("twin:isb", "SET_DID_FLASH_CONFIG", "refLla.1=7.25", "--yes")
     assert kept["fields"]["refLla"] == [before[0], 7.25, before[2]]
     assert "the last is 2" in refused("twin:isb", "DID_FLASH_CONFIG", "refLla.3=1")
     done = imuscope("compose", "SET_DID_FLASH_CONFIG", "gps1AntOffset.1=0.3")
