@@ -12,7 +12,7 @@ from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
 from server.control.desk import Desk
 from server.control.preview import load_of
-from tests.server.desk import House, house, outputs, over
+from tests.server.desk import House, house, outputs, over, until
 
 IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"
 
@@ -144,3 +144,30 @@ def test_what_a_command_alters(protocol: str, name: str, values: dict[str, objec
     found = set(driver.alters(name, values, known))
     assert found <= {row.name for row in driver.settings(known)}
     assert (some <= found) if some else not found
+
+
+@pytest.mark.parametrize(
+    ("source", "silence", "change"),
+    [
+        (IMX, "STOP_BROADCASTS_CURRENT_PORT", {"streams": {"streams": [{"did": 4, "period": 2}]}}),
+        (MTI, "GoToConfig", {"OutputConfiguration": outputs(50)}),
+    ],
+)
+def test_a_silent_device_was_taken_for_an_unreachable_one(
+    tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]]
+) -> None:
+    """Its link is open all the while, it answers, and what is written makes it speak again."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(source)
+            await here.read(desk)
+            await command(here, desk, silence)
+            await until(lambda: desk.session.info.status == "lost", "it is silent")
+            assert desk.session.info.is_open
+            assert (await here.read(desk)).state == "done"
+            job = await here.apply(desk, change)
+            assert (job.state, job.outcomes) == ("done", []), job.message
+            await until(lambda: desk.session.info.status == "live", "it streams again")
+
+    run(check())
