@@ -1,4 +1,4 @@
-"""What can an Inertial Sense device be told and asked, and what does it keep? Commands and settings as rows.
+"""Commands of an Inertial Sense device, as rows.
 
     GET_DID_x          asks once for a data set (or a part of it, or as a stream)             answer: DID_x, or NACK
     SET_DID_x          writes a data set, or neighbouring fields of it by offset              answer: ACK or NACK
@@ -8,12 +8,11 @@
     GET_DATA STOP_…    the packets themselves
     ASCE INFO PERS SRST STPB STPC                  the same in text, NMEA 0183, for every version of the protocol
 
-    settings           the data sets that a device keeps (SETTINGS), and `streams`: which it sends, and how often
-
-What a row says of harm (`caution`, `consequence`) is what a person is told before it is sent.
+What a row says of harm (`caution`, `consequence`) is what a person is told before it is sent. What a device keeps is
+kept.py's business.
 
 Rules for editing: a system command is a row of datasets.txt (eSystemCommand) and, where it does harm, one of `_HARM`. A
-data set that is kept is a row of `_KEPT`.
+data set that is kept is a row of kept.py.
 
 Source: ISB document; NMEA document of the same maker, "NMEA input messages"; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -22,34 +21,41 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
-from protocols.isb.manual import noted
-from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX, places
-from protocols.isb.streams import GPX_PRESETS, OF_GPX, PRESETS, STREAMS
-from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, as_written
+from protocols.isb.kept import (
+    DATA_SETS,
+    G_CAL,
+    G_NMEA,
+    G_READ,
+    G_STREAMS,
+    G_SYSTEM,
+    G_WRITE,
+    GET_PREFIX,
+    KEPT,
+    fields_of,
+    select,
+)
+from protocols.isb.manual import SENTENCES
+from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
+from protocols.isb.streams import GPX_PRESETS, PRESETS
+from protocols.isb.tables import SOURCE, TABLES
 from protocols.labels import spoken
-from protocols.schema import Bits, Caution, Command, Field, Setting
+from protocols.schema import Caution, Command, Field
 
 SYS_CMD, NMEA_PERIODS, RMC, FLASH, MAG_CAL, DEV_INFO, SYS_PARAMS = 7, 8, 9, 12, 19, 1, 10
-GET_PREFIX = "GET_"
 NMEA_SOURCE = "Inertial Sense user manual, NMEA 0183 (ASCII) protocol"
-ISB_SOURCE = "Inertial Sense binary protocol document"
-STREAMS_SETTING = "streams"
-WHOLE = (8, 126)  # sentences and streams of a GPX act as they are written, which is as a whole
-PERSISTENT = 1 << 9  # of the options of streams and sentences: a request to save them, not a state that can be read
 SAVE_PERSISTENT, SAVE_FLASH, SOFTWARE_RESET = 1, 97, 99
-
-G_STREAMS, G_NMEA, G_CONFIG, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE = (
-    *("Streams", "NMEA", "Configuration", "Calibration", "System", "About", "Read a data set", "Write a data set"),
-)
-GROUPS = (G_STREAMS, G_CONFIG, G_NMEA, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE)
 
 SYSTEM_COMMANDS: Mapping[int, str] = {
     value: name for value, name in TABLES.choices["eSystemCommand"].items() if name != "NONE"
 }
 NMEA_MESSAGES = TABLES.choices["eNmeaMsgId"]
+_SENTENCES = {  # that can be chosen: neither commands nor marks
+    number: name
+    for number, name in NMEA_MESSAGES.items()
+    if (number in SENTENCES or number > 256) and name != "INVALID" and not name.endswith("_START")
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,114 +108,6 @@ INPUTS = (71, 88)  # wheel encoder, position measurement: samples that a vehicle
 _SIMPLE_COMMANDS = ("SAVE_PERSISTENT_MESSAGES", "SOFTWARE_RESET", "ZERO_MOTION", "RESET_EKF_STATES", "SAVE_FLASH")
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    """A data set that a device keeps or tells of itself.
-
-    Args:
-        title: what it is called; the document has constants only.
-        write: whether it can be written.
-        after: when what is written takes effect.
-    """
-
-    title: str
-    group: str
-    doc: str
-    write: bool = False
-    after: str = ""
-    simple: bool = False
-
-
-_KEPT: Mapping[int, _Kept] = {
-    12: _Kept(
-        "Flash configuration",
-        G_CONFIG,
-        "What the device keeps over a restart; single fields are written by their offset.",
-        True,
-        "reset",
-        True,
-    ),
-    8: _Kept("NMEA sentences", G_NMEA, "Which sentences are sent, and how often.", write=True, simple=True),
-    19: _Kept("Calibration of the magnetometers", G_CAL, "Calibration of the magnetometers.", write=True, simple=True),
-    94: _Kept("Calibration in the field", G_CAL, "Calibration in the field.", write=True),
-    87: _Kept("Wheels", G_CAL, "Calibration of wheel encoders.", write=True),
-    64: _Kept("Built-in test", G_CAL, "Built-in test.", write=True),
-    73: _Kept("Survey of a base", G_CONFIG, "Survey of a base's place.", write=True),
-    90: _Kept("CAN bus", G_CONFIG, "Messages on the CAN bus.", True, "reset"),
-    61: _Kept("RTK engine", G_CONFIG, "Options of the RTK engine.", write=True),
-    121: _Kept("Configuration of a GPX", G_CONFIG, "Configuration of a GPX, kept over a restart.", True, "reset"),
-    126: _Kept("Streams of a GPX", G_STREAMS, "Streams of a GPX.", write=True),
-    125: _Kept("Built-in test of a GPX", G_CAL, "Built-in test of a GPX.", write=True),
-    81: _Kept("Configuration of an EVB", G_CONFIG, "Configuration of an EVB, kept over a restart.", True, "reset"),
-    1: _Kept("Device", G_ABOUT, "Product, serial number, versions.", simple=True),
-    10: _Kept("State of the system", G_ABOUT, "Temperatures, periods and status now."),
-    17: _Kept("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
-    18: _Kept("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
-    2: _Kept("Last fault", G_ABOUT, "The last fault."),
-    75: _Kept("Traffic of the ports", G_ABOUT, "Traffic and losses of every port."),
-    120: _Kept("Device, GPX", G_ABOUT, "Product, serial number, versions of a GPX."),
-    93: _Kept("Device, EVB", G_ABOUT, "Product, serial number, versions of an EVB."),
-}
-
-
-# -- fields ------------------------------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=1024)
-def fields_of(did: int, version: str = CURRENT) -> tuple[Field, ...]:
-    """The fields of a data set in firmware `version`, with what the manual says of each, in the units of the wire."""
-    row = SETS.get(did)
-    if row is None or row.struct is None:
-        return ()
-    size = row.sizes.get(version, row.struct.size)
-    return tuple(as_written(noted(did, field)) for field, _ in places(did, 0, size, version=version))
-
-
-def _select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2", default: int | None = None) -> Field:
-    return Field(name, dtype, choices=choices, default=default, doc=doc)
-
-
-DATA_SETS: Mapping[int, str] = {did: row.name for did, row in SETS.items() if did and row.struct}
-_PERIOD = Field("period", "<u2", default=1, doc="Multiple of the source's period.", low=1)
-
-STREAM_FIELDS = (
-    Field(
-        "streams",
-        shape=(-1,),
-        most=len(STREAMS),
-        fields=(
-            _select("did", "Data set.", {did: row.name for did, row in STREAMS.items()}),
-            _PERIOD,
-            Field("size", "<u2", unit="B", read_only=True, doc="Bytes of its data, as seen; 0 where none was seen."),
-            Field("source_ms", "<f8", unit="ms", read_only=True, doc="Period of its source; 0: when it happens."),
-        ),
-        title="Streams",
-        doc="What this port is sent.",
-        source=ISB_SOURCE,
-    ),
-    Field(
-        "options",
-        "<u4",
-        bits=(Bits("PERSISTENT", 9, doc="Keep these streams over a restart"),),
-        title="Options",
-        default=0,
-        doc="Saves these streams when they are written; whether streams are saved cannot be read.",
-        source=ISB_SOURCE,
-    ),
-)
-
-GPX_STREAM_FIELDS = (
-    replace(
-        STREAM_FIELDS[0],
-        most=len(OF_GPX),
-        fields=(
-            _select("did", "Data set.", {did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
-            *STREAM_FIELDS[0].fields[1:],
-        ),
-    ),
-    STREAM_FIELDS[1],
-)
-
 ASCE_FIELDS = (
     Field(
         "options",
@@ -223,7 +121,7 @@ ASCE_FIELDS = (
         shape=(-1,),
         most=20,
         fields=(
-            _select("id", "Sentence.", NMEA_MESSAGES),
+            select("id", "Sentence.", _SENTENCES),
             Field("period", "<u2", default=1, doc="Multiple of its source's period; 0 switches it off."),
         ),
         default=(),
@@ -239,7 +137,7 @@ _STOPS_ALL = _Harm("stops-output", "Every port of the device falls silent, also 
 
 def _packets() -> list[Command]:
     get = COMMANDS[GET_DATA]
-    did = _select("id", "Data set.", DATA_SETS)
+    did = select("id", "Data set.", DATA_SETS)
     first = get.fields[0]
     arguments = (replace(first, choices=DATA_SETS), *(replace(field, default=0) for field in get.fields[1:]))
     stop = "ACK"
@@ -396,7 +294,7 @@ def _calibrations() -> list[Command]:
 
 
 def _title(did: int) -> str:
-    return _KEPT[did].title if did in _KEPT else ROWS[did].title
+    return KEPT[did].title if did in KEPT else ROWS[did].title
 
 
 def _asks() -> list[Command]:
@@ -421,7 +319,7 @@ def _asks() -> list[Command]:
 def _sets() -> list[Command]:
     commands = []
     for did, name in DATA_SETS.items():
-        kept = _KEPT.get(did)
+        kept = KEPT.get(did)
         command = Command(
             f"{SET_PREFIX}{name}",
             fields_of(did),
@@ -448,42 +346,3 @@ def _sets() -> list[Command]:
 COMMAND_ROWS: Mapping[str, Command] = {
     row.name: row for row in (*_packets(), *_presets(), *_nmea(), *_calibrations(), *_system(), *_asks(), *_sets())
 }
-
-# -- settings ----------------------------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=16)
-def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
-    """Everything that is kept, by name, for firmware `version`."""
-    rows = [
-        Setting(
-            STREAMS_SETTING,
-            STREAM_FIELDS,
-            read=f"{GET_PREFIX}DID_RMC",
-            write="GET_DATA",
-            partial=True,
-            editor="streams",
-            group=G_STREAMS,
-            title="Streams",
-            doc="What the device sends to this port, and how often.",
-            source=ISB_SOURCE,
-        )
-    ]
-    for did, kept in _KEPT.items():
-        name = SETS[did].name
-        rows.append(
-            Setting(
-                name,
-                fields_of(did, version),
-                read=f"{GET_PREFIX}{name}",
-                write=f"{SET_PREFIX}{name}" if kept.write else "",
-                partial=kept.write and did not in WHOLE,
-                after=kept.after,  # type: ignore[arg-type]
-                group=kept.group,
-                simple=kept.simple,
-                title=kept.title,
-                doc=kept.doc,
-                source=SOURCE,
-            )
-        )
-    return {row.name: row for row in rows if row.fields}

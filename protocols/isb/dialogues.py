@@ -47,21 +47,18 @@ from protocols.isb import spans as annotated
 from protocols.isb.commands import (
     COMMAND_ROWS,
     DEV_INFO,
-    GPX_STREAM_FIELDS,
     NMEA_PERIODS,
-    PERSISTENT,
     SAVE_FLASH,
     SAVE_PERSISTENT,
     SOFTWARE_RESET,
-    STREAMS_SETTING,
     SYS_CMD,
-    settings_of,
 )
 from protocols.isb.compare import SAVED, differences
 from protocols.isb.effects import alters
 from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
 from protocols.isb.harm import harm
 from protocols.isb.identity import identity
+from protocols.isb.kept import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from protocols.isb.line import line_change
 from protocols.isb.listening import as_wire
 from protocols.isb.messages import COMMANDS, SET_PREFIX

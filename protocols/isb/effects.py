@@ -15,7 +15,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from protocols.isb.commands import COMMAND_ROWS, GET_PREFIX, STREAMS_SETTING, SYSTEM_COMMANDS
+from protocols.isb.commands import COMMAND_ROWS, SYSTEM_COMMANDS
+from protocols.isb.kept import GET_PREFIX, STREAMS_SETTING
 from protocols.isb.messages import SET_PREFIX
 
 _SENTENCES, _GPX_STREAMS, _CALIBRATION = "DID_NMEA_BCAST_PERIOD", "DID_GPX_RMC", "DID_MAG_CAL"

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.dialogues import Harm
-from protocols.isb.commands import settings_of
+from protocols.isb.kept import settings_of
 
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")

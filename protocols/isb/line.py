@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.dialogues import Known, LineChange
-from protocols.isb.commands import STREAMS_SETTING
+from protocols.isb.kept import STREAMS_SETTING
 
 Values = Mapping[str, Any]
 PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}

@@ -30,7 +30,8 @@ import numpy as np
 
 from protocols.dialogues import Dialogue, Expect, RefusedError
 from protocols.events import Batch, Event, Reply
-from protocols.isb.commands import FLASH, PERSISTENT, RMC, SYS_PARAMS
+from protocols.isb.commands import FLASH, RMC, SYS_PARAMS
+from protocols.isb.kept import PERSISTENT
 from protocols.isb.messages import ROWS
 from protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
 from protocols.schema import Field

@@ -20,8 +20,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.dialogues import Load, Part
-from protocols.isb.commands import NMEA_MESSAGES, STREAMS_SETTING
+from protocols.isb.commands import NMEA_MESSAGES
 from protocols.isb.frames import HEADER, TRAILER
+from protocols.isb.kept import STREAMS_SETTING
 from protocols.isb.streams import DEFAULT_MS, EVENT, FAST, GNSS, IMU, NAV, ONE_PERIOD, STREAMS
 
 Values = Mapping[str, Any]

@@ -162,6 +162,12 @@ def is_momentary(did: int, name: str) -> bool:
 
 
 LISTS = ((8, "nmeaBroadcastMsgs"),)
+SENTENCES = range(20)  # SDK: NMEA_MSG_ID_COUNT; numbers from there on are commands, and ways to send a sentence
+
+
+def _of_sentence(field: Field) -> Field:
+    """A field of an entry of that list: of all numbers those of sentences that a device sends."""
+    return replace(field, choices={number: name for number, name in field.choices.items() if number in SENTENCES})
 
 
 def noted(did: int, field: Field) -> Field:
@@ -174,7 +180,7 @@ def noted(did: int, field: Field) -> Field:
     if note is None:
         return replace(field, simple=False)
     if (did, field.name) in LISTS:  # as many as are in use; the rest travels empty
-        field = replace(field, shape=(-1,), most=field.shape[0])
+        field = replace(field, shape=(-1,), most=field.shape[0], fields=tuple(map(_of_sentence, field.fields)))
     return replace(
         field,
         low=note.low,

@@ -20,20 +20,10 @@ from typing import Any
 
 from protocols import limits, nmea
 from protocols.isb import frames
-from protocols.isb.commands import (
-    ASCE_FIELDS,
-    COMMAND_ROWS,
-    GET_PREFIX,
-    NMEA_PERIODS,
-    RMC,
-    STREAM_FIELDS,
-    STREAMS_SETTING,
-    SYS_CMD,
-    SYSTEM_COMMANDS,
-    fields_of,
-)
+from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
 from protocols.isb.compare import same_pace
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
+from protocols.isb.kept import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.plain import packet_of
 from protocols.isb.streams import GPX_PRESETS, PRESETS

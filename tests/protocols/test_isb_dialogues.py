@@ -14,10 +14,11 @@ import pytest
 from protocols.dialogues import Expect, Known, RefusedError, Send, SilentError, stop
 from protocols.events import Text
 from protocols.isb import frames
-from protocols.isb.commands import COMMAND_ROWS, settings_of
+from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.device import IsbDevice
 from protocols.isb.dialogues import IsbDriver, version_of
+from protocols.isb.kept import settings_of
 from protocols.isb.streams import STREAMS
 from protocols.isb.tables import SETS
 from protocols.layouts import EncodeError

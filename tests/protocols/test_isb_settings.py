@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator
 import pytest
 
 from protocols import limits
-from protocols.isb.commands import COMMAND_ROWS, fields_of, settings_of
+from protocols.isb.commands import COMMAND_ROWS
+from protocols.isb.kept import fields_of, settings_of
 from protocols.isb.manual import BAUD_RATES, CAN_RATES
 from protocols.isb.tables import VERSIONS
 from protocols.schema import Field
@@ -87,3 +88,14 @@ def test_choices_of_forms_do_not_shout() -> None:
             form = field_form(field)
             words = [*form.choices.values(), *(text for bits in form.bits for text in bits.choices.values())]
             assert not [text for text in words if "_" in text and text.isupper() and not text.startswith("DID_")]
+
+
+def test_commands_were_offered_as_sentences_to_send() -> None:
+    """SRST, which restarts the device, and STPB stood in the list of sentences."""
+    kept = settings_of()["DID_NMEA_BCAST_PERIOD"].fields[1].fields[0].choices
+    chosen = COMMAND_ROWS["ASCE"].arguments[1].fields[0].choices
+    for names in (set(kept.values()), set(chosen.values())):
+        assert {"PIMU", "GNGGA", "POWTLV"} <= names
+        assert not {"SRST", "STPB", "PERS", "ASCE", "NELB", "SPECIAL_CASE_START", "GNGSV_START"} & names
+    assert max(kept) < 256, "a number of one byte"
+    assert "GPGSV_1" in chosen.values()

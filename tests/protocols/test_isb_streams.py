@@ -9,8 +9,8 @@ import pytest
 
 from protocols.dialogues import Dialogue, Send, stop
 from protocols.isb import frames
-from protocols.isb.commands import PERSISTENT
 from protocols.isb.device import IsbDevice
+from protocols.isb.kept import PERSISTENT
 from protocols.isb.streams import PRESETS, dids_of
 from protocols.isb.tables import SETS
 from tests.dialogues import Wire, play

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.dialogues import Known
-from protocols.isb.commands import settings_of
 from protocols.isb.dialogues import IsbDriver
+from protocols.isb.kept import settings_of
 from protocols.schema import Field, Setting
 from protocols.xbus.dialogues import XbusDriver
 from server.control.compare import NO_DEFAULT, SideValues, compare

@@ -1,0 +1,180 @@
+"""Settings of an Inertial Sense device: what it keeps, and what it tells of itself, as rows.
+
+    KEPT       the data sets that are read as settings: what they are called, whether and when what is written acts
+    streams    which data sets it sends to this port, and how often
+
+Rules for editing: a data set that is kept is a row of `KEPT`; what its fields mean is manual.py's business.
+
+Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from protocols.isb.manual import noted
+from protocols.isb.messages import SET_PREFIX, places
+from protocols.isb.streams import OF_GPX, STREAMS
+from protocols.isb.tables import CURRENT, SETS, SOURCE, as_written
+from protocols.schema import Bits, Field, Setting
+
+GET_PREFIX = "GET_"
+ISB_SOURCE = "Inertial Sense binary protocol document"
+STREAMS_SETTING = "streams"
+WHOLE = (8, 126)  # sentences and streams of a GPX act as they are written, which is as a whole
+PERSISTENT = 1 << 9  # of the options of streams and sentences: a request to save them, not a state that can be read
+
+G_STREAMS, G_NMEA, G_CONFIG, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE = (
+    *("Streams", "NMEA", "Configuration", "Calibration", "System", "About", "Read a data set", "Write a data set"),
+)
+GROUPS = (G_STREAMS, G_CONFIG, G_NMEA, G_CAL, G_SYSTEM, G_ABOUT, G_READ, G_WRITE)
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A data set that a device keeps or tells of itself.
+
+    Args:
+        title: what it is called; the document has constants only.
+        write: whether it can be written.
+        after: when what is written takes effect.
+    """
+
+    title: str
+    group: str
+    doc: str
+    write: bool = False
+    after: str = ""
+    simple: bool = False
+
+
+KEPT: Mapping[int, Kept] = {
+    12: Kept(
+        "Flash configuration",
+        G_CONFIG,
+        "What the device keeps over a restart; single fields are written by their offset.",
+        True,
+        "reset",
+        True,
+    ),
+    8: Kept("NMEA sentences", G_NMEA, "Which sentences are sent, and how often.", write=True, simple=True),
+    19: Kept("Calibration of the magnetometers", G_CAL, "Calibration of the magnetometers.", write=True, simple=True),
+    94: Kept("Calibration in the field", G_CAL, "Calibration in the field.", write=True),
+    87: Kept("Wheels", G_CAL, "Calibration of wheel encoders.", write=True),
+    64: Kept("Built-in test", G_CAL, "Built-in test.", write=True),
+    73: Kept("Survey of a base", G_CONFIG, "Survey of a base's place.", write=True),
+    90: Kept("CAN bus", G_CONFIG, "Messages on the CAN bus.", True, "reset"),
+    61: Kept("RTK engine", G_CONFIG, "Options of the RTK engine.", write=True),
+    121: Kept("Configuration of a GPX", G_CONFIG, "Configuration of a GPX, kept over a restart.", True, "reset"),
+    126: Kept("Streams of a GPX", G_STREAMS, "Streams of a GPX.", write=True),
+    125: Kept("Built-in test of a GPX", G_CAL, "Built-in test of a GPX.", write=True),
+    81: Kept("Configuration of an EVB", G_CONFIG, "Configuration of an EVB, kept over a restart.", True, "reset"),
+    1: Kept("Device", G_ABOUT, "Product, serial number, versions.", simple=True),
+    10: Kept("State of the system", G_ABOUT, "Temperatures, periods and status now."),
+    17: Kept("First GNSS receiver", G_ABOUT, "Version of the first receiver."),
+    18: Kept("Second GNSS receiver", G_ABOUT, "Version of the second receiver."),
+    2: Kept("Last fault", G_ABOUT, "The last fault."),
+    75: Kept("Traffic of the ports", G_ABOUT, "Traffic and losses of every port."),
+    120: Kept("Device, GPX", G_ABOUT, "Product, serial number, versions of a GPX."),
+    93: Kept("Device, EVB", G_ABOUT, "Product, serial number, versions of an EVB."),
+}
+
+
+# -- fields ------------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=1024)
+def fields_of(did: int, version: str = CURRENT) -> tuple[Field, ...]:
+    """The fields of a data set in firmware `version`, with what the manual says of each, in the units of the wire."""
+    row = SETS.get(did)
+    if row is None or row.struct is None:
+        return ()
+    size = row.sizes.get(version, row.struct.size)
+    return tuple(as_written(noted(did, field)) for field, _ in places(did, 0, size, version=version))
+
+
+def select(name: str, doc: str, choices: Mapping[int, str], dtype: str = "<u2", default: int | None = None) -> Field:
+    return Field(name, dtype, choices=choices, default=default, doc=doc)
+
+
+DATA_SETS: Mapping[int, str] = {did: row.name for did, row in SETS.items() if did and row.struct}
+_PERIOD = Field("period", "<u2", default=1, doc="Multiple of the source's period.", low=1)
+
+STREAM_FIELDS = (
+    Field(
+        "streams",
+        shape=(-1,),
+        most=len(STREAMS),
+        fields=(
+            select("did", "Data set.", {did: row.name for did, row in STREAMS.items()}),
+            _PERIOD,
+            Field("size", "<u2", unit="B", read_only=True, doc="Bytes of its data, as seen; 0 where none was seen."),
+            Field("source_ms", "<f8", unit="ms", read_only=True, doc="Period of its source; 0: when it happens."),
+        ),
+        title="Streams",
+        doc="What this port is sent.",
+        source=ISB_SOURCE,
+    ),
+    Field(
+        "options",
+        "<u4",
+        bits=(Bits("PERSISTENT", 9, doc="Keep these streams over a restart"),),
+        title="Options",
+        default=0,
+        doc="Saves these streams when they are written; whether streams are saved cannot be read.",
+        source=ISB_SOURCE,
+    ),
+)
+
+GPX_STREAM_FIELDS = (
+    replace(
+        STREAM_FIELDS[0],
+        most=len(OF_GPX),
+        fields=(
+            select("did", "Data set.", {did: row.name for did, row in STREAMS.items() if did in OF_GPX}),
+            *STREAM_FIELDS[0].fields[1:],
+        ),
+    ),
+    STREAM_FIELDS[1],
+)
+
+# -- settings ----------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=16)
+def settings_of(version: str = CURRENT) -> Mapping[str, Setting]:
+    """Everything that is kept, by name, for firmware `version`."""
+    rows = [
+        Setting(
+            STREAMS_SETTING,
+            STREAM_FIELDS,
+            read=f"{GET_PREFIX}DID_RMC",
+            write="GET_DATA",
+            partial=True,
+            editor="streams",
+            group=G_STREAMS,
+            title="Streams",
+            doc="What the device sends to this port, and how often.",
+            source=ISB_SOURCE,
+        )
+    ]
+    for did, kept in KEPT.items():
+        name = SETS[did].name
+        rows.append(
+            Setting(
+                name,
+                fields_of(did, version),
+                read=f"{GET_PREFIX}{name}",
+                write=f"{SET_PREFIX}{name}" if kept.write else "",
+                partial=kept.write and did not in WHOLE,
+                after=kept.after,  # type: ignore[arg-type]
+                group=kept.group,
+                simple=kept.simple,
+                title=kept.title,
+                doc=kept.doc,
+                source=SOURCE,
+            )
+        )
+    return {row.name: row for row in rows if row.fields}
