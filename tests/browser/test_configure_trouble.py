@@ -43,6 +43,7 @@ def test_a_device_whose_streams_were_stopped_could_not_be_switched_on_again(serv
     server = serve("twin:isb?rate=50")
     page = configured(server, open_page, "/streams")
     until(page, "document.querySelector('tr[data-id=\"4\"] input')?.checked === true")
+    assert page.get_by_role("link", name="Factory default").count() == 0, "no document tells them"
     stop_streams(page)
     until(page, f"{STATUS} === 'lost'")
     page.evaluate("location.hash = '#/configure/1/streams'")

@@ -194,9 +194,11 @@ function GoBack({ model }: { readonly model: Model }) {
             <span class="c">{when(snapshot)}</span>
           </a>
         ))}
-        <a href={linkTo(model, "compare", "~factory")} onClick={close} {...current("~factory")}>
-          Factory default
-        </a>
+        {model.forms.value?.factory && (
+          <a href={linkTo(model, "compare", "~factory")} onClick={close} {...current("~factory")}>
+            Factory default
+          </a>
+        )}
       </nav>
     </>
   );

@@ -53,11 +53,17 @@ export function Setting({ model, form, alone }: Props) {
         </div>
       )}
       <Words form={form} source={!alone} />
-      {unread && <p class="hint inset unread">Not read from this device: {lacking ?? "nobody has asked it yet"}.</p>}
+      {unread && <p class="hint inset unread">{unreadWords(lacking)} “Read again” asks the device.</p>}
       <Body model={model} form={form} />
       {showsBytes && <Consequences model={model} form={form} />}
     </section>
   );
+}
+
+/** Why a form is not what the device has. */
+function unreadWords(why: string | undefined): string {
+  if (why === undefined) return "Not read from this device yet.";
+  return why.startsWith("not ") ? `N${why.slice(1)}.` : `Not read from this device: ${why}.`;
 }
 
 export function Discard({ model, form, edits }: { readonly model: Model; readonly form: SettingForm; readonly edits: number }) {
