@@ -130,3 +130,8 @@ def opaque(number: int, size: int, name: str = "") -> Message:
     """A payload of unknown layout: its bytes."""
     data = Field("data", "bytes", (size,), title="Payload", doc="The payload as it came.")
     return Message(number, name or f"0x{number:02X}", (data,) if size else (), doc="A payload without a description.")
+
+
+def rest(name: str, size: int) -> Field:
+    """What a payload of that name has behind the fields of its type: bytes."""
+    return Field(f"{name}Rest", "bytes", (size,), title=f"{name} rest", doc="The payload goes on behind its type.")

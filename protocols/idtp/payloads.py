@@ -1,7 +1,7 @@
 """What do the bytes of this payload mean? From (version, type, length) to a row, and from many payloads to columns.
 
     shorter than its type    intact, but not decoded: its bytes
-    longer                   the fields at its beginning; the rest is passed over, and the frame marked
+    longer                   the fields at its beginning; the rest is kept as bytes, and the frame marked
     no description           its bytes
 
 Every message that is decoded has one more column than the wire has fields: its Status, with the mode of each frame and
@@ -30,6 +30,7 @@ from protocols.idtp.messages import (
     TOO_LONG,
     UNVERIFIED,
     opaque,
+    rest,
     status_of,
 )
 from protocols.idtp.vendor import Schema
@@ -92,8 +93,9 @@ class Payload:
             self.trouble = f"{row.name} comes with {length} bytes instead of {size} and is not decoded"
             row = opaque(kind, length, f"{row.name}Bytes")
         elif length > size:
-            self.trouble = f"{row.name} comes with {length} bytes instead of {size}; the rest is passed over"
+            self.trouble = f"{row.name} comes with {length} bytes instead of {size}; the rest is kept as bytes"
             self.marks = 1 << TOO_LONG
+            row = replace(row, fields=(*row.fields, rest(row.name, length - size)))
         self.status = status_of(row.name).name
         fields = (*row.fields, status_of(row.name))
         self.message = replace(row, fields=fields, time="timestamp", tick_ns=tick_ns, wrap=2**32)

@@ -87,7 +87,7 @@ def export(format: str, wish: Wish, out: Path, step: Step = lambda share: None) 
     Raises:
         ExportError, RecordingError: it cannot be done; nothing is left behind.
     """
-    if not wish.infos and not FORMATS[format].needs_source:
+    if not wish.infos and not wish.payloads and not FORMATS[format].needs_source:
         raise ExportError("There is nothing in this stretch to export.", "Choose a longer one, or other channels.")
     aside = out.parent / f".{secrets.token_hex(6)}.export"
     try:

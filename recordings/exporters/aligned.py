@@ -23,7 +23,7 @@ import numpy as np
 import pyarrow as pa
 
 from recordings.exporters.comma import heading, lines
-from recordings.exporters.joined import WINDOW, clocks_of, known, of_their_moment, spoken
+from recordings.exporters.joined import WINDOW, cells, clocks_of, known, of_their_moment, spoken
 from recordings.exporters.joined import heading as named
 from recordings.exporters.wish import ExportError, Step, Wish, usual_interval, with_unit
 
@@ -41,7 +41,7 @@ class _Held:
 
 def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     """One file."""
-    infos = [info for info in wish.infos if info["kind"] != "rows"]
+    infos = [info for info in (*wish.infos, *wish.payloads) if info["kind"] != "rows"]
     sizes = {info["id"]: wish.rows(info["id"]) for info in infos}
     infos = [info for info in infos if sizes[info["id"]][1] > sizes[info["id"]][0]]
     if not infos:
@@ -74,11 +74,11 @@ def _batch(
     wish: Wish, leader: Mapping[str, Any], clocks: list[Mapping[str, Any]], others: list[_Held], lo: int, hi: int
 ) -> pa.RecordBatch:
     columns = wish.columns
-    rows = columns.exact(leader["id"], lo, hi)
+    rows = wish.exact(leader, lo, hi)
     times = columns.clock(leader["id"], lo, hi)
     arrays = [pa.array(rows.time, mask=np.isnan(rows.time)), pa.array(rows.arrival)]
     arrays += [known(values) for info in clocks for values in of_their_moment(columns, info, rows)]
-    arrays += map(pa.array, rows.columns)
+    arrays += map(cells, rows.columns)
     for held in others:
         number = held.info["id"]
         first = max(columns.between(number, float(times[0]), np.inf)[0] - 1, 0)
@@ -87,10 +87,10 @@ def _batch(
         at = np.searchsorted(theirs, times, "right") - 1
         age = times - theirs[np.maximum(at, 0)] if len(theirs) else np.full(len(times), np.inf)
         missing = (at < 0) | (age > held.oldest_s)
-        found = columns.exact(number, first, past)
+        found = wish.exact(held.info, first, past)
         for column in found.columns:
             values = column[np.maximum(at, 0)] if len(column) else np.zeros(len(at), column.dtype)
-            arrays.append(pa.array(values, mask=missing))
+            arrays.append(cells(values, missing))
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
 
 
@@ -98,7 +98,9 @@ def _names(wish: Wish, info: Mapping[str, Any], clocks: list[Mapping[str, Any]])
     """Headings that are unique among all: with the device where there are several, the message where it does not say
     so itself, the number where a quantity's layout changed."""
     own = [named(info, column) for column in info["columns"]]
-    rest = [one for one in (*wish.infos, *clocks) if one is not info and one["device"] == info["device"]]
+    rest = [
+        one for one in (*wish.infos, *wish.payloads, *clocks) if one is not info and one["device"] == info["device"]
+    ]
     taken = {named(one, column) for one in rest for column in one["columns"]}
     if taken & set(own):
         alike = {f"{one['message']}.{named(one, column)}" for one in rest for column in one["columns"]}

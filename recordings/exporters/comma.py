@@ -5,6 +5,7 @@
 
 A number has as many digits as it takes to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell
 where the device sent nothing is empty. Times are unix seconds. Units are those of the page (angular rates in °/s).
+Payloads that nobody has described are hex digits.
 """
 
 from __future__ import annotations
@@ -54,4 +55,13 @@ _PLAIN = pa.csv.WriteOptions(include_header=False, quoting_style="none", batch_s
 
 def lines(file: BinaryIO, batch: pa.RecordBatch) -> None:
     """Rows as lines."""
+    if any(pa.types.is_binary(column.type) for column in batch.columns):
+        batch = pa.RecordBatch.from_arrays([_hex(column) for column in batch.columns], names=batch.schema.names)
     pa.csv.write_csv(batch, file, _PLAIN)
+
+
+def _hex(column: pa.Array) -> pa.Array:
+    """Bytes as hex digits; anything else as it is."""
+    if not pa.types.is_binary(column.type):
+        return column
+    return pa.array([None if one is None else one.hex() for one in column.to_pylist()], pa.string())

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from recordings.columns import Columns, Exact
 from recordings.exporters.wish import Step, Wish, with_unit
+from recordings.payloads import BYTES
 from recordings.topics import frame_of
 
 Array = NDArray[Any]
@@ -93,7 +94,7 @@ class Joined:
 def tables(wish: Wish) -> list[Table]:
     """The tables of an export, in the order in which their messages came first."""
     found: dict[tuple[Any, ...], Table] = {}
-    for info in wish.infos:
+    for info in (*wish.infos, *wish.payloads):
         alone = info["name"] if info["kind"] == "rows" else ""
         name = f"{info['message']}.{alone.removeprefix(info['message'] + '.')}" if alone else info["message"]
         name = info["message"] if alone == info["message"] else name
@@ -150,20 +151,21 @@ def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
     Args:
         step: told how far it is, 0..1.
     """
-    numbers = [info["id"] for info in (*(() if table.is_rows else table.clocks), *table.channels)]
+    infos = {info["id"]: info for info in (*(() if table.is_rows else table.clocks), *table.channels)}
+    numbers = list(infos)
     ranges = {number: wish.rows(number) for number in numbers}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
     done = 0
     heads = schema(table)
     own = sum(len(info["columns"]) for info in table.clocks)
     for window in windows(wish.columns, ranges):
-        parts = [wish.columns.exact(number, *window[number]) for number in numbers]
+        parts = [wish.exact(info, *window[number]) for number, info in infos.items()]
         joined = join(parts)
         arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
         if table.is_rows:
             for info in table.clocks:
                 arrays += of_their_moment(wish.columns, info, joined)
-        arrays += [pa.array(values, mask=missing) for values, missing in joined.columns()]
+        arrays += [cells(values, missing) for values, missing in joined.columns()]
         arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
         yield pa.RecordBatch.from_arrays(arrays, schema=heads)
         done += sum(hi - lo for lo, hi in window.values())
@@ -181,6 +183,11 @@ def of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined | E
     for column in found.columns:
         values = column[at] if len(theirs) else np.zeros(len(key), column.dtype)
         yield pa.array(values, mask=missing)
+
+
+def cells(values: Array, missing: Array | None = None) -> pa.Array:
+    """A column as Arrow has it; of payloads, which are objects, their bytes."""
+    return pa.array(values, pa.binary() if values.dtype == object else None, mask=missing)
 
 
 def known(values: pa.Array) -> pa.Array:
@@ -216,6 +223,7 @@ _TYPES = {
     **{f"u{size}": getattr(pa, f"uint{8 * size}")() for size in (1, 2, 4, 8)},
     "f4": pa.float32(),
     "f8": pa.float64(),
+    BYTES: pa.binary(),
 }
 
 

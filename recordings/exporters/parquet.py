@@ -2,7 +2,7 @@
 
 The columns are those of the CSV (time, arrival, then the message's), with the types of the wire; a cell where the
 device sent nothing is null, which is not NaN. Each field's metadata tells its unit, label and meaning; the file's
-metadata the recording, device and message.
+metadata the recording, device and message. Payloads that nobody has described are binary.
 
     import pyarrow.parquet as pq
     table = pq.read_table("run_MTData2.parquet")

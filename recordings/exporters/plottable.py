@@ -3,6 +3,7 @@
     topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
                    fields and schemas as the live Foxglove server's, so a layout made of one fits the other
     and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC
+                   /<device>/<message>/bytes: payloads that nobody has described, base64 as their schema says
     log time       device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
     publish time   its arrival
     message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
@@ -15,6 +16,7 @@ million messages, so their records are made column by column: Arrow joins texts,
 
 from __future__ import annotations
 
+import base64
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -76,6 +78,7 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     """One file."""
     streams = _streams(wish)
     ranges = {stream.channel: wish.rows(stream.channel) for stream in streams}
+    payloads = {info["id"]: info for info in wish.payloads}
     total = sum(hi - lo for lo, hi in ranges.values()) or 1
     largest = chunk_bytes(total * PER_ROW)
     done = 0
@@ -84,7 +87,11 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
         target.tell({stream.topic.id: stream.topic for stream in streams})
         _events(wish, len(streams) + 1, target)
         for window in windows(wish.columns, ranges, WINDOW):
-            rows = {number: wish.columns.exact(number, *part) for number, part in window.items() if part[1] > part[0]}
+            rows = {
+                number: wish.exact(payloads[number], *part) if number in payloads else wish.columns.exact(number, *part)
+                for number, part in window.items()
+                if part[1] > part[0]
+            }
             _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
             done += sum(map(len, rows.values()))
             step(done / total)
@@ -144,7 +151,17 @@ def _streams(wish: Wish) -> list[Stream]:
         what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
         topic = named(names.get(info["device"], info["device"]), info["message"], what, taken=taken)
         stream(topic, info, _json(schema_of(info)), partial(_plain, wish, info))
+    chosen |= {info["id"] for info in wish.payloads}
+    for info in manifest.get("payloads", []):
+        owner = names.get(info["device"], info["device"])
+        topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", taken=taken)
+        stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, wish))
     return found
+
+
+def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
+    told = {"type": "string", "contentEncoding": "base64", "description": info["doc"]}
+    return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": told}}
 
 
 def _json(schema: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -174,6 +191,13 @@ def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
         first = np.flatnonzero(np.diff(log, prepend=log[:1] - 1))
         body, log, publish = tables(body, first), log[first], publish[first]
     return Messages(np.full(len(log), topic, np.uint16), log, publish, body.cast(pa.large_binary()))
+
+
+def _bytes(wish: Wish, topic: int, rows: Exact) -> Messages:
+    """Payloads as JSON."""
+    (found,) = rows.columns
+    body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
+    return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), stamps(rows.arrival, rows.arrival), body)
 
 
 def _transforms(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:

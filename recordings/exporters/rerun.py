@@ -24,5 +24,6 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
         base=wish.base,
         progress=step,
         title=wish.title,
+        payloads=wish.payloads,
     )
     return [out]

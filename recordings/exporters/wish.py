@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from recordings.columns import Base, Columns
+from recordings.columns import Base, Columns, Exact
 from recordings.container import RecordingError
 from recordings.names import device_names
+from recordings.payloads import BYTES, payloads_of
 
 Step = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
 
@@ -58,6 +59,23 @@ class Wish:
         chosen = {(info["device"], info["message"], info["verified"]) for info in self.infos}
         told = self.columns.manifest.get("clocks", [])
         return [info for info in told if (info["device"], info["message"], info["verified"]) in chosen]
+
+    @property
+    def payloads(self) -> list[Mapping[str, Any]]:
+        """Bytes that nobody has described, of the chosen device, or of the messages of the chosen channels: told as
+        channels are, each with one column of "bytes"."""
+        chosen = {(info["device"], info["message"], info["verified"]) for info in self.infos}
+        return [
+            info
+            for info in self.columns.manifest.get("payloads", [])
+            if self.columns.rows(info["id"])
+            and (self._is_chosen(info) or (info["device"], info["message"], info["verified"]) in chosen)
+        ]
+
+    def exact(self, info: Mapping[str, Any], lo: int, hi: int) -> Exact:
+        """Rows of a channel as they are; of payloads their bytes."""
+        rows = self.columns.exact(info["id"], lo, hi)
+        return payloads_of(self.columns.folder, rows) if info["kind"] == BYTES else rows
 
     def _is_chosen(self, info: Mapping[str, Any]) -> bool:
         return (self.channels is None or info["id"] in self.channels) and self.device in ("", info["device"])

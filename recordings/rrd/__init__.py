@@ -19,6 +19,7 @@ The tree of entities, which is the same for a file and for a live stream:
     /map/<device>                                 the same on the earth (GeoPoints), and its way: /map/<device>/track
     /<device>/<quantity> [unit]                   its values (Scalars, one instance per component)
     /<device>/<quantity>/changes                  of a status word: which flags came and went (TextLog)
+    /<device>/<payload> bytes                     what nobody has described, as hex (TextLog); in files only
     /events, /markers                             what happened; what a person marked (TextLog)
 
 and three timelines: `device_time` (the device's clock mapped to the host's; the arrival where a message has none),

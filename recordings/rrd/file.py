@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from recordings.columns import BLOCK_ROWS, Base, Buckets, Columns, Exact
+from recordings.names import device_names
+from recordings.payloads import payloads_of
 from recordings.rrd import chunks, still
 from recordings.rrd.blueprint import blueprint
 from recordings.rrd.chunks import LEVELS, Array, Times, nanoseconds, times_of
@@ -44,6 +46,7 @@ class Work:
         most: rows of a channel; 0: all there are.
         base: which time t0 and t1 are.
         progress: called with 0..1 between chunks; an exception that it raises ends the work.
+        payloads: kinds of bytes that nobody has described.
     """
 
     columns: Columns
@@ -53,6 +56,7 @@ class Work:
     most: int = 0
     base: Base = "device"
     progress: Callable[[float], None] = lambda share: None
+    payloads: Sequence[Info] = ()
 
     def rows(self, channel: int) -> tuple[int, int]:
         """First row, and one past the last."""
@@ -122,6 +126,7 @@ def write_rrd(
     base: Base = "device",
     progress: Callable[[float], None] = lambda share: None,
     title: str = "",
+    payloads: Sequence[Info] = (),
 ) -> None:
     """Write an opened recording, or a range of it.
 
@@ -131,10 +136,11 @@ def write_rrd(
         channels: numbers of those that are wanted; None: all.
         progress: called with 0..1; an exception that it raises ends the work, and nothing is left behind.
         title: of the recording, as the viewer shows it; "": what the recording calls itself.
+        payloads: kinds of bytes that nobody has described, as the manifest has them.
     Raises:
         OSError: the disk failed; nothing is left behind.
     """
-    work = Work(columns, t0, t1, channels, 0, base, progress)
+    work = Work(columns, t0, t1, channels, 0, base, progress, payloads)
     name = title or str(columns.manifest.get("about", {}).get("title") or out.stem)
     aside = out.with_name(f".{out.name}.{os.getpid()}.making")
     stream = stream_of(name)
@@ -186,6 +192,7 @@ def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb
                 still.send_style(stream, curve, info["columns"], str(info["frame"]))
     _moving(stream, work, devices)
     _curves(stream, work, devices, by_number)
+    _payloads(stream, work)
 
 
 def _moving(stream: rr.RecordingStream, work: Work, devices: list[Device]) -> None:
@@ -266,6 +273,18 @@ def _curves(stream: rr.RecordingStream, work: Work, devices: list[Device], infos
                 told = _Flags(stream, info, device)
                 for first, rows in work.blocks(number):
                     told.take(times_of(rows, first), rows)
+
+
+def _payloads(stream: rr.RecordingStream, work: Work) -> None:
+    """Bytes that nobody has described, as hex."""
+    names = device_names(work.columns.manifest["devices"])
+    for info in work.payloads:
+        path = (names.get(info["device"], str(info["device"])), f"{info['name']} bytes")
+        for first, rows in work.blocks(info["id"]):
+            (found,) = payloads_of(work.columns.folder, rows).columns
+            texts = [one.hex(" ") for one in found]
+            chunks.send_texts(stream, path, times_of(rows, first), texts, [LEVELS["info"]] * len(texts))
+            stream.flush()
 
 
 class _Flags:

@@ -19,34 +19,28 @@ Memory is bounded by one part and the blocks that wait to be written.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from protocols import events
 from protocols.events import Doubts
-from protocols.schema import Message
-from recordings.columns import Columns, ColumnsWriter, Shape
+from recordings.columns import Columns, ColumnsWriter
 from recordings.container import EVENTS, NOTES, SNAPSHOT
-from recordings.derived import euler_columns
 from recordings.fared import FaredWriter
 from recordings.importers import CaptureSource
 from recordings.pace import BLIND_RATE
 from recordings.parts import McapSource, Part, Source
 from recordings.tables import TableSource
 from server import codec, wire
+from server.library.collector import Collector
 from server.library.opening_tables import decode_tables
 from server.links.base import LinkKind
 from server.live.advice import REMEDIES
-from server.live.channels import Piece, clock_alone
-from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.portrait import Portrait, short
-from server.live.raws import described
 from server.live.reading import Reading
 from server.live.recognition import GUESS_SCORE, Speech
 from server.live.senders import Reader, Senders
@@ -54,124 +48,11 @@ from server.live.senders import Reader, Senders
 DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
 DRAIN_NS = 5_000_000_000  # and no more than this of a recording: what is known of its clock is told so often
 FOUND_ANEW = ("gap", "reject", "clock", "reply", "text")
-MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 GUESS_BYTES = 1 << 16
 MOST_TIME = 9e9  # unix s
 PROBE_NS, PROBE_BYTES = 2_500_000_000, 1 << 22  # looked at before it is decoded, for the unit of its timestamps
 FIRST_SHOWN_S, LAST_SHOWN_S = 0.3, 2.0  # of decoding, until it is shown; then twice as long, up to this
-CLOCKS = {
-    "utc": "UTC as the device says it, unix time.",
-    "timestamp": "Timestamp of the frame's header, as sent.",
-    "sequence": "Sequence number of the frame's header.",
-}
 EVENTS_SHOWN = 2000  # while it is decoded: telling all of a very bad line again and again would take longer than it
-
-
-class Collector(Hub):
-    """Takes what a hub takes, and writes samples to a store."""
-
-    tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
-    keeps_clocks = True  # for those who export them
-
-    def __init__(self, writer: ColumnsWriter, fared: FaredWriter) -> None:
-        super().__init__(self._time, history_s=0)
-        self.time = 0.0  # arrival of what is decoded now, unix s
-        self.infos: dict[int, wire.ChannelInfo] = {}
-        self.events: list[wire.EventInfo] = []
-        self.left_out = 0
-        self.fared = fared
-        self._writer = writer
-        self._derived: dict[int, int] = {}  # channel of a rotation → that of its angles
-        self.clocks: dict[tuple[Any, ...], wire.ChannelInfo] = {}  # what is kept of clocks; channels, but not shown
-
-    def _time(self) -> float:
-        return self.time
-
-    def advertise(self, info: wire.ChannelInfo) -> int:
-        number = len(self.infos) + len(self.clocks) + 1
-        self.infos[number] = replace(info, id=number)
-        status = tuple(info.kind == "status" and bool(column.bits) for column in info.columns)
-        self._writer.channel(number, Shape(tuple(column.dtype for column in info.columns), status))
-        return number
-
-    def publish(self, pieces: Iterable[Piece]) -> None:
-        leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
-        for piece in pieces:
-            info = self.infos[piece.channel]
-            self._writer.append(piece.channel, piece.columns)
-            if leading.setdefault((info.device, info.message), piece.channel) == piece.channel:
-                self.fared.samples(info.device, info.message, piece.columns[0], piece.columns[1])
-            if info.kind in ("quaternion", "matrix"):
-                self._angles(piece)
-
-    def keep_clock(
-        self, device: str, batch: events.Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None
-    ) -> None:
-        message = batch.message
-        sent = {name: (values, "") for name, values in batch.header.items()}
-        if clock_alone(message, described(batch.columns, message.fields)) and message.time in batch.columns:
-            unit = next(field.unit for field in message.fields if field.name == message.time)
-            sent[message.time] = np.asarray(batch.columns[message.time]), unit
-        arrival = batch.arrival_ns / 1e9
-        for kept in (sent, {} if utc is None else {"utc": (utc, "s")}):
-            if kept:
-                number = self._clock_of(device, message, batch.verified, kept)
-                self._writer.append(number, [arrival, time, *(values for values, _ in kept.values())])
-
-    def _clock_of(
-        self, device: str, message: Message, verified: bool, kept: Mapping[str, tuple[NDArray[Any], str]]
-    ) -> int:
-        """The number of what is kept of a message's clock."""
-        dtypes = {name: values.dtype.str[1:] for name, (values, _) in kept.items()}
-        key = device, message.name, verified, *dtypes.items()
-        info = self.clocks.get(key)
-        if info is None:
-            columns = [
-                wire.ColumnInfo(name, dtypes[name], unit, label=CLOCKS.get(name, "Device clock as sent"))  # type: ignore[arg-type]
-                for name, (_, unit) in kept.items()
-            ]
-            number = len(self.infos) + len(self.clocks) + 1
-            info = self.clocks[key] = wire.ChannelInfo(
-                number, device, message.name, message.name, "Clock", "counter", "", "", columns, verified=verified
-            )
-            self._writer.channel(number, Shape(tuple(dtypes.values()), (False,) * len(columns)))
-        return info.id
-
-    def _angles(self, piece: Piece) -> None:
-        """Euler angles of what is not sent as such (recordings/derived.py)."""
-        number = self._derived.get(piece.channel)
-        if number is None:
-            number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])
-        if number:
-            self._writer.append(number, [*piece.columns[:2], *euler_columns(piece.columns[2:])])
-
-    def _derive(self, source: wire.ChannelInfo) -> int:
-        """The channel of angles, as the page would call it; 0 where they would mean nothing: not against a level."""
-        if source.frame.startswith("ECEF") or len(source.columns) not in (4, 9):
-            return 0
-        turns = (("roll", "x", 360.0), ("pitch", "y", 0.0), ("yaw", "z", 360.0))
-        columns = [
-            wire.ColumnInfo(name, "f8", unit="°", label=name, axis=axis, decimals=2, period=period)  # type: ignore[arg-type]
-            for name, axis, period in turns
-        ]
-        words = f"Worked out from {source.title or source.name}; yaw, then pitch, then roll."
-        return self.advertise(
-            replace(
-                source, name="EulerAngles", title="Euler angles", kind="euler", unit="°", columns=columns, doc=words
-            )
-        )
-
-    def event(self, device: str, kind: wire.EventKind, level: wire.Level, text: str, **more: Any) -> wire.EventInfo:
-        event = super().event(device, kind, level, text, **more)
-        self._new_events.clear()  # nobody is told
-        if len(self.events) < MOST_EVENTS or kind == "gap":
-            self.events.append(event)
-        else:
-            self.left_out += 1
-        return event
-
-    def request_flush(self) -> None:
-        """There is nobody to flush to."""
 
 
 class _Device:
@@ -377,17 +258,20 @@ def decode(
             span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))
             progress(min(part.done, 0.99))
             if showing.is_due and hub.infos:
-                fared.flush()
+                hub.flush()
                 manifest = _manifest(source, hub, devices, spans, most_events=EVENTS_SHOWN)
                 manifest |= {"progress": part.done, "ended": max(manifest["ended"], _end(source))}
                 showing.show(writer.show(codec.plain(manifest)))
         for device in devices.values():
             device.end()
+        for name, count in hub.payloads_left_out.items():
+            words = f"{count} payloads of further kinds are in no export but that of the original bytes."
+            hub.event(name, "device", "caution", words, data={"reason": "payloads", "count": count})
         if isinstance(source, CaptureSource) and source.guessed:
             words = f"Some of it holds no device clock: its times are guessed at {BLIND_RATE} B/s (115 200 Bd)."
             for name in devices:
                 hub.event(name, "clock", "caution", words, data={"kind": "guessed"})
-        fared.close()
+        hub.close()
         return writer.finish(codec.plain(_manifest(source, hub, devices, spans)))
     except BaseException:
         writer.abandon()
@@ -435,6 +319,7 @@ def _manifest(
         "devices": [asdict(info) for info in infos],
         "channels": [asdict(info) for info in hub.infos.values()],
         "clocks": [asdict(info) for info in hub.clocks.values()],
+        "payloads": list(hub.payloads.values()),
         "events": [asdict(event) for event in events],
         "events_left_out": hub.left_out,
         "markers": markers,

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Bits, Field, Message
-from server.live.raws import described
+from server.live.raws import described, is_opaque
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 Array = NDArray[Any]
@@ -125,7 +125,7 @@ class Channels:
             groups = [(f"{message.name}.{name}", [last[name]]) for name in message.apart if name in last]
             rest = [field for field in last.values() if field.name not in message.apart]
             if not clock_alone(message, last):
-                groups.append((message.name, rest))
+                groups.append((_name_beside_bytes(message, rest) or message.name, rest))
         cuts = []
         for name, fields in groups:
             info = _describe(self.device, message, name, fields, batch.columns)
@@ -155,6 +155,14 @@ def clock_alone(message: Message, fields: Mapping[str, Field]) -> bool:
     if message.split or not any(name in fields for name in message.apart):
         return False
     return all(name in message.apart or name == message.time for name in fields)
+
+
+def _name_beside_bytes(message: Message, rest: Sequence[Field]) -> str:
+    """A field that is all that is described of a payload has its own name: the message's is its bytes'. Else ""."""
+    if len(rest) != 1 or not any(map(is_opaque, message.fields)):
+        return ""
+    name = rest[0].name
+    return name if name.startswith(message.name) else f"{message.name}.{name}"
 
 
 def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:

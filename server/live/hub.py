@@ -19,7 +19,7 @@ from __future__ import annotations
 import asyncio
 import platform
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from server.listeners import Listeners
 from server.live.channels import Piece
 from server.live.event_log import EventLog
 from server.live.outbox import Frame, History, Outbox, Packet
+from server.live.raws import Payloads
 from server.live.ring import Ring
 from server.live.slices import Drain, Turns
 from server.version import VERSION
@@ -43,6 +44,8 @@ FLUSH_NOBODY_S = 0.05  # with nobody watching, decoding in longer stretches save
 TRIM_S = 1.0
 HISTORY_S = 600.0
 BUDGET = 256 * 1024 * 1024
+Dated = tuple[Batch, NDArray[np.float64], NDArray[np.float64] | None]
+"""Samples, their device time on this host's clock, and their UTC where the device says it (unix s)."""
 
 
 @dataclass(slots=True)
@@ -62,7 +65,7 @@ class Hub:
     """
 
     tells_every_gap = False  # many in a short time are summed up (server/live/incidents.py)
-    keeps_clocks = False  # nobody who looks live asks for the device's own numbers of its clock
+    keeps_clocks = False  # who looks live asks neither for a device's numbers of its clock nor for every payload
 
     def __init__(self, now: Callable[[], float], *, history_s: float = HISTORY_S, budget: int = BUDGET) -> None:
         self.now = now
@@ -112,8 +115,11 @@ class Hub:
         self._new_channels.append(info)
         return channel
 
-    def keep_clock(self, device: str, batch: Batch, time: NDArray[np.float64], utc: NDArray[np.float64] | None) -> None:
-        """What a device's clock said of samples, and their UTC; asked for where `keeps_clocks`."""
+    def keep_clocks(self, device: str, dated: Sequence[Dated]) -> None:
+        """What a device's clock said of the samples of a drain, and their UTC; asked for where `keeps_clocks`."""
+
+    def keep_payloads(self, parts: Sequence[Payloads]) -> None:
+        """Payloads of one kind that nobody has described; asked for where `keeps_clocks`."""
 
     def publish(self, pieces: Iterable[Piece]) -> None:
         """Samples, which go out with the next flush. A channel of a removed device takes none."""

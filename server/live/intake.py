@@ -206,16 +206,17 @@ class Intake:
         said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
         self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
         if self._hub.keeps_clocks:
-            for batch, time, utc in zip(batches, times, self._dating.of(batches, steps), strict=True):
-                self._hub.keep_clock(self._channels.device, batch, time, utc)
-        for batch in batches:
+            dated = zip(batches, times, self._dating.of(batches, steps), strict=True)
+            self._hub.keep_clocks(self._channels.device, list(dated))
+        for batch, time in zip(batches, times, strict=True):
             self._figures.samples(batch.message.name, len(batch), float(batch.arrival_ns[-1]) / 1e9)
             self.samples += len(batch)
-            self._raws.batch(batch)
+            self._raws.batch(batch, time)
         self.samples += len(texts)  # a device that speaks in sentences alone is alive as well
         if self._about.protection is not None:
             self._trust(batches, self._about.protection)
         self._tell(events, batches, times)
+        self._raws.drained()
 
     def _hear(self, events: Sequence[Event], kinds: set[str]) -> None:
         """A device is called by its protocol once it has said something in it, and by what it does say until then."""

@@ -12,7 +12,7 @@ twice a second.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -48,15 +48,47 @@ def is_opaque(field: Field) -> bool:
     return field.dtype == "bytes"
 
 
+@dataclass(frozen=True, slots=True)
+class Payloads:
+    """Payloads of one kind and length, for who keeps every one of them.
+
+    Args:
+        message: name of the message that they came in.
+        name, column: of the kind; of the quantity in a table of the message.
+        offset: (n,) where their frames began in the stream.
+        arrival, time: (n,) float64, unix s; `time` by the device's clock, NaN where it has none.
+        rows: (n, k) uint8.
+    """
+
+    device: str
+    message: str
+    name: str
+    column: str
+    doc: str
+    verified: bool
+    offset: NDArray[np.int64]
+    arrival: NDArray[np.float64]
+    time: NDArray[np.float64]
+    rows: NDArray[np.uint8]
+
+    @property
+    def kind(self) -> tuple[str, str, str, bool]:
+        """What those of all lengths have in common."""
+        return self.device, self.message, self.name, self.verified
+
+
 class Raws:
     """The undescribed payloads of one device.
 
     Args:
         device: DeviceInfo.id.
+        keep: is given all payloads of a kind in a drain, one Payloads for each length, where somebody keeps them.
     """
 
-    def __init__(self, device: str) -> None:
+    def __init__(self, device: str, keep: Callable[[Sequence[Payloads]], None] | None = None) -> None:
         self._device = device
+        self._keep = keep
+        self._drained: dict[tuple[str, str, str, bool], list[Payloads]] = {}
         self._kinds: dict[tuple[str, bool], _Kind] = {}
         self._plans: dict[int, tuple[Message, tuple[Field, ...]]] = {}
         self.beyond = 0  # payloads of kinds that there was no room for
@@ -64,8 +96,12 @@ class Raws:
     def __bool__(self) -> bool:
         return bool(self._kinds)
 
-    def batch(self, batch: Batch) -> None:
-        """Keep the newest of what nobody described in it; next to nothing where all is described."""
+    def batch(self, batch: Batch, time: NDArray[np.float64]) -> None:
+        """Keep the newest of what nobody described in it; next to nothing where all is described.
+
+        Args:
+            time: (n,) device time of its samples, unix s.
+        """
         known = self._plans.get(id(batch.message))
         if known is None or known[0] is not batch.message:
             if len(self._plans) >= _MOST_PLANS:
@@ -78,6 +114,10 @@ class Raws:
                 newest = np.frombuffer(np.ascontiguousarray(column[-1]).tobytes(), np.uint8)
                 arrival = float(batch.arrival_ns[-1]) / 1e9
                 self._take(batch.message, one, newest, len(column), arrival, batch.verified)
+                if self._keep is not None:
+                    rows = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)
+                    clocks = (batch.offset, batch.arrival_ns / 1e9, time)
+                    self._collect(batch.message, one, batch.verified, clocks, rows)
 
     def reply(self, reply: Reply) -> bool:
         """Keep a reply that is nothing but bytes; False for any other, which is left to the log of events."""
@@ -87,8 +127,33 @@ class Raws:
         data = reply.values.get(fields[0].name)
         if not isinstance(data, bytes | bytearray):
             return False
-        self._take(reply.message, fields[0], bytes(data), 1, reply.arrival_ns / 1e9, True)
+        arrival = reply.arrival_ns / 1e9
+        self._take(reply.message, fields[0], bytes(data), 1, arrival, True)
+        if self._keep is not None:
+            rows = np.frombuffer(data, np.uint8)[None]
+            clocks = (np.array([reply.offset]), np.array([arrival]), np.array([np.nan]))
+            self._collect(reply.message, fields[0], True, clocks, rows)
         return True
+
+    def drained(self) -> None:
+        """A drain is over: hand on what was collected. Lengths of one kind come as batches of their own."""
+        if self._keep is not None and self._drained:
+            for parts in self._drained.values():
+                self._keep(parts)
+            self._drained.clear()
+
+    def _collect(
+        self,
+        message: Message,
+        one: Field,
+        verified: bool,
+        clocks: tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]],
+        rows: NDArray[np.uint8],
+    ) -> None:
+        column = "value" if message.split else one.name
+        name = _name(message, one)
+        part = Payloads(self._device, message.name, name, column, one.doc, verified, *clocks, rows)
+        self._drained.setdefault(part.kind, []).append(part)
 
     def _take(
         self,
@@ -99,8 +164,7 @@ class Raws:
         arrival: float,
         verified: bool,
     ) -> None:
-        several = sum(map(is_opaque, message.fields)) > 1
-        name = one.name if message.split else f"{message.name}.{one.name}" if several else message.name
+        name = _name(message, one)
         kind = self._kinds.get((name, verified))
         if kind is None:
             if len(self._kinds) >= MOST_KINDS:
@@ -130,6 +194,12 @@ class Raws:
             )
             for kind in self._kinds.values()
         ]
+
+
+def _name(message: Message, one: Field) -> str:
+    """What a kind of payload is called."""
+    several = sum(map(is_opaque, message.fields)) > 1
+    return one.name if message.split else f"{message.name}.{one.name}" if several else message.name
 
 
 def described(columns: Mapping[str, Any], fields: tuple[Field, ...]) -> dict[str, Field]:

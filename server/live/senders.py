@@ -53,7 +53,7 @@ class Sender:
             self.figures.bytes = bytes_of.bytes
         self.channels = Channels(device, hub.advertise)
         self.incidents = Incidents(hub, device)
-        self.raws = Raws(device)
+        self.raws = Raws(device, hub.keep_payloads if hub.keeps_clocks else None)
         self.intake: Intake | None = None
         self.heard_at = 0.0  # unix s of the last sample
         self._interval = 0.0  # the usual time between its samples, s

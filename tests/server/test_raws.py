@@ -45,7 +45,7 @@ def test_a_vendor_type_of_idtp() -> None:
     hub, [raw] = played(IdtpDecoder(), *(vendor(k) for k in range(100)))
     assert (raw.name, raw.id, raw.count, raw.size, raw.hex, raw.verified) == ("0x80", 0x80, 100, 4, "06006303", True)
     assert raw.rate == pytest.approx(100, rel=0.05)
-    assert [one.info.name for one in hub.channels.values()] == ["0x80"]  # the status of its frames; no byte of it
+    assert [one.info.name for one in hub.channels.values()] == ["0x80Status"]  # the status of its frames; no byte of it
     assert [column.name for one in hub.channels.values() for column in one.info.columns] == ["value"]
 
 
@@ -81,7 +81,7 @@ def test_kinds_are_bounded_and_what_is_beyond_is_counted() -> None:
     for number in range(2 * MOST_KINDS):
         message = Message(number, f"M{number}", (Field("data", "bytes", (2,)),))
         one = np.zeros(1, np.int64)
-        raws.batch(Batch(message, "", one, one, None, {"data": np.zeros((1, 2), np.uint8)}))
+        raws.batch(Batch(message, "", one, one, None, {"data": np.zeros((1, 2), np.uint8)}), np.full(1, np.nan))
     assert len(raws.report(0.0)) == MOST_KINDS
     assert raws.beyond == MOST_KINDS
 
