@@ -30,6 +30,7 @@ from server.commands.common import (
 from server.commands.options import COMMANDS, parse, parser
 from server.config import ConfigError, load
 from server.live.reading import ReadingError, key_text, taken_from
+from server.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return status
     except (UsageError, ConfigError, ReadingError) as error:
         end = "" if str(error).endswith((".", "?")) else "."
-        print(f"imuscope: {error}{end}", file=sys.stderr)
+        print(f"imuscope: {printable(str(error))}{end}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -82,6 +83,10 @@ def _doctor(options: argparse.Namespace) -> int:
     from server.commands import doctor
     from server.host.checks import Machine, look
 
+    if options.udev_rule and options.systemd_unit:
+        raise UsageError("--udev-rule and --systemd-unit print one file each; give one of the two")
+    if (options.udev_rule or options.systemd_unit) and options.format == "json":
+        raise UsageError("--format json is for findings, and a file is printed as it is; leave one out")
     if options.udev_rule or options.systemd_unit:
         sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
         return 0
@@ -107,8 +112,8 @@ def _inspect(options: argparse.Namespace) -> None:
 def _compose(options: argparse.Namespace) -> None:
     if (options.message is None) == (options.jsonl is None):
         raise UsageError("give a message, or --jsonl with a file")
-    if options.jsonl not in (None, "-") and not Path(options.jsonl).is_file():
-        raise UsageError(no_file(options.jsonl))
+    if options.jsonl not in (None, "-"):
+        readable(options.jsonl)
     warm(options.data)
     from server.commands.compose import ComposeError, chosen, frame_of, frames_of, known_of, tongues
 
@@ -118,7 +123,7 @@ def _compose(options: argparse.Namespace) -> None:
         if options.jsonl is None:
             protocol = "" if said.protocol == "auto" else said.protocol
             frame, _ = frame_of(
-                chosen(spoken, options.message, protocol), options.message, options.pairs, known_of(said)
+                chosen(spoken, options.message, protocol, options.pairs), options.message, options.pairs, known_of(said)
             )
             print(frame.hex())
             return
@@ -148,13 +153,14 @@ def _send(options: argparse.Namespace) -> None:
 
 
 def _commands(options: argparse.Namespace) -> None:
-    check_protocol(options.protocol)
+    said = reading_of(options)
+    check_protocol(said.protocol)
     warm(options.data)
     from server.commands.compose import ComposeError
     from server.commands.manual import manual
 
     try:
-        for line in manual(options.protocol, options.name):
+        for line in manual(said.protocol, options.name, said.schema):
             print(line)
     except ComposeError as error:
         raise UsageError(str(error)) from None
@@ -166,7 +172,7 @@ def _rearm(options: argparse.Namespace) -> None:
     token = key_text(options.token) if options.token else ""
     data = load(data=options.data).data
     try:
-        print(rearm(Wish(options.device, options.server, token, data)))
+        print(printable(rearm(Wish(options.device, options.server, token, data))))
     except RearmError as error:
         raise UsageError(str(error)) from None
 
@@ -212,7 +218,11 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     warm(options.data)
+    from server import logs
     from server.commands import replaying
+
+    if options.key is not None:
+        logs.say("imuscope: --key is not needed: the bytes are sent as they came.")
 
     def sink() -> replaying.Sink:
         if options.tcp is not None:
@@ -247,6 +257,8 @@ def _simulate(options: argparse.Namespace) -> None:
         device = simulate.options_of(options.device)
         place = replaying.address(options.tcp) if options.tcp is not None else None
         key = reading(key=key_text(options.key)).key if options.key is not None else None
+        if key is not None and device.protocol != "idtp":
+            raise UsageError(f"--key is for Secure frames of IDTP; {device.protocol} has none")
         simulate.simulate(device, key, options.pty, place, sys.stdout)
     except (simulate.SimulateError, replaying.ReplayError) as error:
         raise UsageError(str(error)) from None

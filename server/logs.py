@@ -22,6 +22,8 @@ import time
 from collections.abc import Collection, Mapping
 from typing import Any, TextIO
 
+from server.printable import json_text, printable
+
 STYLES = ("text", "json")
 LEVELS = ("debug", "info", "warning", "error")
 PERIOD_S = 10.0
@@ -85,7 +87,7 @@ class TextFormatter(_Formatter):
     def line(self, record: logging.LogRecord) -> str:
         device = getattr(record, "device", "")
         text = f"[{device}] " if device else ""
-        text += _printable(record.getMessage())
+        text += printable(record.getMessage())
         held = getattr(record, "held", 0)
         if held:
             text += f" ({held} more like this were not written.)"
@@ -116,7 +118,7 @@ class JsonFormatter(_Formatter):
             told["held"] = held
         if record.exc_info:
             told["exception"] = self.formatException(record.exc_info)
-        return json.dumps(told, ensure_ascii=False, default=str, separators=(",", ":"))
+        return json_text(told, default=str, separators=(",", ":"))
 
 
 def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO | None = None) -> None:
@@ -162,7 +164,3 @@ def _is_journal(out: TextIO) -> bool:
     except (OSError, ValueError):
         return False
     return os.environ.get("JOURNAL_STREAM", "") == f"{about.st_dev}:{about.st_ino}"
-
-
-def _printable(text: str) -> str:
-    return text if text.isprintable() else "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from protocols.idtp.frames import LITE, MAX_PAYLOAD, SAFETY, VERSION
+from protocols.idtp.frames import LITE, MAJOR, MAX_PAYLOAD, SAFETY, VERSION
 from protocols.idtp.messages import MESSAGES, MODE_NAMES, SECTION, WIRE
 from protocols.idtp.vendor import Schema
 from protocols.schema import Command, Field, Message
@@ -24,13 +24,14 @@ G_STANDARD, G_VENDOR = "Standard payloads", "Vendor payloads"
 GROUPS = (G_STANDARD, G_VENDOR)
 ANY = "Frame"
 HEADER_SOURCE = "IDTP v2.1.0, section 4.3"
+VERSIONS: Mapping[int, str] = {MAJOR << 4 | minor: f"{MAJOR}.{minor}" for minor in range(16)}
 
 _HEADER = (
     Field("timestamp", "<u4", default=0, doc="Time of the sensor, recommended in µs."),
     Field("sequence", "<u4", default=0, doc="Number of the frame; a receiver drops one that is not newer."),
     Field("device_id", "<u2", default=0, title="Device", doc="The vendor's number of the sensor."),
     Field("mode", "u1", choices=MODE_NAMES, default=SAFETY, low=LITE, high=2, doc="What protects the frame."),
-    Field("version", "u1", default=VERSION, low=0x20, high=0x2F, simple=False, doc="0x21 is 2.1."),
+    Field("version", "u1", choices=VERSIONS, default=VERSION, low=0x20, high=0x2F, simple=False, doc="0x21 is 2.1."),
 )
 HEADER: tuple[Field, ...] = tuple(replace(field, source=HEADER_SOURCE) for field in _HEADER)
 DATA = Field("data", "bytes", (-1,), most=MAX_PAYLOAD, title="Payload", doc="At most 972 bytes, as hex.")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,7 +14,10 @@ from server import logs
 from server.commands.options import COMMANDS
 from server.compiled import compile_by_two, prepare_cache
 from server.config import load
-from server.live.reading import Reading, key_text, reading, schema_text, taken_from
+from server.live.reading import OPTIONS, Reading, key_text, reading, schema_text, taken_from
+
+BOTH = "--unverified shows Secure frames without a key, and a key is given (--key or IMUSCOPE_KEY); leave one out"
+PIPE_BYTES = 1 << 20
 
 
 class UsageError(Exception):
@@ -43,16 +45,24 @@ def warm(data: Path | None) -> Path:
 
 
 def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> Reading:
-    """What the options say about reading."""
+    """What the options of a command say about reading, those that it has.
+
+    Raises:
+        UsageError: two of them contradict each other.
+        ReadingError: one of them cannot be used.
+    """
+    told = {name: getattr(options, name, None) for name in (*OPTIONS, "schema")}
+    if told["key"] is not None and told["unverified"]:
+        raise UsageError(BOTH)
     return reading(
-        options.protocol or protocol,
-        key_text(options.key) if options.key is not None else "",
-        options.min_mode or "",
-        bool(options.unverified),
-        schema_text(options.schema) if options.schema else "",
+        told["protocol"] or protocol,
+        key_text(told["key"]) if told["key"] is not None else "",
+        told["min_mode"] or "",
+        bool(told["unverified"]),
+        schema_text(told["schema"]) if told["schema"] else "",
         replay_check,
-        options.time_unit or "",
-        options.rotation or "",
+        told["time_unit"] or "",
+        told["rotation"] or "",
     )
 
 
@@ -93,9 +103,16 @@ def whole(path: Path) -> Iterator[Path]:
     if path.is_file():
         yield path
         return
+    with path.open("rb") as pipe, kept_aside(iter(lambda: pipe.read(PIPE_BYTES), b"")) as aside:
+        yield aside
+
+
+@contextlib.contextmanager
+def kept_aside(pieces: Iterable[bytes]) -> Iterator[Path]:
+    """A file with those bytes, as long as it is needed."""
     with tempfile.NamedTemporaryFile(prefix="imuscope-", suffix=".bin") as aside:
-        with path.open("rb") as pipe:
-            shutil.copyfileobj(pipe, aside)
+        for piece in pieces:
+            aside.write(piece)
         aside.flush()
         yield Path(aside.name)
 

@@ -37,6 +37,7 @@ from protocols.isb import plain as isb_plain
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Command, Field
+from protocols.xbus import items as xbus_items
 from protocols.xbus import messages as xbus_messages
 from protocols.xbus import plain as xbus_plain
 from protocols.xbus.strings import EM1000, EM1000_HEAD
@@ -44,6 +45,7 @@ from server.live.reading import Reading
 
 Record = Mapping[str, Any]
 NOTHING: Record = {}
+_NUMBER = re.compile(r"0x[0-9A-Fa-f]{1,2}")
 _DEGREES = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?:°|deg)(?:/s)?\Z", re.IGNORECASE)
 _DEGREES_IN = re.compile(r"\d\s*(°|deg)", re.IGNORECASE)
 FOREIGN = ("nmea", "ubx", "rtcm3", "tss2", "em1000")
@@ -63,6 +65,8 @@ class Tongue:
         messages: every other message that inspect names → its fields.
         frame_of: the frame of a record, as its plain.py specifies them.
         opaque: fields of a message that is only a number ("0x80").
+        numbered: whether a message may be called by its mere number.
+        listed: fields of messages that inspect may print with others than those: in another form, items of MTData2.
     """
 
     name: str
@@ -70,6 +74,8 @@ class Tongue:
     messages: Mapping[str, tuple[Field, ...]]
     frame_of: Callable[[Record], bytes]
     opaque: tuple[Field, ...] = (DATA,)
+    numbered: bool = True
+    listed: Mapping[str, tuple[Field, ...]] | None = None
 
     def command(self, name: str) -> Command | None:
         """A command by name; the $ of a sentence may be left out."""
@@ -104,10 +110,12 @@ def tongues(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -
     def idtp_frame(record: Record) -> bytes:
         return idtp_plain.frame_of(record, key, schema)
 
+    forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in xbus_messages.BY_NAME.items()}
+    forms["MTData2"] = tuple(xbus_items.BY_NAME.values())
     drivers = {name: row.driver for name, row in PROTOCOLS.items() if row.driver is not None}
     made = (
-        Tongue("xbus", drivers["xbus"], xbus, xbus_plain.frame_of),
-        Tongue("isb", drivers["isb"], isb, isb_plain.packet_of),
+        Tongue("xbus", drivers["xbus"], xbus, xbus_plain.frame_of, listed=forms),
+        Tongue("isb", drivers["isb"], isb, isb_plain.packet_of, numbered=False),
         Tongue("idtp", IdtpDriver(schema), idtp, idtp_frame, (*HEADER, DATA)),
     )
     return {one.name: one for one in made}
@@ -121,9 +129,11 @@ def known_of(reading: Reading) -> Known:
 # -- one message, in words ---------------------------------------------------------------------------------------------
 
 
-def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "") -> Tongue:
+def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "", pairs: Sequence[str] = ()) -> Tongue:
     """Whose message this is.
 
+    Args:
+        pairs: FIELD=VALUE, by whose fields a mere number is told apart.
     Raises:
         ComposeError: nobody's, or somebody else's; with the nearest names.
     """
@@ -136,9 +146,25 @@ def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "") 
             return tongue
     if protocol and message.startswith("0x"):
         return among[0]
+    if _NUMBER.fullmatch(message) and not protocol:
+        return _numbered(among, message, pairs)
     names = {name: None for tongue in among for name in tongue.names()}
     where = f" of {PROTOCOLS[protocol].title}" if protocol else ""
     raise ComposeError(f"no message{where} is called {message!r}; {nearest(message, list(names))}")
+
+
+def _numbered(among: Sequence[Tongue], message: str, pairs: Sequence[str]) -> Tongue:
+    """Whose message of a mere number it is: that of the only protocol which has such messages with these fields.
+
+    Raises:
+        ComposeError: several have.
+    """
+    given = {pair.partition("=")[0] for pair in pairs}
+    able = [one for one in among if one.numbered and given <= {field.name for field in one.opaque}]
+    if len(able) == 1:
+        return able[0]
+    names = " or ".join(one.name for one in among if one.numbered)
+    raise ComposeError(f"{message} is a number in several protocols; add --protocol {names}")
 
 
 def frame_of(
@@ -172,7 +198,9 @@ def frame_of(
             problem = problem or ComposeError(f"{message}: {error}")
     if problem is not None:
         raise problem
-    values = parse(pairs, tongue.messages.get(message, tongue.opaque))
+    fields = tongue.messages.get(message)
+    usual = {} if fields is not None else {one.name: one.default for one in tongue.opaque if one.default is not None}
+    values = {**usual, **parse(pairs, tongue.opaque if fields is None else fields)}
     try:
         return tongue.frame_of({"message": message, "fields": values}), values
     except EncodeError as error:

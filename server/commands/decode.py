@@ -22,6 +22,7 @@ from recordings.importers import open_file
 from server.library.opening import decode
 from server.live.reading import Reading
 from server.live.speech import speech
+from server.printable import printable
 
 REFUSED = ("no_key", "bad_hmac", "below_min_mode")
 PATIENCE_S = 1.0  # work that is over sooner shows no bar
@@ -113,7 +114,7 @@ def decode_file(path: Path, out: Path, reading: Reading, notes: TextIO, part: Pa
     finally:
         bar.clear()
     for words in [*refused, *(damage.words for damage in source.damage[:5])]:
-        print(f"imuscope: {words}", file=notes)
+        print(f"imuscope: {printable(words)}", file=notes)
     return made
 
 
@@ -131,10 +132,11 @@ def _wish(columns: Columns, path: Path, part: Part) -> Wish:
         raise DecodeError(f"{path.name} lasts {(told['ended'] or start) - start:.3f} s; nothing lies in that range")
     if not part.channels:
         return Wish(columns, path, path.name, t0, t1, device=part.device)
-    names = {name: None for one in told["channels"] for name in (one["name"], one["message"])}
+    kinds = [*told["channels"], *told.get("payloads", ())]
+    names = {name: None for one in kinds for name in (one["name"], one["message"])}
     for name in part.channels:
         if name not in names:
             near = difflib.get_close_matches(name, names, 5, 0.4) or list(names)[:5]
             raise DecodeError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
-    chosen = tuple(one["id"] for one in told["channels"] if {one["name"], one["message"]} & set(part.channels))
+    chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"]} & set(part.channels))
     return Wish(columns, path, path.name, t0, t1, chosen, part.device)

@@ -9,13 +9,13 @@ ok       disk           23.1 GB free.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib import resources
 from typing import TextIO
 
 from server.host.checks import RULES, Finding
+from server.printable import json_text, printable
 
 UNIT = "imuscope.service"
 _RANK = {"problem": 0, "warning": 1, "ok": 2}
@@ -25,14 +25,13 @@ def told(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> 
     """Print them, the worst first; the exit status: 1 where there is a problem."""
     ordered = sorted(findings, key=lambda one: _RANK[one.status])
     if as_json:
-        json.dump([asdict(one) for one in ordered], out, indent=1, ensure_ascii=False)
-        out.write("\n")
+        out.write(json_text([asdict(one) for one in ordered], indent=1) + "\n")
     else:
         width = max((len(one.about) for one in ordered), default=0)
         for one in ordered:
-            out.write(f"{one.status:<8} {one.about:<{width}}  {one.found}\n")
+            out.write(printable(f"{one.status:<8} {one.about:<{width}}  {one.found}") + "\n")
             for step in one.todo:
-                out.write(f"{'':<8} {'':<{width}}  → {step}\n")
+                out.write(printable(f"{'':<8} {'':<{width}}  → {step}") + "\n")
     return int(any(one.status == "problem" for one in findings))
 
 

@@ -6,7 +6,8 @@ As JSON lines, for scripts:
     {"offset": 9, "size": 3, "reject": "bad_checksum"}                                           with --rejects
 
 `fields` are wire values by name, `flags` the set bits of flag words, `wire` what names do not carry; the protocol's own
-plain.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people:
+plain.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people, with units and the
+names of values (server/commands/inspect_table.py):
 
     offset    size  message     fields
          0       9  MTData2     PacketCounter 7
@@ -18,7 +19,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -30,33 +30,16 @@ from recordings.blocks import MAGIC
 from recordings.container import RecordingError
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from recordings.parts import McapSource
+from server.commands.common import kept_aside
+from server.commands.inspect_table import EXPLAINED, InspectTable
 from server.commands.replaying import ReplayError, chosen
 from server.live.reading import Reading
+from server.printable import json_text
 
 CHUNK = 1 << 20
-LONGEST_WORD = 64  # characters of a word or of bytes shown in the table; jsonl has all of them
+NO_DEVICES = "is no recording, and has no devices to choose from; leave --device out"
 TELL = ("no_key", "bad_hmac", "below_min_mode")
 """Reasons that an option would change."""
-
-EXPLAINED: Mapping[str, str] = {
-    "bad_checksum": "the checksum does not fit the bytes",
-    "bad_size": "it claims a length that no frame has",
-    "bad_type": "it claims a packet type that there is not",
-    "bad_item": "an item of it claims more bytes than are left, or a size that its kind has not",
-    "bad_id": "bus identifier and message are both 0",
-    "bad_crc8": "the header is damaged, or this is no header",
-    "bad_version": "unsupported version",
-    "bad_mode": "unknown mode",
-    "below_min_mode": "intact, but of a weaker mode than is accepted (--min-mode)",
-    "bad_crc32": "the payload is damaged",
-    "bad_hmac": "damaged, forged, or made with another key",
-    "no_key": "a Secure frame, and no key to check it with (--key)",
-    "stale": "intact, but old: its sequence number has passed (--no-replay-check)",
-    "far_ahead": "intact, but its sequence number is far ahead, and no second frame agrees",
-    "truncated": "the bytes end before it does",
-    "indt": "the preamble of IDTP's successor",
-}
-"""What each reason means, for a person."""
 
 Line = Mapping[str, Any]
 
@@ -91,11 +74,12 @@ def inspect_file(
         lines = _counted(_lines(pieces, row, reading.settings(row.settings), mixture), counts, rejects)
         if format == "jsonl":
             for line in lines:
-                out.write(json.dumps(line, ensure_ascii=False, allow_nan=False, default=str) + "\n")
+                out.write(json_text(line, allow_nan=False, default=str) + "\n")
         else:
-            out.write(f"{'offset':>10}  {'size':>5}  {'message':<26}  fields\n")
+            table = InspectTable(reading.schema)
+            out.write(table.head + "\n")
             for line in lines:
-                out.write(_table_row(line) + "\n")
+                out.write(table.row(line) + "\n")
     name = "standard input" if str(path) == "/dev/stdin" else Path(path).name
     if notes is not None and (others := [PROTOCOLS[one].title for one in mixture.others]):
         notes.write(
@@ -136,7 +120,7 @@ def _counted(lines: Iterator[Line], counts: Counter[str], rejects: bool) -> Iter
 @contextlib.contextmanager
 def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
     """The protocol of a file and its bytes in pieces, by the one rule of recordings/importers.py. A pipe is read as it
-    comes; its beginning decides.
+    comes, and its beginning decides; a recording that comes through one is kept aside, because its index is at its end.
 
     Raises:
         ValueError: no such protocol, nothing known in it, or no bytes of a device.
@@ -144,27 +128,43 @@ def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[
     if protocol != "auto" and protocol not in PROTOCOLS:
         raise ValueError(f"there is no protocol {protocol!r}; known are {', '.join(PROTOCOLS)}")
     named = "" if protocol == "auto" else protocol
-    if not path.is_file():
-        with path.open("rb") as pipe:
-            head = _head(pipe)
-            if head.startswith(MAGIC):
-                raise ValueError("a recording cannot be read from a pipe; name its file")
-            yield PROTOCOLS[named or _guessed(head, "standard input")], itertools.chain((head,), _pieces(pipe))
+    if path.is_file():
+        with _of_file(path, path.name, named, device, direction) as found:
+            yield found
         return
+    name = "standard input" if str(path) == "/dev/stdin" else path.name
+    with path.open("rb") as pipe:
+        head = _head(pipe)
+        if head.startswith(MAGIC):
+            every = itertools.chain((head,), _pieces(pipe))
+            with kept_aside(every) as aside, _of_file(aside, name, named, device, direction) as found:
+                yield found
+            return
+        if device:
+            raise ValueError(f"{name} {NO_DEVICES}")
+        yield PROTOCOLS[named or _guessed(head, name)], itertools.chain((head,), _pieces(pipe))
+
+
+@contextlib.contextmanager
+def _of_file(
+    path: Path, name: str, named: str, device: str, direction: str
+) -> Iterator[tuple[ProtocolInfo, Iterator[bytes]]]:
     try:
         source = open_file(path, named)
     except RecordingError as error:
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
         if head and not head.startswith(MAGIC):
-            _guessed(head, path.name)  # says more exactly why
+            _guessed(head, name)  # says more exactly why
         raise ValueError(f"{error.message} {error.hint}".strip()) from None
+    if device and not isinstance(source, McapSource):
+        raise ValueError(f"{name} {NO_DEVICES}")
     if isinstance(source, CaptureSource):
         with contextlib.closing(source.stream()) as file:
             yield PROTOCOLS[source.protocol], _pieces(file)
         return
     if not isinstance(source, McapSource) or not source.devices:
-        raise ValueError(f"{path.name} holds no bytes of a device; `imuscope decode` reads its numbers")
+        raise ValueError(f"{name} holds no bytes of a device; `imuscope decode` reads its numbers")
     try:
         one = chosen(source, device)
     except ReplayError as error:
@@ -173,7 +173,7 @@ def _opened(path: Path, protocol: str, device: str, direction: str) -> Iterator[
     spoken = named or source.devices[one].protocol
     if spoken not in PROTOCOLS:
         head = next(parts, b"")
-        spoken, parts = _guessed(head[:GUESS_BYTES], path.name), itertools.chain((head,), parts)  # type: ignore[assignment]
+        spoken, parts = _guessed(head[:GUESS_BYTES], name), itertools.chain((head,), parts)  # type: ignore[assignment]
     yield PROTOCOLS[spoken], parts
 
 
@@ -214,29 +214,3 @@ def _lines(pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, An
         yield from listing.drain()
     mixture.feed(b"", final=True)
     yield from listing.drain(stalled=True)
-
-
-def _table_row(line: Line) -> str:
-    head = f"{line['offset']:>10}  {line['size']:>5}  "
-    if "reject" in line:
-        why = EXPLAINED.get(line["reject"], "")
-        return head + f"{'—':<26}  {line['reject']}" + (f": {why}" if why else "")
-    flags = line.get("flags", {})
-    words = [f"{name} {_readable(value, flags, name)}" for name, value in line["fields"].items()]
-    wire = line.get("wire", {})
-    words += [f"({name} {_readable(wire[name], {}, '')})" for name in ("bid", "trailing") if name in wire]
-    words += [f"({note})" for note in line.get("notes", ())] + ["(unverified)"] * (line.get("verified") is False)
-    name = line["message"] if line["id"] is not None else f"{line['protocol']} {line['message']}"
-    return (head + f"{name:<26}  " + "  ".join(words)).rstrip()
-
-
-def _readable(value: Any, flags: Mapping[str, list[str]], path: str) -> str:
-    """A value for a person: six digits, flag words with the names of their bits."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{name} {_readable(v, flags, f'{path}.{name}')}" for name, v in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_readable(v, flags, f"{path}[{i}]") for i, v in enumerate(value)) + "]"
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    if isinstance(value, str) and len(text) > LONGEST_WORD:
-        text = f"{text[: LONGEST_WORD - 1]}…"
-    return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text

@@ -14,10 +14,11 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 
 from protocols.dialogues import Known
+from protocols.idtp.vendor import Schema
 from protocols.limits import bounds, is_whole
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Command, Field, Setting
-from server.commands.compose import ComposeError
+from server.commands.compose import ComposeError, tongues
 from server.control.forms import Forms
 from server.control.forms_of import forms_of
 
@@ -31,16 +32,18 @@ def every_form() -> list[Forms]:
     return [forms_of(one.driver, one.name, Known()) for one in PROTOCOLS.values() if one.driver is not None]
 
 
-def manual(protocol: str = "", name: str = "") -> Iterator[str]:
+def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> Iterator[str]:
     """Lines of text: of one command or setting, else of all.
 
+    Args:
+        schema: rows of the vendor's own payload types of IDTP.
     Raises:
         ComposeError: nothing is called like that.
     """
     tables: dict[str, list[Row]] = {
         one.name: [*one.driver.commands(Known()), *one.driver.settings(Known())]
-        for one in PROTOCOLS.values()
-        if one.driver is not None and protocol in ("", "auto", one.name)
+        for one in tongues(schema=schema).values()
+        if protocol in ("", "auto", one.name)
     }
     if not name:
         for spoken, rows in tables.items():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from server import logs
 from server.config import default_data
@@ -102,6 +102,8 @@ def parse(given: Sequence[str]) -> argparse.Namespace:
     options = command.parse_intermixed_args(rest)
     options.command = given[0]
     for name, variable in ENVIRONMENT.items():
+        if (given[0], name) == ("replay", "key"):
+            continue  # it needs none, and would say so each time
         if getattr(options, name, 0) in (None, "") and os.environ.get(variable):
             value = os.environ[variable]
             setattr(options, name, Path(value) if name in ("data", "config") else value)
@@ -159,10 +161,15 @@ def parser() -> _Parser:
 
     inspect = commands.add_parser("inspect", help="one line per frame of a file")
     inspect.add_argument("file", metavar="FILE", help='a capture, a recording, a vendor\'s log; "-": standard input')
-    _add_reading(inspect, "xbus, isb, idtp, or auto (the default)")
-    inspect.add_argument("--direction", choices=("rx", "tx"), default="rx", help="rx: sent by the device (the default)")
+    _add_reading(inspect, "xbus, isb, idtp, or auto (the default)", FRAMES)
+    inspect.add_argument(
+        "--direction",
+        choices=("rx", "tx"),
+        default="rx",
+        help="of a recording: rx: sent by the device (the default), tx: to it",
+    )
     _add_format(inspect, ("table", "jsonl"), "table for people (the default), jsonl: one JSON object a line")
-    inspect.add_argument("--device", default="", metavar="D", help="which one, where a recording has several")
+    inspect.add_argument("--device", default="", metavar="D", help="which one of a recording, where it has several")
     inspect.add_argument("--rejects", action="store_true", help="also show what failed its checks")
     inspect.add_argument("--no-replay-check", action="store_true", help="accept frames of any sequence number")
     _add_data(inspect)
@@ -171,7 +178,7 @@ def parser() -> _Parser:
     compose.add_argument("message", nargs="?", metavar="MESSAGE", help="a command, or any message that inspect names")
     compose.add_argument("pairs", nargs="*", metavar="FIELD=VALUE", help="400, 0x400F, a name, [1, 2], outputs.0.x=…")
     compose.add_argument("--jsonl", metavar="FILE", help='what inspect printed ("-": standard input), a frame a line')
-    _add_reading(compose, "xbus, isb or idtp (found by the message's name when left out)")
+    _add_reading(compose, "xbus, isb or idtp (found by the message's name when left out)", TABLES)
     _add_data(compose)
 
     send = commands.add_parser("send", help="send one command and print the answer as JSON", epilog=SENDING)
@@ -184,8 +191,7 @@ def parser() -> _Parser:
 
     manual = commands.add_parser("commands", help="what devices can be told and asked, with ranges and sources")
     manual.add_argument("name", nargs="?", default="", metavar="NAME", help="one command or setting, in full")
-    manual.add_argument("--key", help=argparse.SUPPRESS)
-    manual.add_argument("--protocol", default="", metavar="NAME", help="xbus, isb or idtp (all when left out)")
+    _add_reading(manual, "xbus, isb or idtp (all when left out)", ("protocol", "schema"))
     _add_data(manual)
 
     rearm = commands.add_parser("rearm", help="accept a Secure device again whose sequence restarted")
@@ -212,7 +218,7 @@ def parser() -> _Parser:
     replay.add_argument("--from", dest="begin", type=float, default=0.0, metavar="S", help="seconds from the beginning")
     replay.add_argument("--to", dest="end", type=float, metavar="S", help="seconds from the beginning")
     replay.add_argument("--device", default="", metavar="D", help="device to replay, if there are several")
-    replay.add_argument("--key", help=argparse.SUPPRESS)
+    replay.add_argument("--key", metavar="KEY", help="not needed, and said so: the bytes are sent as they came")
     replay.add_argument("--protocol", default="", metavar="NAME", help="of a capture (recognised when left out)")
     _add_data(replay)
 
@@ -253,25 +259,37 @@ def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words:
     command.add_argument("--json", dest="format", action="store_const", const=known[1], help=argparse.SUPPRESS)
 
 
-def _add_reading(command: argparse.ArgumentParser, protocol: str) -> None:
-    """What a person says about the bytes of a source or file; see server/live/reading.py."""
-    command.add_argument("--protocol", metavar="NAME", help=protocol)
-    command.add_argument("--key", metavar="KEY", help="for Secure frames of IDTP: @FILE that holds hex, or hex")
-    command.add_argument(
-        "--min-mode", choices=MODES, help="weakest mode of IDTP frames that is accepted (secure with a key, else lite)"
-    )
-    command.add_argument(
-        "--time-unit", choices=TIME_UNITS, help="of the timestamps of IDTP (us, unless their arrival says otherwise)"
-    )
-    command.add_argument(
-        "--rotation",
-        choices=ROTATIONS,
-        help="which way the quaternion of an IDTP device turns: body to ENU (the default), or ENU to body",
-    )
-    command.add_argument("--schema", metavar="FILE", help="descriptions of vendor types of IDTP (TOML)")
-    command.add_argument(
-        "--unverified", action="store_true", default=None, help="without a key, show Secure frames, marked"
-    )
+_READING: Mapping[str, Mapping[str, Any]] = {
+    "protocol": {"metavar": "NAME"},
+    "key": {"metavar": "KEY", "help": "for Secure frames of IDTP: @FILE that holds hex, or hex"},
+    "min-mode": {
+        "choices": MODES,
+        "help": "weakest mode of IDTP frames that is accepted (secure with a key, else lite)",
+    },
+    "time-unit": {
+        "choices": TIME_UNITS,
+        "help": "of the timestamps of IDTP (us, unless their arrival says otherwise)",
+    },
+    "rotation": {
+        "choices": ROTATIONS,
+        "help": "which way the quaternion of an IDTP device turns: body to ENU (the default), or ENU to body",
+    },
+    "schema": {"metavar": "FILE", "help": "descriptions of vendor types of IDTP (TOML)"},
+    "unverified": {
+        "action": "store_true",
+        "default": None,
+        "help": "without a key, show Secure frames, marked",
+    },
+}
+"""What a person says about the bytes of a source or file; see server/live/reading.py."""
+FRAMES = ("protocol", "key", "min-mode", "schema", "unverified")  # what a list of frames as they are depends on
+TABLES = ("protocol", "key", "schema")  # what making a frame depends on
+
+
+def _add_reading(command: argparse.ArgumentParser, protocol: str, names: Iterable[str] = _READING) -> None:
+    """Those options that the command acts upon: none is taken and then ignored."""
+    for name in names:
+        command.add_argument(f"--{name}", **{"help": protocol, **_READING[name]})
 
 
 def _add_data(command: argparse.ArgumentParser) -> None:

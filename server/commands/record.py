@@ -33,6 +33,7 @@ from server.live.reading import Reading
 from server.live.sequence_store import SequenceStore
 from server.live.session import Session
 from server.live.sessions import Sessions
+from server.printable import printable
 
 LOOK_S = 0.25
 MOST_TOLD = 20
@@ -100,7 +101,7 @@ def record(wish: Wish, notes: TextIO) -> str:
         raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
     _say(notes, "")
     size = wish.path.stat().st_size
-    return f"{wish.path}: {heard.seconds:.1f} s, {amount(heard.size)} of {name}, {amount(size)} on disk"
+    return printable(f"{wish.path}: {heard.seconds:.1f} s, {amount(heard.size)} of {name}, {amount(size)} on disk")
 
 
 async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
@@ -167,7 +168,7 @@ async def _until_end(
             text = f"{session.info.message} {session.info.hint}".strip()
             if session.info.status != "live" and text and text not in told and len(told) < MOST_TOLD:
                 told.add(text)
-                print(f"imuscope: {text}", file=notes, flush=True)
+                print(f"imuscope: {printable(text)}", file=notes, flush=True)
 
     while not ended.is_set():
         left = LOOK_S
@@ -213,5 +214,5 @@ def amount(size: int) -> str:
 def _say(notes: TextIO, text: str) -> None:
     """One line that changes."""
     if notes.isatty():
-        notes.write(f"\r\x1b[K{text}")
+        notes.write(f"\r\x1b[K{printable(text)}")
         notes.flush()

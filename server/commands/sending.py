@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -34,6 +33,7 @@ from server.control.values import value_at
 from server.links import open_link
 from server.links.base import Link, LinkError, LinkSettings, steady_clock
 from server.live.reading import Reading
+from server.printable import json_text
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is recognised
 BOOT_S = 0.6  # a twin, and a device that a port's opening resets, needs a moment before it hears
@@ -328,5 +328,5 @@ def _tell_altered(driver: Driver, setting: Setting, asked: Values, got: Values, 
 
 
 def _print(out: TextIO, line: Values) -> None:
-    out.write(json.dumps(line, ensure_ascii=False, default=str) + "\n")
+    out.write(json_text(line, default=str) + "\n")
     out.flush()

@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from server import logs
-from server.commands.common import UsageError, check_sources, warm
+from server.commands.common import BOTH, UsageError, check_sources, warm
 from server.config import Config, load
 from server.live.reading import key_text
 from server.version import VERSION
@@ -26,6 +26,8 @@ def serve(options: argparse.Namespace) -> None:
         ConfigError, ReadingError: they, or the configuration file, cannot be understood.
     """
     started = time.monotonic()
+    if options.key is not None and options.unverified:
+        raise UsageError(BOTH)
     config = _config(options)
     from server import serving
     from server.auth import Access

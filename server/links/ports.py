@@ -22,6 +22,7 @@ from serial.tools import list_ports as system_ports
 from server.links.base import LinkError, Try
 from server.links.scan import scan as scan_rates
 from server.links.serial import Line, gone, holder, lock_of, open_port
+from server.printable import printable
 
 # USB vendor → maker. The list of the USB Implementers Forum, as far as inertial sensors and their adapters go.
 MAKERS = {
@@ -193,12 +194,12 @@ def print_ports(out: TextIO) -> None:
         print("No serial port is present. Is the sensor plugged in? (`lsusb`, `dmesg | tail`)", file=out)
         return
     for info in infos:
-        print(f"{info.device}  {info.description}", file=out)
+        print(printable(f"{info.device}  {info.description}"), file=out)
     out.flush()
     width = max(len(info.device) for info in infos)
 
     def tell(device: str, attempt: Try) -> None:
-        print(f"{device:<{width}}  {attempt.what}: {attempt.outcome}", file=out, flush=True)
+        print(printable(f"{device:<{width}}  {attempt.what}: {attempt.outcome}"), file=out, flush=True)
 
     print("Listening…", file=out, flush=True)
     asyncio.run(scan(progress=tell))

@@ -1,0 +1,146 @@
+"""A line of `imuscope inspect` for a person: values with their units, enumerations and flags by name.
+
+    {"message": "Imu3Acc", "fields": {"device_id": 7, "version": 33, "mode": 1, "acc_x": 0.5, …}}
+    ──>  Imu3Acc   device_id 7  version 2.1  mode Safety  acc_x 0.5 m/s²  …
+
+What a value means stands in the rows of the protocols' tables (protocols/schema.py). As JSON lines the same values are
+those of the wire; here they are what the unit says: scaled where a row has a scale. Whatever text a device sent is
+printed so that it cannot steer a terminal (server/printable.py).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+from protocols.idtp.vendor import Schema
+from protocols.schema import Field
+from server.commands.compose import Tongue, tongues
+from server.printable import printable
+
+LONGEST_WORD = 64  # characters of a word or of bytes; jsonl has all of them
+WIDTH = 26  # of the message's name
+
+EXPLAINED: Mapping[str, str] = {
+    "bad_checksum": "the checksum does not fit the bytes",
+    "bad_size": "it claims a length that no frame has",
+    "bad_type": "it claims a packet type that there is not",
+    "bad_item": "an item of it claims more bytes than are left, or a size that its kind has not",
+    "bad_id": "bus identifier and message are both 0",
+    "bad_crc8": "the header is damaged, or this is no header",
+    "bad_version": "unsupported version",
+    "bad_mode": "unknown mode",
+    "below_min_mode": "intact, but of a weaker mode than is accepted (--min-mode)",
+    "bad_crc32": "the payload is damaged",
+    "bad_hmac": "damaged, forged, or made with another key",
+    "no_key": "a Secure frame, and no key to check it with (--key)",
+    "stale": "intact, but old: its sequence number has passed (--no-replay-check)",
+    "far_ahead": "intact, but its sequence number is far ahead, and no second frame agrees",
+    "truncated": "the bytes end before it does",
+    "indt": "the preamble of IDTP's successor",
+}
+"""What each reason means, for a person."""
+
+NOTES: Mapping[str, str] = {
+    "undecodable_short": "shorter than its type: not decoded",
+    "size_mismatch_long": "longer than its type",
+    "version": "another version than 2.1",
+    "not_finite": "a value is not a number",
+    "not_unit": "the norm of the quaternion is not 1",
+}
+"""What is odd about a frame, for a person; see protocols/idtp/listing.py."""
+
+Line = Mapping[str, Any]
+_NOTHING = Field("")
+
+
+class InspectTable:
+    """Lines of a table.
+
+    Args:
+        schema: rows of the vendor's own payload types of IDTP.
+    """
+
+    head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
+
+    def __init__(self, schema: Schema | None = None) -> None:
+        self._tongues = tongues(schema=schema)
+        self._fields = lru_cache(maxsize=1024)(self._fields_of)
+
+    def row(self, line: Line) -> str:
+        """One line, without its end."""
+        head = f"{line['offset']:>10}  {line['size']:>5}  "
+        if "reject" in line:
+            why = EXPLAINED.get(line["reject"], "")
+            return head + f"{'—':<{WIDTH}}  {line['reject']}" + (f": {why}" if why else "")
+        flags = line.get("flags", {})
+        known = self._fields(line["protocol"], line["message"])
+        words = [f"{name} {_shown(v, known.get(name, _NOTHING), flags, name)}" for name, v in line["fields"].items()]
+        wire = line.get("wire", {})
+        words += [f"({name} {_shown(wire[name], _NOTHING, {}, '')})" for name in ("bid", "trailing") if name in wire]
+        words += [f"({NOTES.get(note, note)})" for note in line.get("notes", ())]
+        words += ["(unverified)"] * (line.get("verified") is False)
+        name = line["message"] if line["id"] is not None else f"{line['protocol']} {line['message']}"
+        return printable((head + f"{name:<{WIDTH}}  " + "  ".join(words)).rstrip())
+
+    def _fields_of(self, protocol: str, message: str) -> Mapping[str, Field]:
+        """Field by the name that inspect prints; {} of what passes through any port."""
+        tongue: Tongue | None = self._tongues.get(protocol)
+        if tongue is None:
+            return {}
+        return {field.name: field for field in _rows(tongue, message)}
+
+
+def _rows(tongue: Tongue, message: str) -> tuple[Field, ...]:
+    return (tongue.listed or {}).get(message) or tongue.messages.get(message) or tongue.opaque
+
+
+def _shown(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) -> str:
+    """A value with its unit, enumerated ones and flag words by name."""
+    if isinstance(value, Mapping) and value.keys() <= {"f32", "f64"}:
+        value = _float(value)
+    if isinstance(value, Mapping):
+        parts = {part.name: part for part in field.fields}
+        inside = (f"{n} {_shown(v, parts.get(n, _NOTHING), flags, f'{path}.{n}')}" for n, v in value.items())
+        return "{" + ", ".join(inside) + "}"
+    if isinstance(value, (list, tuple)):
+        units = field.unit.split(",") if "," in field.unit else [""] * len(value)
+        each = [_one(v, field, flags, f"{path}[{i}]") for i, v in enumerate(value)]
+        text = "[" + ", ".join(_with(one, unit) for one, unit in zip(each, units, strict=False)) + "]"
+        return text if "," in field.unit or field.fields else _with(text, field.unit)
+    return _with(_one(value, field, flags, path), "" if "," in field.unit else field.unit)
+
+
+def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) -> str:
+    """A value without its unit."""
+    if isinstance(value, Mapping) and value.keys() <= {"f32", "f64"}:
+        value = _float(value)
+    if isinstance(value, (Mapping, list, tuple)):
+        return _shown(value, field, flags, path)
+    if field.choices and value in field.choices:
+        return field.choices[value]
+    if isinstance(value, str):
+        return value if len(value) <= LONGEST_WORD else f"{value[: LONGEST_WORD - 1]}…"
+    scaled = field.scale != 1 or field.bias
+    if scaled and isinstance(value, (int, float)):
+        value = value * field.scale + field.bias
+    if isinstance(value, float):
+        text = f"{value:.10g}" if field.dtype.endswith("f8") or scaled else f"{value:.6g}"
+    else:
+        text = f"0x{value:X}" if field.base == 16 and isinstance(value, int) else str(value)
+    return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
+
+
+def _with(text: str, unit: str) -> str:
+    """A unit that begins with a number is a multiple: "1234 × 0.1 ms"."""
+    if not unit:
+        return text
+    return f"{text} × {unit}" if unit[0].isdigit() else f"{text} {unit}"
+
+
+def _float(told: Mapping[str, str]) -> float:
+    """What is not finite stands in a line as its bytes."""
+    ((kind, digits),) = told.items()
+    return float(struct.unpack(">f" if kind == "f32" else ">d", bytes.fromhex(digits))[0])
