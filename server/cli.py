@@ -21,6 +21,7 @@ from server.commands.common import (
     check_protocol,
     check_sources,
     no_file,
+    placed,
     readable,
     reading_of,
     settled,
@@ -185,8 +186,9 @@ def _record(options: argparse.Namespace) -> None:
     from server.links.base import LinkError
 
     given = reading_of(options)
-    sources = [taken_from(source, given) for source in options.sources]
-    check_sources(options.sources, given)
+    named = placed(options.sources)
+    sources = [taken_from(source, given) for source in named]
+    check_sources(named, given)
     wished = tuple((source, settled(said)) for source, said in sources)
     try:
         print(record(Wish(wished, options.output, options.duration, data), sys.stderr))

@@ -121,6 +121,7 @@ def check_sources(sources: Sequence[str], given: Reading) -> None:
     """UsageError: one of them cannot be opened, ever."""
     from server.links import LinkError, open_link
     from server.links.file import FileLink
+    from server.links.pipe import PipeLink
 
     seen: set[str] = set()
     for source in sources:
@@ -133,16 +134,17 @@ def check_sources(sources: Sequence[str], given: Reading) -> None:
         if place in seen and not place.startswith("twin:"):
             raise UsageError(f"the source {place} is given twice; give it once")
         seen.add(place)
-        if isinstance(link, FileLink) and not link.path.is_file():
+        if isinstance(link, FileLink) and not isinstance(link, PipeLink) and not link.path.is_file():
             # A port may be plugged in later; a file that is not there now is a slip of the fingers.
-            if link.path.exists() and not link.path.is_dir():
-                raise UsageError(
-                    f"{link.path} is a pipe, which cannot be served; `imuscope decode` and `inspect` read it"
-                )
             near = get_close_matches(source, COMMANDS, 1)
             words = f" The nearest command is {near[0]}." if near else ""
             raise UsageError(f"{no_file(str(link.path))} See `imuscope --help` for commands and sources.{words}")
     check_protocol(given.protocol)
+
+
+def placed(sources: Sequence[str]) -> list[str]:
+    """Sources by the names that links know: "-" is standard input."""
+    return ["/dev/stdin" if source == "-" else source for source in sources]
 
 
 def no_file(path: str) -> str:

@@ -22,7 +22,7 @@ SHELLS = ("bash", "zsh", "fish")
 FOXGLOVE_PORT = 8765
 SOURCES = (
     "/dev/ttyUSB0, serial:///dev/ttyUSB0?baud=921600, tcp://host:port, tcp-listen://:port, udp://:port, a file, "
-    "twin:xbus|isb|idtp; `imuscope serve --help` has their options"
+    "a pipe, - (standard input), twin:xbus|isb|idtp; `imuscope serve --help` has their options"
 )
 OUTPUTS = (
     "its suffix chooses: .csv, .parquet (a file per message), .mcap (decoded), .rrd (Rerun), "
@@ -41,6 +41,7 @@ SOURCE_HELP = """sources, with their options after a question mark:
   tcp-listen://[host]:port        wait for a device to connect
   udp://[host]:port               receive datagrams
   FILE?speed=4&loop=1             a capture at its own pace; of a recording also device=, from=, to=
+  -, a pipe                       what comes through it, at once; a capture that is poured in at its own pace
   twin:xbus|isb|idtp?rate=400     a simulated device; also product=, mode=, clock=, baud=, drop=, corrupt=, drift_ppm=,
                                   jump_s=, reset_s=, unplug_s=, away_s=, burst_ms=, seed= (server/links/twin.py)
   any of them                     protocol=, key=, min_mode=, unverified=, time_unit=, rotation=: as the options below
@@ -254,9 +255,10 @@ def parser() -> _Parser:
 
 
 def _add_format(command: argparse.ArgumentParser, known: tuple[str, str], words: str) -> None:
-    """How results are printed; --json is an older way to say it."""
+    """How results are printed; --json is short for the form for programs."""
     command.add_argument("--format", choices=known, default=known[0], help=words)
-    command.add_argument("--json", dest="format", action="store_const", const=known[1], help=argparse.SUPPRESS)
+    words = f"short for --format {known[1]}"
+    command.add_argument("--json", dest="format", action="store_const", const=known[1], help=words)
 
 
 _READING: Mapping[str, Mapping[str, Any]] = {

@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from server import logs
-from server.commands.common import BOTH, UsageError, check_sources, warm
+from server.commands.common import BOTH, UsageError, check_sources, placed, warm
 from server.config import Config, load
 from server.live.reading import key_text
 from server.version import VERSION
@@ -72,7 +72,7 @@ def _config(options: argparse.Namespace) -> Config:
         unverified=options.unverified,
         time_unit=options.time_unit,
         rotation=options.rotation,
-        sources=options.sources or None,
+        sources=placed(options.sources) or None,
         tls=options.tls,
         tls_cert=options.tls_cert,
         tls_key=options.tls_key,

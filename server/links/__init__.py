@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try, steady_clock
 from server.links.file import SPEEDS, FileLink
+from server.links.pipe import PipeLink, is_pipe
 from server.links.replay import OPTIONS, ReplayLink, expanded, is_recording
 from server.links.serial import Line, SerialLink
 from server.links.simulated_device import TwinOptions
@@ -58,6 +59,9 @@ def open_link(source: str, settings: LinkSettings | None = None) -> Link:
             if is_recording(parsed.place) or {"device", "from", "to"} & parsed.options.keys():
                 parsed.allow(OPTIONS)
                 return ReplayLink(source, settings, parsed)
+            if is_pipe(parsed.place):
+                parsed.allow(())
+                return PipeLink(source, settings, parsed.place)
             parsed.allow(("speed", "loop"))
             return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEEDS), parsed.switch("loop"))
         case "twin":

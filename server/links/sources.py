@@ -174,6 +174,8 @@ class Source:
 
 def _is_port(path: str) -> bool:
     """True for a serial port: by its name when it is not plugged in, else because it is a character device."""
+    if path == "/dev/stdin" or path.startswith("/dev/fd/"):
+        return False
     if path.startswith("/dev/") or _WINDOWS_PORT.match(path):
         return True
     try:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import io
+import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
+import time
+import urllib.request
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from protocols.idtp.frames import SAFETY, SECURE, build
-from server.cli import main
 from server.commands import options
 from server.commands.completion import script
-from tests.process import ROOT
+from tests.patience import PATIENCE_S
+from tests.process import ROOT, ServerProcess, imuscope
 
 KEY = bytes(range(16))
 
@@ -27,48 +32,113 @@ def frames(mode: int = SAFETY, count: int = 40) -> bytes:
     )
 
 
-def test_an_option_between_arguments_was_not_recognised(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compose", "Imu3Acc", "--key", "00", "acc_x=1"]) == 0
-    between = capsys.readouterr().out
-    assert main(["compose", "--key", "00", "Imu3Acc", "acc_x=1"]) == 0
-    assert capsys.readouterr().out == between
+COMMANDS = options.parser().commands
+"""From the parser itself: a new command is held to all of this, too."""
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "serve a --host 0.0.0.0 b --port 1 c",
-        "serve --foxglove a b",
-        "ports --data d",
-        "doctor --format json --data d",
-        "inspect --rejects a --format jsonl --device 2",
-        "compose --protocol xbus a --key 00 b=1 c=2",
-        "send a --yes b --key 00 c=1",
-        "commands --protocol xbus a --key 00",
-        "rearm --server http://a 102 --token b",
-        "record a -o b.mcap c --duration 3",
-        "replay --tcp :1 a --loop --device 2 --key 00",
-        "decode -o a.csv b --device 2 --from 1 --to 2 --channel c --channel d",
-        "completion zsh",
-    ],
-)
-def test_every_command_takes_options_anywhere(words: str) -> None:
-    assert {one.split()[0] for one in [words]} <= set(options.COMMANDS)
-    found = options.parse(words.split())
-    if found.command == "serve":
-        assert found.sources == (["a", "b", "c"] if "--port" in words else ["a", "b"])
-    if found.command == "record":
-        assert found.sources == ["a", "c"]
-    if found.command == "decode":
-        assert (found.begin, found.end, found.channel) == (1.0, 2.0, ["c", "d"])
+def arguments_of(command: argparse.ArgumentParser) -> tuple[list[str], list[list[str]]]:
+    """What can be written behind a command: its arguments, as many as it takes up to three, and each of its options."""
+    words: list[str] = []
+    given: list[list[str]] = []
+    left_out: set[argparse.Action] = set()
+    for group in command._mutually_exclusive_groups:
+        left_out |= set(group._group_actions[1:])
+    for action in command._actions:
+        if isinstance(action, argparse._HelpAction) or action in left_out:
+            continue
+        if not action.option_strings:
+            known = list(action.choices) if action.choices else ["a", "b", "c"]
+            words += known[: 3 if action.nargs in ("*", "+") else 1]
+        elif action.nargs == 0:
+            given.append([action.option_strings[-1]])
+        else:
+            value = str(next(iter(action.choices))) if action.choices else "1"
+            given.append([action.option_strings[-1], value])
+    return words, given
 
 
-def test_every_option_is_explained_and_every_command_listed() -> None:
-    commands = options.parser().commands
-    assert set(commands) == set(options.COMMANDS)
-    for name, command in commands.items():
-        for action in command._actions:
-            assert action.help, f"{name} {action.option_strings or action.dest}"
+@pytest.mark.parametrize("name", COMMANDS)
+def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
+    words, given = arguments_of(COMMANDS[name])
+    needed = [one for one in given if any(one[0] in a.option_strings and a.required for a in COMMANDS[name]._actions)]
+    doors = [one for group in COMMANDS[name]._mutually_exclusive_groups if group.required for one in given
+             if one[0] in group._group_actions[0].option_strings]  # fmt: skip
+    rest = [word for one in needed + doors for word in one]
+    for option in given:
+        others = [] if option in needed + doors else rest
+        alike = {
+            repr(sorted(vars(options.parse([name, *others, *words[:at], *option, *words[at:]])).items()))
+            for at in range(len(words) + 1)
+        }
+        alike |= {repr(sorted(vars(options.parse([name, *words[:at], *option, *words[at:], *others])).items()))
+                  for at in range(len(words) + 1)}  # fmt: skip
+        assert len(alike) == 1, option
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_explained_with_its_values(name: str) -> None:
+    shown = COMMANDS[name].format_help()
+    for action in COMMANDS[name]._actions:
+        called = f"{name} {action.option_strings or action.dest}"
+        assert action.help, called
+        assert action.help != argparse.SUPPRESS, f"{called} is hidden"
+        for one in action.option_strings:
+            assert one in shown, called
+        for value in action.choices or ():
+            assert str(value) in shown, called
+
+
+def test_every_command_is_listed_with_what_it_is_for() -> None:
+    assert set(COMMANDS) == set(options.COMMANDS)
+    shown = options.parser().format_help()
+    for name in COMMANDS:
+        assert re.search(rf"^    {name}\s+\S", shown, re.MULTILINE), name
+
+
+def test_one_word_for_one_format_option() -> None:
+    """How results are printed is --format wherever a command has a choice; --log-format is of the log."""
+    words = {one for command in COMMANDS.values() for action in command._actions for one in action.option_strings}
+    assert {one for one in words if "format" in one or "json" in one} == {
+        "--format",
+        "--json",
+        "--jsonl",
+        "--log-format",
+    }
+    for command in COMMANDS.values():
+        short = [action for action in command._actions if "--json" in action.option_strings]
+        assert all(action.dest == "format" and "--format" in (action.help or "") for action in short)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_is_written_wrongly_is_one_line_and_no_traceback(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words, given = arguments_of(COMMANDS[name])
+    wrong = [[name, *words, "--no-such-option"]]
+    wrong += [[name, *words, option[0]] for option in given if len(option) > 1 and option[0] != "--foxglove"]
+    for action in COMMANDS[name]._actions:
+        if action.option_strings and (action.choices or action.type in (int, float)):
+            wrong.append([name, *words, f"{action.option_strings[-1]}=wrong"])
+    for line in wrong:
+        with pytest.raises(SystemExit) as ended:
+            options.parse(line)
+        assert ended.value.code == 1, line
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1, line
+        assert said.startswith("imuscope: "), line
+        assert f"See `imuscope {name} --help`." in said
+
+
+def test_the_readme_names_every_command_and_variable() -> None:
+    text = (ROOT / "README.md").read_text()
+    for name in COMMANDS:
+        assert re.search(rf"imuscope {name}\b", text), name
+    for variable in options.ENVIRONMENT.values():
+        assert variable in text, variable
+
+
+def test_an_option_between_arguments_was_not_recognised() -> None:
+    between = imuscope("compose", "Imu3Acc", "--key", "00", "acc_x=1")
+    before = imuscope("compose", "--key", "00", "Imu3Acc", "acc_x=1")
+    assert (between.returncode, between.stdout) == (0, before.stdout)
 
 
 def test_older_spellings_still_do() -> None:
@@ -121,79 +191,157 @@ def test_nowhere_to_write_was_a_traceback() -> None:
         ("compose --jsonl pyproject.toml --protocol morse", "there is no protocol 'morse'"),
     ],
 )
-def test_what_is_said_names_the_cause(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words.split()) == 1
-    error = capsys.readouterr().err
-    assert said in error
-    assert "Traceback" not in error
+def test_what_is_said_names_the_cause(words: str, said: str) -> None:
+    done = imuscope(*words.split())
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("serve twin:idtp --key 00 --unverified", "leave one out"),
+        ("inspect README.md --key 00 --unverified", "leave one out"),
+        ("doctor --udev-rule --systemd-unit", "give one of the two"),
+        ("doctor --udev-rule --format json", "leave one out"),
+        ("simulate xbus --key 00 --tcp :0", "--key is for Secure frames of IDTP"),
+        ("compose Imu3Acc --min-mode lite", "unrecognized arguments: --min-mode"),
+        ("inspect README.md --rotation enu_from_body", "unrecognized arguments: --rotation"),
+        ("commands --key 00", "unrecognized arguments: --key"),
+    ],
+)
+def test_an_option_that_did_nothing_is_refused(words: str, said: str) -> None:
+    done = imuscope(*words.split())
+    assert done.returncode == 1
+    assert said in done.stderr
+
+
+def test_a_key_for_replay_is_said_to_be_needless(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(frames())
+    done = imuscope("replay", str(tmp_path / "a.bin"), "--udp", "127.0.0.1:9", "--speed", "1000", "--key", "00")
+    assert done.returncode == 0
+    assert "--key is not needed: the bytes are sent as they came" in done.stderr
 
 
 # -- files and pipes ---------------------------------------------------------------------------------------------------
 
 
-def test_inspect_reads_a_pipe(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+NAMES = ["inspect", "decode", "record"]
+
+
+def read_by(command: str, source: str, folder: Path, given: bytes = b"") -> str:
+    """The frames that a command finds in a source, by its own words."""
+    made = folder / f"{command}{len(list(folder.iterdir()))}.out"
+    if command == "inspect":
+        done = imuscope("inspect", source, "--format", "jsonl", given=given)
+        assert done.returncode == 0, done.stderr
+        return str(len(done.stdout.splitlines()))
+    if command == "decode":
+        done = imuscope("decode", source, "-o", str(made.with_suffix(".csv")), given=given)
+        assert done.returncode == 0, done.stderr
+        return str(len(Path(done.stdout.strip()).read_text().splitlines()) - 1)
+    done = imuscope("record", source, "-o", str(made.with_suffix(".mcap")), given=given)
+    assert done.returncode == 0, done.stderr
+    return read_by("inspect", str(made.with_suffix(".mcap")), folder)
+
+
+@pytest.mark.parametrize("command", NAMES)
+def test_a_file_a_pipe_and_standard_input_are_read_alike(command: str, tmp_path: Path) -> None:
+    """`record` opens its sources as `serve` does."""
+    (tmp_path / "a.bin").write_bytes(frames())
+    assert read_by(command, str(tmp_path / "a.bin"), tmp_path) == "40"
+    assert read_by(command, "-", tmp_path, frames()) == "40"
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     writer = threading.Thread(target=lambda: pipe.write_bytes(frames()))
     writer.start()
-    assert main(["inspect", str(pipe), "--json"]) == 0
+    assert read_by(command, str(pipe), tmp_path) == "40"
     writer.join()
-    assert len(capsys.readouterr().out.splitlines()) == 40
 
 
-def test_jsonl_takes_the_protocol_that_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    line = {"message": "GoToConfig", "fields": {}}
-    monkeypatch.setattr("sys.stdin", io.StringIO(json.dumps(line) + "\n"))
-    assert main(["compose", "--jsonl", "-", "--protocol", "xbus"]) == 0
-    assert capsys.readouterr().out == "faff3000d1\n"
-    monkeypatch.setattr("sys.stdin", io.StringIO(json.dumps(line) + "\n"))
-    assert main(["compose", "--jsonl", "-"]) == 1
-    assert "names no protocol" in capsys.readouterr().err
+def test_serve_reads_a_pipe(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ServerProcess(str(pipe), data=tmp_path) as server:
+        pipe.write_bytes(frames())
+        await_device(server.url, lambda one: one["protocol"] == "idtp" and one["status"] == "ended")
 
 
-def test_a_missing_key_was_not_mentioned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def await_device(url: str, wanted: Callable[[dict[str, Any]], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    one: dict[str, Any] = {}
+    while time.monotonic() < deadline:
+        with urllib.request.urlopen(f"{url}/api/devices") as answer:
+            (one,) = json.load(answer)
+        if wanted(one):
+            return
+        time.sleep(0.05)
+    raise AssertionError(one)
+
+
+def test_a_recording_comes_through_a_pipe_for_inspect(tmp_path: Path) -> None:
+    (tmp_path / "a.bin").write_bytes(frames())
+    made = tmp_path / "a.mcap"
+    assert imuscope("record", f"{tmp_path / 'a.bin'}?speed=1000", "-o", str(made)).returncode == 0
+    assert read_by("inspect", "-", tmp_path, made.read_bytes()) == "40"
+    done = imuscope("inspect", "-", "--device", "x", given=frames())
+    assert "no devices to choose from" in done.stderr
+
+
+def test_jsonl_takes_the_protocol_that_is_named() -> None:
+    line = json.dumps({"message": "GoToConfig", "fields": {}}).encode() + b"\n"
+    done = imuscope("compose", "--jsonl", "-", "--protocol", "xbus", given=line)
+    assert (done.returncode, done.stdout) == (0, "faff3000d1\n")
+    done = imuscope("compose", "--jsonl", "-", given=line)
+    assert done.returncode == 1
+    assert "names no protocol" in done.stderr
+
+
+def test_a_missing_key_was_not_mentioned(tmp_path: Path) -> None:
     path = tmp_path / "secure.bin"
     path.write_bytes(frames(SECURE))
-    assert main(["inspect", str(path)]) == 1
-    assert "40 frames are not accepted: a Secure frame, and no key to check it with (--key)" in capsys.readouterr().err
-    assert main(["decode", str(path), "-o", str(tmp_path / "x.csv")]) == 1
-    assert "--key @FILE" in capsys.readouterr().err
-    assert main(["inspect", str(path), "--key", KEY.hex(), "--json"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 40
+    done = imuscope("inspect", str(path))
+    assert done.returncode == 1
+    assert "40 frames are not accepted: a Secure frame, and no key to check it with (--key)" in done.stderr
+    done = imuscope("decode", str(path), "-o", str(tmp_path / "x.csv"))
+    assert done.returncode == 1
+    assert "--key @FILE" in done.stderr
+    done = imuscope("inspect", str(path), "--key", KEY.hex(), "--json")
+    assert (done.returncode, len(done.stdout.splitlines())) == (0, 40)
 
 
-def test_a_successor_or_nothing_is_no_success(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_successor_or_nothing_is_no_success(tmp_path: Path) -> None:
     path = tmp_path / "indt.bin"
     path.write_bytes(frames().replace(b"IDTP", b"INDT"))
     for more in ([], ["--protocol", "idtp"]):
-        assert main(["inspect", str(path), *more]) == 1
-        assert "INDT" in capsys.readouterr().err
+        done = imuscope("inspect", str(path), *more)
+        assert done.returncode == 1
+        assert "INDT" in done.stderr
     path.write_bytes(b"")
     for more in ([], ["--protocol", "idtp"]):
-        assert main(["inspect", str(path), *more]) == 1
-        assert "is empty" in capsys.readouterr().err
+        done = imuscope("inspect", str(path), *more)
+        assert done.returncode == 1
+        assert "is empty" in done.stderr
 
 
-def test_inspect_saw_phantom_frames_in_recordings_and_noise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inspect_saw_phantom_frames_in_recordings_and_noise(tmp_path: Path) -> None:
     """A recording is read as what it is; noise, in which a weak checksum finds a frame now and then, is nothing."""
     capture = tmp_path / "capture.bin"
     capture.write_bytes(frames())
     recording = tmp_path / "r.mcap"
-    assert main(["record", f"{capture}?speed=1000", "-o", str(recording)]) == 0
-    capsys.readouterr()
-    assert main(["inspect", str(recording), "--json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert imuscope("record", f"{capture}?speed=1000", "-o", str(recording)).returncode == 0
+    lines = [json.loads(line) for line in imuscope("inspect", str(recording), "--json").stdout.splitlines()]
     assert {line["protocol"] for line in lines} == {"idtp"}
     assert len(lines) == 40
     noise = tmp_path / "noise.bin"
     noise.write_bytes(b"\xfa\xff\x30\x00\xd1".join(bytes(range(256)) * 8 for _ in range(8)))
-    assert main(["inspect", str(noise)]) == 1
-    assert "nothing known" in capsys.readouterr().err
+    done = imuscope("inspect", str(noise))
+    assert done.returncode == 1
+    assert "nothing known" in done.stderr
 
 
-def test_decode_takes_a_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_decode_takes_a_part(tmp_path: Path) -> None:
     capture = tmp_path / "capture.bin"
     two = [
         build(kind, bytes(12), timestamp=k * 10_000, sequence=k, device=7, mode=SAFETY)
@@ -202,8 +350,8 @@ def test_decode_takes_a_part(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     ]
     capture.write_bytes(b"".join(two))
     out = tmp_path / "x.csv"
-    assert main(["decode", str(capture), "-o", str(out), "--from", "0.5", "--to", "1", "--channel", "Imu3Gyr"]) == 0
-    (made,) = capsys.readouterr().out.split()
+    part = ("--from", "0.5", "--to", "1", "--channel", "Imu3Gyr")
+    (made,) = imuscope("decode", str(capture), "-o", str(out), *part).stdout.split()
     assert "Imu3Gyr" in made
     assert 20 <= len(Path(made).read_text().splitlines()) <= 32
     for wrong, said in (
@@ -211,5 +359,6 @@ def test_decode_takes_a_part(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         (["--channel", "Imu3Gyrr"], "nearest are: Imu3Gyr"),
         (["--from", "70"], "nothing lies in that range"),
     ):
-        assert main(["decode", str(capture), "-o", str(out), *wrong]) == 1
-        assert said in capsys.readouterr().err
+        done = imuscope("decode", str(capture), "-o", str(out), *wrong)
+        assert done.returncode == 1
+        assert said in done.stderr

@@ -1,0 +1,85 @@
+"""A pipe as a source: a device's bytes are never held back, a capture that is poured in has its own pace."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from recordings.blocks import MAGIC
+from server.links import LinkError, open_link
+from server.links.pipe import PipeLink
+from tests.links.bench import frame, gather, joined, settings
+
+
+@pytest.fixture
+def pipe(tmp_path: Path) -> Path:
+    os.mkfifo(tmp_path / "pipe")
+    return tmp_path / "pipe"
+
+
+def test_a_pipe_could_not_be_served(pipe: Path) -> None:
+    """A capture of 0.5 s, written at once, takes as long as the device's clock says; then it has ended."""
+    data = b"".join(frame(i, i * 100) for i in range(51))
+
+    async def body() -> None:
+        link = open_link(str(pipe), settings(protocol="xbus"))
+        assert isinstance(link, PipeLink)
+        await link.open()
+        writer = threading.Thread(target=pipe.write_bytes, args=(data,))
+        writer.start()
+        chunks = await gather(link, len(data))
+        assert joined(chunks) == data
+        assert chunks[-1].arrival_ns - chunks[0].arrival_ns > 300_000_000
+        with pytest.raises(LinkError) as ended:
+            await link.read()
+        assert ended.value.kind == "ended"
+        writer.join()
+        await link.close()
+
+    asyncio.run(body())
+
+
+def test_what_a_device_sends_through_a_pipe_is_not_held_back(pipe: Path) -> None:
+    """By its clock the frames are 10 s apart; each is there before the next is written."""
+
+    async def body() -> None:
+        link = open_link(str(pipe), settings(protocol="xbus"))
+        await link.open()
+        end = await asyncio.to_thread(os.open, pipe, os.O_WRONLY)
+        try:
+            for i in range(6):
+                one = frame(i, i * 100_000)
+                os.write(end, one)
+                assert joined(await gather(link, len(one))) == one
+        finally:
+            os.close(end)
+            await link.close()
+
+    asyncio.run(body())
+
+
+def test_a_pipe_that_nobody_writes_is_closed_at_once(pipe: Path) -> None:
+    async def body() -> None:
+        link = open_link(str(pipe), settings())
+        await link.open()
+        await link.close()
+
+    asyncio.run(body())
+
+
+def test_a_recording_through_a_pipe_is_refused_with_a_way_out(pipe: Path) -> None:
+    async def body() -> None:
+        link = open_link(str(pipe), settings())
+        await link.open()
+        writer = threading.Thread(target=pipe.write_bytes, args=(MAGIC + bytes(100),))
+        writer.start()
+        with pytest.raises(LinkError, match="Write it into a file"):
+            await link.read()
+        writer.join()
+        await link.close()
+
+    asyncio.run(body())
