@@ -31,10 +31,10 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from protocols.clocks import Unwrap
-from protocols.events import Batch, Doubt, Event, Gap, Late, Reject, Reply, Step
-from protocols.framing import BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
+from protocols.events import Batch, Doubt, Event, Gap, Late, Reply, Step
+from protocols.framing import BAD_VERSION, BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
-from protocols.idtp.frames import SECURE, TIMESTAMP_AT, VERSION_AT
+from protocols.idtp.frames import SECURE, TIMESTAMP_AT, VERSION_AT, version_at
 from protocols.idtp.payloads import Payload, Rotation, Shown
 from protocols.idtp.sequence import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream import Cut, IdtpStream
@@ -150,7 +150,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         for cut in self._stream.drain(stalled=stalled):
             if cut.rejects:
                 events += cut.rejects
-                events += self._successor(cut.rejects)
+                events += self._other_protocols(cut)
             if cut.table.shape[1]:
                 self._data(cut, events)
         return sorted(events, key=_offset) if len(events) > 1 else events
@@ -313,16 +313,19 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 words = "speaks IDTP 2.0, in which every payload type is the vendor's own"
                 self._warn(int(device) >> 4, f"2.{minor}", words, cut, int(at), events)
 
-    def _successor(self, rejects: list[Reject]) -> Iterator[Reply]:
-        """INDT, by name, once."""
-        if (-1, "indt") in self._said:
-            return
-        for reject in rejects:
+    def _other_protocols(self, cut: Cut) -> Iterator[Reply]:
+        """INDT, and other versions of IDTP, by name, once each."""
+        for reject in cut.rejects:
             if reject.reason == REASONS[INDT]:
-                self._said.add((-1, "indt"))
-                values = {"warning": "these bytes speak INDT, the successor of IDTP, which is not read here"}
+                what = "these bytes speak INDT, the successor of IDTP"
+            elif reject.reason == REASONS[BAD_VERSION]:
+                what = f"these frames are of IDTP {version_at(cut.data, reject.offset - cut.start)}"
+            else:
+                continue
+            if (-1, what) not in self._said and len(self._said) < _LAYOUTS:
+                self._said.add((-1, what))
+                values = {"warning": f"{what}, which is not read here"}
                 yield Reply(WARNING, values, reject.offset, reject.size, reject.arrival_ns)
-                return
 
 
 def _header(data: bytes, start: int, offsets: Ints) -> Mapping[str, Any]:

@@ -81,6 +81,12 @@ LITE, SAFETY, SECURE = range(3)
 MODES = ("Lite", "Safety", "Secure")
 TRAILERS = (0, 4, 32)
 
+
+def version_at(data: bytes, at: int) -> str:
+    """The version that the frame at `at` claims: "3.1"."""
+    return f"{data[at + VERSION_AT] >> 4}.{data[at + VERSION_AT] & 0xF}"
+
+
 _I, _D, _T, _N = b"IDTN"
 _IDTP, _INDT = (int.from_bytes(word, "little") for word in (PREAMBLE, SUCCESSOR))
 _FEW = 8  # frames to look ahead after a forged one

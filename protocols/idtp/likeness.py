@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from protocols.framing import ID, INDT, REASONS, SIZE
+from protocols.framing import BAD_VERSION, ID, INDT, REASONS, SIZE
+from protocols.idtp.frames import MAJOR, version_at
 from protocols.idtp.messages import BY_ID, MODE_NAMES
 from protocols.idtp.sequence import MODE
 from protocols.idtp.stream import IdtpStream
@@ -20,6 +21,7 @@ def likeness(data: bytes) -> tuple[float, str]:
     stream = IdtpStream(replay_check=False, show_unverified=True)
     stream.feed(data, 0)
     framed = successors = waiting = 0
+    versions: Counter[str] = Counter()
     kinds: Counter[int] = Counter()
     modes: Counter[int] = Counter()
     for stalled in (False, True):
@@ -28,6 +30,7 @@ def likeness(data: bytes) -> tuple[float, str]:
             kinds.update(cut.table[ID].tolist())
             modes.update(cut.judged.rows[MODE].tolist())
             successors += sum(reject.reason == REASONS[INDT] for reject in cut.rejects)
+            versions.update(version_at(data, one.offset) for one in cut.rejects if one.reason == REASONS[BAD_VERSION])
         waiting = waiting or stream.buffered
     if framed:
         # what waits for its end at the end of the data speaks neither for nor against
@@ -38,4 +41,7 @@ def likeness(data: bytes) -> tuple[float, str]:
         return score, f"{count} IDTP frame{'s' * (count > 1)} ({names}; {how}) in {framed} of {len(data)} B"
     if successors > 1:
         return 0.1, f"{successors} times INDT, the preamble of IDTP's successor, which is not read here"
+    if versions.total() > 1:
+        version, count = versions.most_common(1)[0]
+        return 0.1, f"{count} frames of IDTP {version}; this program reads IDTP {MAJOR}"
     return 0.0, "no frame in them"

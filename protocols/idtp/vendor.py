@@ -22,8 +22,9 @@ IDTP leaves types from 0x80 on to each vendor. A small TOML file describes them,
     type = "f32"
     unit = "rad"
 
-A field may not have the name of one of the header's. Fields follow each other without gaps, in the order of the file.
-What is wrong in a file is said with message, field, the value given and what is allowed.
+A message may not have the name of a standard type, a field not that of one of the header's. Fields follow each other
+without gaps, in the order of the file. What is wrong in a file is said with message, field, the value given and what is
+allowed.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.idtp.frames import MAX_PAYLOAD
+from protocols.idtp.messages import BY_NAME
 from protocols.layouts import size_of
 from protocols.schema import Field, Message
 
@@ -47,6 +49,8 @@ _MESSAGE_KEYS = ("type", "name", "doc", "field")
 _FIELD_KEYS = ("name", "type", "count", "axes", "unit", "scale", "bias", "decimals", "doc", "title")
 
 _TAKEN = ("timestamp", "sequence", "device_id", "version", "mode", "data")  # what plain.py writes beside the fields
+
+STANDARD = (*BY_NAME, *(f"{name}Bytes" for name in BY_NAME))  # and what too short ones of those are called
 
 Schema = Mapping[int, Message]
 
@@ -79,6 +83,8 @@ def parse(text: str) -> Schema:
 
 def _message(place: str, table: Mapping[str, Any]) -> Message:
     name = _name(place, table)
+    if name in STANDARD:
+        raise SchemaError(f"{place}: {name} is a standard type of IDTP; choose another name")
     place = f"message {name}"
     _only(place, table, _MESSAGE_KEYS)
     number = _whole(place, table, "type", 0, 0xFF)
@@ -105,8 +111,12 @@ def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
         raise SchemaError(f"{place}: type is one of {', '.join(TYPES)}, given {kind!r}")
     count = _whole(place, table, "count", 1, MAX_PAYLOAD, 1)
     axes = table.get("axes", [])
+    if axes and "count" not in table:
+        raise SchemaError(f"{place}: axes needs count: how many elements there are")
     if not isinstance(axes, list) or not all(isinstance(axis, str) for axis in axes) or len(axes) not in (0, count):
         raise SchemaError(f"{place}: axes is a list of {count} names, given {axes!r}")
+    if len(set(axes)) < len(axes) or not all(axis.strip() for axis in axes):
+        raise SchemaError(f"{place}: axes are {count} different names, given {axes!r}")
     scale = _number(place, table, "scale", 1.0)
     if scale == 0:
         raise SchemaError(f"{place}: scale is a number other than 0, given 0")

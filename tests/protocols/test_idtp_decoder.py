@@ -11,7 +11,7 @@ import pytest
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
 from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from protocols.idtp.frames import CRC_AT, LITE, SAFETY, SECURE, VERSION_AT, build
 from protocols.idtp.likeness import likeness
 from protocols.idtp.listing import IdtpListing
 from protocols.idtp.plain import frame_of, plain
@@ -353,6 +353,9 @@ def test_user_schema() -> None:
         (("0x80", "300"), "message Wheels: type is a whole number from 0 to 255, given 300"),
         (('"i16"', '"int"'), "message Wheels, field Speed: type is one of .*, given 'int'"),
         (('["fl", "fr", "rl", "rr"]', '["a"]'), "field Speed: axes is a list of 4 names, given"),
+        (('["fl", "fr", "rl", "rr"]', '["fl", "fr", "fl", "rr"]'), "field Speed: axes are 4 different names"),
+        (("count = 4\n", ""), "field Speed: axes needs count"),
+        (('"Wheels"', '"Imu9"'), "message 1: Imu9 is a standard type of IDTP; choose another name"),
         (("0.001", "0"), "field Speed: scale is a number other than 0"),
         (("count = 4", "count = 0"), "field Speed: count is a whole number from 1 to 972, given 0"),
         (("count = 4", "colour = 4"), "field Speed: 'colour' is not known; there are name, type"),
@@ -399,3 +402,17 @@ def test_likeness() -> None:
     assert score == 1.0
     assert f"{len(frames)} IDTP frames" in why
     assert likeness(bytes(100)) == (0.0, "no frame in them")
+
+
+def test_another_version_was_no_known_protocol() -> None:
+    frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
+    assert likeness(frames) == (0.1, "20 frames of IDTP 3.1; this program reads IDTP 2")
+    said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]
+    assert said == ["these frames are of IDTP 3.1, which is not read here"]
+
+
+def with_version(frame: bytes, version: int) -> bytes:
+    """The frame as a device of another version sends it: with checksums that fit."""
+    head = frame[:VERSION_AT] + bytes([version]) + frame[VERSION_AT + 1 : CRC_AT]
+    whole = head + bytes([oracle.crc8(head)]) + frame[CRC_AT + 1 : -4]
+    return whole + oracle.crc32(whole).to_bytes(4, "little")
