@@ -93,8 +93,7 @@ def create_app(
     packer = Packer(lambda path: catalogue.finished(path))
     tape = Recorder(hub, sessions, desks, plan_of(config), packer, wall_ns)
     catalogue = Catalogue(hub, config.data)
-    key = reading.key.hex() if reading.key else ""
-    shelf = catalogue.shelf = Shelf(config.data, catalogue.path, lambda recording: key)
+    shelf = catalogue.shelf = Shelf(config.data, catalogue.path, reading)
 
     tenancy = Tenancy(config.data)
 

@@ -135,6 +135,26 @@ def _field(message: str, index: int, table: Mapping[str, Any]) -> Field:
     )
 
 
+def written(schema: Schema) -> str:
+    """The text that `parse` reads as these rows."""
+    lines: list[str] = []
+    for row in schema.values():
+        lines += ["[[message]]", f"type = {row.id}", f"name = {_quoted(row.name)}", f"doc = {_quoted(row.doc)}"]
+        for field in row.fields:
+            kind = next(name for name, dtype in TYPES.items() if dtype == field.dtype)
+            lines += ["[[message.field]]", f"name = {_quoted(field.name)}", f'type = "{kind}"']
+            lines += [f"count = {field.shape[0]}"] if field.shape else []
+            lines += [f"axes = [{', '.join(map(_quoted, field.axes))}]"] if field.axes else []
+            lines += [f"scale = {field.scale!r}", f"bias = {field.bias!r}", f"decimals = {field.decimals}"]
+            lines += [f"{name} = {_quoted(getattr(field, name))}" for name in ("unit", "title", "doc")]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """A string of TOML."""
+    return '"' + "".join(c if c.isprintable() and c not in '"\\' else f"\\U{ord(c):08X}" for c in text) + '"'
+
+
 # -- values of a table -------------------------------------------------------------------------------------------------
 
 

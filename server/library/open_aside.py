@@ -1,6 +1,7 @@
 """`python -m server.library.open_aside`: decodes one recording in a process of its own, for server/library/shelf.py.
 
-A wish comes on standard input, one JSON object: path, store, key (hex, never on a command line). What goes out are JSON
+A wish comes on standard input, one JSON object: path, store, and how it is read (words_of of
+server/live/reading.py; a key is never on a command line). What goes out are JSON
 lines: {"progress": 0..1} as it goes on, {"shown": a folder} when what is decoded so far can be read there, and
 {"message", "hint"} when it cannot.
 """
@@ -18,7 +19,7 @@ from recordings.container import RecordingError
 from recordings.importers import open_file
 from recordings.orphans import end_with_parent
 from server.library.opening import decode
-from server.live.reading import reading
+from server.live.reading import Reading, reading
 from server.live.speech import speech
 
 STEP = 0.005
@@ -44,8 +45,9 @@ def main() -> int:
 
     try:
         source = open_file(Path(wish["path"]))
-        spoken, said = speech(), reading(key=wish.get("key", ""))
-        decode(source, Path(wish["store"]), spoken, said, progress, lambda folder: _say(shown=str(folder)))
+        usual = reading(**wish.get("reading", {}))
+        shown = lambda folder: _say(shown=str(folder))  # noqa: E731
+        decode(source, Path(wish["store"]), speech(), Reading(), progress, shown, usual)
     except RecordingError as error:
         _say(message=error.message, hint=error.hint)
         return 1

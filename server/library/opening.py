@@ -41,7 +41,7 @@ from server.links.base import LinkKind
 from server.live.advice import REMEDIES
 from server.live.intake import Line
 from server.live.portrait import Portrait, short
-from server.live.reading import Reading
+from server.live.reading import Reading, recorded
 from server.live.recognition import GUESS_SCORE, Speech
 from server.live.senders import Reader, Senders
 
@@ -58,12 +58,14 @@ EVENTS_SHOWN = 2000  # while it is decoded: telling all of a very bad line again
 class _Device:
     """One device of the file while it is decoded."""
 
-    def __init__(self, hub: Collector, name: str, source: Source, speech: Speech, reading: Reading) -> None:
+    def __init__(
+        self, hub: Collector, name: str, source: Source, speech: Speech, reading: Reading, usual: Reading
+    ) -> None:
         told = source.devices.get(name)
         about: Mapping[str, str] = told.about if told is not None else {}
         self._hub = hub
         self._speech = speech
-        self._reading = reading
+        self._reading = reading = recorded(reading, about, usual)
         self.protocol = reading.protocol or (told.protocol if told is not None else "")
         link = about.get("link", "file")
         info = wire.DeviceInfo(
@@ -229,6 +231,7 @@ def decode(
     reading: Reading = Reading(),  # noqa: B008 - frozen
     progress: Callable[[float], None] = lambda share: None,
     shown: Callable[[Path], None] = lambda folder: None,
+    usual: Reading = Reading(),  # noqa: B008 - frozen
 ) -> Columns:
     """Decode a file into a store.
 
@@ -236,6 +239,7 @@ def decode(
         folder: of the store.
         reading: what a person said about it; a protocol named here is that of every device.
         progress: called with 0..1, from the thread that decodes.
+        usual: what is said of sources here, where neither a person nor the recording says otherwise.
         shown: called with a folder for Columns that has what is decoded so far, until the store itself is there.
     Raises:
         RecordingError, OSError: the file cannot be read, or the store not be written; nothing is left behind.
@@ -247,12 +251,12 @@ def decode(
         fared = FaredWriter(writer.aside)
         hub = Collector(writer, fared)
         showing = Showing(shown)
-        devices = {name: _Device(hub, name, source, speech, reading) for name in source.devices}
+        devices = {name: _Device(hub, name, source, speech, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
         for part in source.parts():
             if part.way == "rx":
                 if part.device not in devices:
-                    devices[part.device] = _Device(hub, part.device, source, speech, reading)
+                    devices[part.device] = _Device(hub, part.device, source, speech, reading, usual)
                 devices[part.device].take(part)
             span = spans.setdefault(part.device, [int(part.times[0]), int(part.times[-1])])
             span[:] = min(span[0], int(part.times[0])), max(span[1], int(part.times[-1]))

@@ -29,6 +29,7 @@ from pathlib import Path
 from recordings.columns import VERSION, Columns
 from recordings.container import RecordingError
 from server.library.sources import decoding_mark
+from server.live.reading import Reading, words_of
 
 log = logging.getLogger("imuscope.shelf")
 
@@ -57,15 +58,18 @@ class Shelf:
     Args:
         data: the data folder.
         path_of: file of a recording's id; KeyError when there is none.
-        key_of: the key of Secure frames, hex, for a recording; "" for none.
+        usual: how recordings are read that do not say it themselves, as words for another process.
     """
 
     def __init__(
-        self, data: Path, path_of: Callable[[str], Path], key_of: Callable[[str], str] = lambda id: ""
+        self,
+        data: Path,
+        path_of: Callable[[str], Path],
+        usual: Reading = Reading(),  # noqa: B008 - frozen
     ) -> None:
         self._cache = data / CACHE / "columns"
         self._path_of = path_of
-        self._key_of = key_of
+        self._usual = words_of(usual)
         self._open: OrderedDict[Path, Columns] = OrderedDict()
         self._opening: dict[Path, Opening] = {}
         self._spare: asyncio.subprocess.Process | None = None
@@ -84,7 +88,8 @@ class Shelf:
         """
         path = self._path_of(recording)
         stamp = path.stat()
-        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), self._key_of(recording))
+        how = json.dumps(self._usual, sort_keys=True)
+        told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
         return self._cache / hashlib.sha256(repr(told).encode()).hexdigest()[:24]
 
     def peek(self, recording: str) -> Columns | None:
@@ -208,7 +213,7 @@ class Shelf:
         opening.task = None
 
     async def _run(self, recording: str, store: Path, opening: Opening) -> None:
-        wish = {"path": str(self._path_of(recording)), "store": str(store), "key": self._key_of(recording)}
+        wish = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
         process = await self._taken()
         assert process.stdin is not None
         assert process.stdout is not None

@@ -23,10 +23,12 @@ from server.control.desks import Desks
 from server.library.head import Head
 from server.library.recorded import Mark
 from server.live.hub import Hub
+from server.live.reading import schema_words
 from server.live.session import Session
 
 RATE_S = 10.0  # over which `seconds_left` takes the rate
 TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")
+READ = ("time_unit", "rotation")  # how its bytes are read, where that was said; and the descriptions of vendor types
 
 
 class Taking:
@@ -49,6 +51,7 @@ class Taking:
         self._off: dict[str, Callable[[], None]] = {}  # device → takes its chunks off
         self._said: dict[str, Any] = {}  # device → the settings that were written last
         self._heads: dict[str, Head] = {}
+        self._sessions: dict[str, Session] = {}
         self._sizes: list[tuple[float, int]] = []  # (when, bytes) of the last looks
         self._unhook = [
             hub.heard_event.add(self._event),
@@ -65,7 +68,8 @@ class Taking:
     def join(self, session: Session) -> None:
         """Record this one, too."""
         device, tape = session.info.id, self.tape
-        tape.device(device, about(session.info))
+        self._sessions[device] = session
+        tape.device(device, {**about(session.info), **described(session)})
 
         def take(data: bytes, time_ns: int, way: Direction) -> None:
             tape.chunk(device, way, data, time_ns)
@@ -146,7 +150,7 @@ class Taking:
 
     def _device(self, info: wire.DeviceInfo) -> None:
         if info.id in self._off:
-            self.tape.device(info.id, about(info))
+            self.tape.device(info.id, {**about(info), **described(self._sessions[info.id])})
             self._ask(info)
 
     def _control(self, state: wire.ControlState) -> None:
@@ -162,7 +166,13 @@ class Taking:
 
 def about(info: wire.DeviceInfo) -> dict[str, Any]:
     """What a recording tells of a device; what is not known is left out."""
-    return {name: value for name in TOLD if (value := getattr(info, name)) not in ("", None)}
+    return {name: value for name in TOLD + READ if (value := getattr(info, name)) not in ("", None)}
+
+
+def described(session: Session) -> dict[str, str]:
+    """The descriptions of vendor types that its bytes are read with: without them a recording shows bytes."""
+    words = schema_words(session.reading.schema)
+    return {"schema": words} if words else {}
 
 
 def seconds_left(sizes: Sequence[tuple[float, int]], free: int | None) -> float | None:

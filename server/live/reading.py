@@ -102,6 +102,51 @@ def changed(old: Reading, new: Reading, given: Collection[str]) -> Reading:
     return replace(old, **changes)
 
 
+def words_of(said: Reading) -> dict[str, Any]:
+    """What `reading` makes the same of: for another process. Not the protocol, which each file has for itself."""
+    return {
+        "key": said.key.hex() if said.key else "",
+        "min_mode": "" if said.min_mode is None else MODES[said.min_mode],
+        "unverified": said.unverified,
+        "schema": schema_words(said.schema),
+        "time_unit": said.time_unit,
+        "rotation": said.rotation,
+    }
+
+
+def schema_words(schema: Mapping[int, Any] | None) -> str:
+    """The description (TOML) of these rows, "" for none."""
+    if not schema:
+        return ""
+    from protocols.idtp.vendor import written
+
+    return written(schema)
+
+
+def recorded(said: Reading, about: Mapping[str, Any], usual: Reading) -> Reading:
+    """How a recorded device is read: as a person says of the file, else as the recording says, else as is usual here.
+
+    Args:
+        about: what the recording tells of the device; what is no setting in it is left out.
+        usual: what the server was told of its own sources.
+    """
+    told = {name: about.get(name, "") for name in ("time_unit", "rotation", "schema")}
+    try:
+        kept = reading(time_unit=str(told["time_unit"]), rotation=str(told["rotation"]), schema=str(told["schema"]))
+    except ReadingError:
+        kept = Reading()
+    schema = {**(usual.schema or {}), **(kept.schema or {}), **(said.schema or {})}
+    return replace(
+        said,
+        key=said.key or usual.key,
+        min_mode=usual.min_mode if said.min_mode is None else said.min_mode,
+        unverified=said.unverified or usual.unverified,
+        schema=schema or None,
+        time_unit=said.time_unit or kept.time_unit or usual.time_unit,
+        rotation=said.rotation or kept.rotation or usual.rotation,
+    )
+
+
 def key_text(given: str) -> str:
     """The hex digits of a key that is given as such, or as @FILE.
 

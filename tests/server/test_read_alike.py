@@ -1,0 +1,106 @@
+"""What was said about reading a device holds for its recordings, too: unit of time, rotation, vendor types, key."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.idtp.frames import SAFETY, SECURE, build
+from protocols.idtp.vendor import parse, written
+from recordings.importers import open_file
+from server.library.opening import decode
+from server.library.shelf import Shelf
+from server.live.reading import Reading, reading, recorded, words_of
+from server.live.speech import speech
+from tests.process import imuscope
+
+KEY = bytes(range(16))
+SCHEMA = """
+[[message]]
+type = 0x80
+name = "Wheels"
+doc = "Odometry \\"as sent\\", µm."
+[[message.field]]
+name = "Speed"
+type = "i16"
+count = 4
+axes = ["fl", "fr", "rl", "rr"]
+unit = "m/s"
+scale = 0.001
+decimals = 2
+[[message.field]]
+name = "Steering"
+type = "f32"
+bias = 1.5
+"""
+SAID = Reading(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
+
+
+def capture(folder: Path, mode: int = SAFETY) -> Path:
+    """Half a minute of a device whose timestamps count ms."""
+    path = folder / "a.bin"
+    frames = (build(0x80, bytes(12), timestamp=100 * k, sequence=k, device=7, mode=mode, key=KEY) for k in range(300))
+    path.write_bytes(b"".join(frames))
+    return path
+
+
+def test_a_schema_is_written_as_it_is_read() -> None:
+    assert parse(written(parse(SCHEMA))) == parse(SCHEMA)
+
+
+def test_what_another_process_is_told_says_the_same() -> None:
+    said = Reading("idtp", KEY, 1, True, True, parse(SCHEMA), "ms", "body_from_enu")
+    assert reading("idtp", **words_of(said)) == said
+
+
+def test_who_is_heard_first() -> None:
+    """A person who speaks of this file, then the recording, then what is usual here."""
+    about: dict[str, Any] = {"time_unit": "s", "rotation": "nonsense"}
+    assert recorded(Reading(), about, SAID).time_unit == "ms", "nothing of a recording that makes no sense"
+    assert recorded(Reading(), {"time_unit": "s"}, SAID).time_unit == "s"
+    assert recorded(Reading(time_unit="us"), {"time_unit": "s"}, SAID).time_unit == "us"
+    assert recorded(Reading(key=b"own"), {}, Reading(key=b"usual")).key == b"own"
+
+
+def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> None:
+    source = open_file(capture(tmp_path), "idtp")
+    columns = decode(source, tmp_path / "store", speech(), Reading(), usual=SAID)
+    assert {info["name"] for info in columns.manifest["channels"]} == {"Speed", "Steering", "WheelsStatus"}
+    columns = decode(source, tmp_path / "other", speech(), Reading())
+    assert {info["name"] for info in columns.manifest["channels"]} == {"0x80Status"}
+
+
+def test_the_shelf_tells_its_process(tmp_path: Path) -> None:
+    capture(tmp_path, SECURE)
+    told = Reading(key=KEY, schema=SAID.schema)
+
+    async def names(usual: Reading) -> set[str]:
+        shelf = Shelf(tmp_path / "data", lambda name: tmp_path / f"{name}.bin", usual)
+        try:
+            return {info["name"] for info in (await shelf.opened("a")).manifest["channels"]}
+        finally:
+            await shelf.close()
+
+    assert asyncio.run(names(told)) == {"Speed", "Steering", "WheelsStatus"}
+    assert asyncio.run(names(Reading())) == set(), "read in another way it is another store"
+
+
+@pytest.fixture
+def schema(tmp_path: Path) -> Path:
+    path = tmp_path / "wheels.toml"
+    path.write_text(SCHEMA)
+    return path
+
+
+def test_a_recording_keeps_how_its_device_is_read(tmp_path: Path, schema: Path) -> None:
+    made = tmp_path / "r.mcap"
+    source = f"{capture(tmp_path)}?speed=1000&rotation=body_from_enu"
+    done = imuscope("record", source, "--schema", str(schema), "-o", str(made))
+    assert done.returncode == 0, done.stderr
+    (device,) = open_file(made).devices.values()
+    assert device.about["rotation"] == "body_from_enu"
+    done = imuscope("decode", str(made), "-o", str(tmp_path / "x.csv"))
+    assert done.stdout.split() == [str(tmp_path / "x_Wheels.csv")]
