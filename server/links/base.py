@@ -136,6 +136,7 @@ class Link(ABC):
         baud: the rate in use, None where there is none.
         notices: standing remarks for the page, each a sentence with its fix.
         flow: how its bytes are handed on.
+        speed: how many times faster than by the device's clock they come: of a file that is played.
         finds_rate: `open` listens at each rate until something is understood.
     """
 
@@ -149,6 +150,7 @@ class Link(ABC):
         self.baud: int | None = None
         self.notices: list[str] = []
         self.flow = Flow()
+        self.speed = 1.0
 
     @property
     def waits(self) -> bool:

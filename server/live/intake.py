@@ -127,6 +127,7 @@ class Line:
         holds_ns: for how long an adapter in it is known to keep bytes back, 0 where there is none or nobody knows.
         port: what the kernel calls it, "" where it is no serial port.
         timed: whether its times of arrival are true; False: they were made from the device's own clock.
+        speed: how many times faster than by the device's clock it brings bytes (Link.speed).
     """
 
     byte_time_ns: float = 0
@@ -135,11 +136,12 @@ class Line:
     holds_ns: float = 0
     port: str = ""
     timed: bool = True
+    speed: float = 1.0
 
     @classmethod
     def of(cls, link: Link) -> Line:
         """What is known of an open link."""
-        return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link))
+        return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link), speed=link.speed)
 
 
 class Intake:
@@ -279,6 +281,8 @@ class Intake:
             device = device - self._renamed_ns
             for step in renames:
                 device[int(np.searchsorted(batch.offset, step.offset)) :] -= step.by_ns
+        if self._line.speed != 1:  # so much of the device's time passes in a second of the host's
+            device = np.rint(device / self._line.speed).astype(np.int64)
         return Part(device, batch.arrival_ns, batch.offset, batch.size, id(message))
 
     def _map(self, parts: list[Part]) -> list[NDArray[np.float64]]:

@@ -235,3 +235,33 @@ def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
         follows = [at for at, following in itertools.pairwise(starts) if at + sizes[int(at)] == following]
         assert len(follows) > 0.9 * len(starts)
         assert all(at + sizes[int(at)] <= following for at, following in itertools.pairwise(starts))
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 20.0])
+def test_a_capture_played_faster_was_a_clock_that_jumped(speed: float) -> None:
+    """`capture.bin?speed=2`: two seconds of the device's clock pass in one of the host's."""
+
+    async def run() -> None:
+        clock = Clock()
+        hub = Hub(clock)
+        link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=clock.now_ns))
+        link.speed = speed
+        session = Session("1", link, hub, speech(), Reading(protocol="idtp"))
+        session.start()
+        await asyncio.sleep(0.001)
+        device, began = IdtpDevice(), clock.ns
+        for k in range(1, 600):
+            clock.ns = began + round(k * 1e7 / speed)
+            link.send(device.advance(k * 10_000_000))
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            hub.flush()
+            session.tick(clock())
+        said = [event.text for event in hub.log if event.kind == "clock" or event.data.get("reason") == "unit"]
+        channel = next(one for one in hub.channels.values() if one.info.name == "Acceleration")
+        steps = np.diff(channel.ring.read()[1][100:])
+        await session.close()
+        assert said == []
+        assert abs(steps - 0.01 / speed).max() < 0.002 / speed
+
+    asyncio.run(run())
