@@ -57,6 +57,9 @@ def is_host(name: str) -> bool:
     return True
 
 
+READING_OPTIONS = "protocol, key, min_mode, unverified, time_unit and rotation"  # see server/live/reading.py
+
+
 @dataclass(frozen=True, slots=True)
 class Source:
     """A source taken apart: which kind of link, where to, and the options after the question mark, all still text."""
@@ -106,7 +109,8 @@ class Source:
         """Refuse options that are not among `names`: a misspelt one must not be ignored in silence."""
         for name in self.options:
             if name not in names:
-                allowed = f"Options of a {self.kind} source: {', '.join(names)}." if names else "It takes no options."
+                own = f"It has {', '.join(names)}; any" if names else "Any"
+                allowed = f"{own} source has {READING_OPTIONS}."
                 near = get_close_matches(name, names, 1)
                 raise bad(
                     self.text,

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import glob
+import os
 import time
+from pathlib import Path
 
 from server.links.base import LinkError, Progress, Try
 
@@ -29,10 +33,28 @@ def progress_line(progress: Progress | None, what: str, outcome: str) -> None:
         progress(Try(what=what, outcome=outcome, time=time.time()))
 
 
+def is_ours(port: int) -> bool:
+    """Does this very process listen there, by TCP or UDP?"""
+    own = set()
+    for one in glob.iglob("/proc/self/fd/*"):
+        with contextlib.suppress(OSError):  # that of the list itself has gone
+            own.add(os.readlink(one))
+    for name in ("tcp", "tcp6", "udp", "udp6"):
+        with contextlib.suppress(OSError):
+            for line in Path(f"/proc/self/net/{name}").read_text().splitlines()[1:]:
+                parts = line.split()
+                if int(parts[1].rpartition(":")[2], 16) == port and f"socket:[{parts[9]}]" in own:
+                    return True
+    return False
+
+
 def listen_error(kind: str, host: str, port: int, error: OSError) -> LinkError:
     """Why a port cannot be listened on."""
     where = heading(host, port)
     if error.errno == errno.EADDRINUSE:
+        if is_ours(port):
+            hint = "One source can have a port: remove the other, or choose another port."
+            return LinkError("busy", f"{where.capitalize()} is in use by this server itself.", hint)
         hint = "Choose another port, or stop the program that has this one (`ss -lnptu` shows it)."
         return LinkError("busy", f"{where.capitalize()} is in use by another program.", hint)
     if error.errno == errno.EACCES:

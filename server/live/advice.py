@@ -7,6 +7,7 @@ Some things make a stream look broken that is not, and each is told once, with i
     it is read as a protocol that it is not
     a Secure device restarted, and waits for an operator
     its timestamps count in another unit than is assumed
+    it comes over a network in frames whose payload nothing protects
 
 Beside the event there is a standing notice on the device, and while nothing of it can be shown, its message and hint.
 """
@@ -15,12 +16,13 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from protocols.events import Doubt
+from server.live.causes import NETWORKS
 from server.live.health import Figures
 from server.live.incidents import Incidents
-from server.wire import Level, Wants
+from server.wire import DeviceInfo, Level, Wants
 
 LOOK_S = 5.0
 RECENT_BYTES, RECENT_CHUNKS = 4096, 64
@@ -55,6 +57,8 @@ REFUSALS: Mapping[str, tuple[str, str]] = {
 }
 """Why whole frames are refused without a setting that would change it."""
 
+UNPROTECTED = "Lite"  # begins the protection (registry.ProtocolInfo) of such frames
+EXPOSED_HINT = "Set the device to Safety, or to Secure with a key, and --min-mode so that weaker ones are refused."
 UNLESS_LIVE = ("bad_hmac",)  # beside frames that fit, one that does not is damaged or forged, and counted
 
 
@@ -130,6 +134,16 @@ class Advice:
         self._restarted = dict(waiting)
         self.message, self.hint = (" ".join(waiting.values()), REARM) if waiting else ("", "")
         self.wants = "rearm" if waiting else ""
+        return True
+
+    def exposed(self, kind: str, devices: Sequence[DeviceInfo]) -> bool:
+        """Frames whose payload nothing protects come over a network; True when that is new."""
+        found = [one for one in devices if one.protection.startswith(UNPROTECTED)]
+        if not found or kind not in NETWORKS or "exposed" in self._told:
+            return False
+        self._told.add("exposed")
+        words = "come over a network, where nothing protects their values from damage, or from who forges them."
+        self._tell("caution", f"Frames in {UNPROTECTED} mode {words} {EXPOSED_HINT}", {"reason": "exposed"})
         return True
 
     def doubted(self, doubt: Doubt, *, given: bool) -> bool:

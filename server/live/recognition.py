@@ -47,6 +47,12 @@ class Speech:
     messages_in: Callable[[bytes], Mapping[str, int]] = lambda data: {}
 
 
+def unknown_hint(kind: str) -> str:
+    """What may be wrong where nothing is recognised, by the kind of link (wire.DeviceInfo.link)."""
+    serial = "Is the baud rate right?" if kind == "serial" else "Is a device at the other end that is read here?"
+    return f"{serial} Give the protocol if you know it."
+
+
 class Unknown:
     """The bytes of one connection while nobody knows what they mean."""
 

@@ -35,7 +35,7 @@ from server.live.left_out import LeftOut
 from server.live.patience import SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
-from server.live.recognition import Speech, Unknown
+from server.live.recognition import Speech, Unknown, unknown_hint
 from server.live.restarts import Restarts
 from server.live.senders import Reader, Senders
 from server.live.sequence_store import SequenceStore
@@ -396,8 +396,7 @@ class Session(Audience):
             self._incidents.say("device", "info", f"{self.info.source}: {why}")
             self._begin(guess.protocol)
             return
-        hint = "Is the baud rate right? Give the protocol if you know it."
-        self._set(message=self._unknown.words(self.info.source, why), hint=hint)
+        self._set(message=self._unknown.words(self.info.source, why), hint=unknown_hint(self._link.kind))
 
     def _came_alive(self) -> None:
         back = self.info.status == "lost"
@@ -422,12 +421,12 @@ class Session(Audience):
         samples = self._intake.samples
         new = self._advice.refused(self._figures.rejects_by, live=live)
         new |= self._advice.look(self._hub.now(), self.info.protocol, samples=samples, at_once=at_once)
-        new |= self._advice.restarted(self.restarts.waiting)
+        new |= self._advice.restarted(self.restarts.waiting) | self._advice.exposed(self._link.kind, self.infos)
         if new:
             self._set(notices=self._notices, hint=self._advice.hint, rearm=list(self.restarts.waiting))
             if self.info.status == "connecting" and self._advice.message:
                 self._set(message=self._advice.message, wants=self._advice.wants)
-        if isinstance(self._decoder, Doubts) and self._decoder.contradiction is not None:
+        if isinstance(self._decoder, Doubts) and self._decoder.contradiction is not None and self._link.speed == 1:
             self._doubt(self._decoder.contradiction)
 
     def _doubt(self, doubt: Doubt) -> None:

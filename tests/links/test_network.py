@@ -11,6 +11,7 @@ import pytest
 from server.links import open_link
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.udp import MOST_SENDERS, UdpLink
+from server.links.words import is_ours
 from tests.links.bench import dies, fails, gather, joined, left_behind, opened, settings
 from tests.patience import PATIENCE_S
 
@@ -186,6 +187,11 @@ def test_a_port_that_is_taken(scheme: str) -> None:
         error = run(fails(open_link(f"{scheme}://127.0.0.1:{port}", settings()).open()))
     assert error.kind == "busy"
     assert str(port) in error.message
+    assert "in use by this server itself" in error.message, "it said: another program"
+
+
+def test_a_port_of_another_program() -> None:
+    assert is_ours(1) is False
 
 
 @pytest.mark.parametrize("scheme", ["tcp-listen", "udp"])

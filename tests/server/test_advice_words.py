@@ -1,0 +1,90 @@
+"""What a person is told about a link fits that link: no baud rate over UDP, no other program where it is this one."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from protocols.idtp.device import IdtpDevice
+from protocols.idtp.frames import LITE, SAFETY, build
+from server.links.base import LinkSettings
+from server.links.sources import READING_OPTIONS
+from server.live.reading import OPTIONS, Reading
+from server.live.recognition import unknown_hint
+from server.live.session import Session
+from tests.protocols.test_idtp_decoder import with_version
+from tests.server.fakes import FakeLink
+from tests.server.test_families import Stage
+
+
+class Datagrams(FakeLink):
+    """A UDP link."""
+
+    kind = "udp"
+
+    def __init__(self, source: str, settings: LinkSettings) -> None:
+        super().__init__("udp://:5005", settings)
+
+
+class Text:
+    """Sends something that is no protocol."""
+
+    def advance(self, now_ns: int) -> bytes:
+        return b"the quick brown fox " * 20
+
+
+class Newer:
+    """An IDTP 3.1 device."""
+
+    def __init__(self) -> None:
+        self.sent = 0
+
+    def advance(self, now_ns: int) -> bytes:
+        self.sent += 1
+        return with_version(build(0, bytes(12), sequence=self.sent, timestamp=self.sent, mode=SAFETY), 0x31)
+
+
+def stage_after(device: Any, reading: Reading, link: type[FakeLink], seconds: float = 2) -> Session:
+    found: list[Session] = []
+
+    async def run() -> None:
+        stage = Stage(reading, link)
+        stage.session.start()
+        await asyncio.sleep(0.001)
+        await stage.run(device, seconds)
+        found.append(stage.session)
+        await stage.session.close()
+
+    asyncio.run(run())
+    return found[0]
+
+
+def test_udp_was_asked_for_its_baud_rate() -> None:
+    assert stage_after(Text(), Reading(), Datagrams).info.hint == unknown_hint("udp")
+    assert "baud" not in unknown_hint("udp")
+    assert "baud" in unknown_hint("serial")
+
+
+@pytest.mark.parametrize("reading", [Reading(), Reading("idtp")])
+def test_another_version_is_named(reading: Reading) -> None:
+    session = stage_after(Newer(), reading, Datagrams)
+    told = [session.info.message, *(event.text for event in session._hub.log)]
+    assert any("IDTP 3.1" in one for one in told), told
+
+
+@pytest.mark.parametrize(
+    ("mode", "link", "warned"), [(LITE, Datagrams, 1), (SAFETY, Datagrams, 0), (LITE, FakeLink, 0)]
+)
+def test_nobody_said_that_lite_frames_over_a_network_are_unprotected(
+    mode: int, link: type[FakeLink], warned: int
+) -> None:
+    session = stage_after(IdtpDevice(mode=mode), Reading(), link)
+    assert sum("nothing protects their values" in notice for notice in session.info.notices) == warned
+    assert sum("nothing protects" in event.text for event in session._hub.log) == warned
+
+
+def test_the_options_that_any_source_has_are_named() -> None:
+    """A misspelt option of udp:// was answered with: It takes no options."""
+    assert READING_OPTIONS.replace(" and ", ", ").split(", ") == list(OPTIONS)
