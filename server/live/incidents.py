@@ -3,7 +3,8 @@
 Every decoder event that is not a sample becomes a sentence in the event log: who lost how much, which frames were bad,
 that the clock was set. Events are never dropped on their way to a browser, so they must be few: each sort may speak a
 few times a second, and what happens beyond that is summed up in one sentence when the second is over. Noise on the wire
-thus costs two events a second at most, with exact counts in them.
+thus costs two events a second at most, with exact counts in them. What is refused for the same reasons on and on is
+told less and less often, at last once a minute.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from server.wire import EventKind, Level
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10
 AGAIN_S = 0.02
+MOST_S, QUIET_S = 60.0, 10.0  # between two sums of what is refused on and on; without any, the next is news again
+ENDED_S = 0.5  # without any, and it has ended: the sum is told
 REPLIES_PER_PERIOD = 20
 SHOWN_VALUES = 4
 TEXTS_PER_SORT = 1  # ever: a sentence that repeats is a stream; its values are channels, its lines are no news
@@ -60,6 +63,9 @@ class Incidents:
         self._period = 0.0
         self._told: Counter[str] = Counter()
         self._sums: dict[str, _Sum] = {}
+        self._refused: set[str] = set()  # why frames were refused lately
+        self._refused_due = 0.0  # when it is told again, unix s
+        self._refused_wait = PERIOD_S
 
     def say(self, kind: EventKind, level: Level, text: str, **more: Any) -> None:
         """An event that is rare by nature."""
@@ -128,13 +134,34 @@ class Incidents:
 
     def tick(self, now: float) -> None:
         """Sum up what was held back, when the period is over."""
+        held = self._sums.get("reject")
+        if held is not None and self._has_ended(held, now):
+            self._tell_refused(self._sums.pop("reject"), now)
         if now - self._period < PERIOD_S:
             return
         self._period = now
         self._told = Counter([key for key in self._told if key.startswith("text.")][-TEXT_SORTS:])
         sums, self._sums = self._sums, {}
         for sort, held in sums.items():
-            self._sum_up(sort, held)
+            if sort != "reject":
+                self._sum_up(sort, held)
+            elif held.parts.keys() <= self._refused and now < self._refused_due:
+                self._sums[sort] = held  # nothing new: less and less often
+            else:
+                self._tell_refused(held, now)
+
+    def _has_ended(self, held: _Sum, now: float) -> bool:
+        """Has nothing been refused for a while? The longer it went on, the longer."""
+        told = self._refused_due - self._refused_wait / 2
+        return now - held.t1 > max(ENDED_S, self._refused_wait / 8) and now - told >= PERIOD_S
+
+    def _tell_refused(self, held: _Sum, now: float) -> None:
+        if now > self._refused_due + QUIET_S:
+            self._refused, self._refused_wait = set(), PERIOD_S
+        self._refused |= held.parts.keys()
+        self._refused_due = now + self._refused_wait
+        self._refused_wait = min(2 * self._refused_wait, MOST_S)
+        self._sum_up("reject", held)
 
     def _sum_up(self, sort: str, held: _Sum) -> None:
         span = (held.t0, held.t1) if held.t1 >= held.t0 else None
