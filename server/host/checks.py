@@ -32,9 +32,7 @@ from typing import Literal
 
 Status = Literal["ok", "warning", "problem"]
 
-PORTS = re.compile(
-    r"tty(USB|ACM|AMA|THS|mxc|O|SC|HS|PS|LP)\d+\Z"
-)  # as server/links/ports.py, without 8250's empty ones
+PORTS = re.compile(r"tty(USB|ACM|AMA|THS|mxc|O|SC|HS|PS|LP|S)\d+\Z")  # as server/links/ports.py
 RULES = "70-imuscope.rules"
 UDEV = f"imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/{RULES}"
 RELOAD = "sudo udevadm control --reload && sudo udevadm trigger --action=add"
@@ -113,7 +111,7 @@ def ports(machine: Machine) -> Iterator[Finding]:
         names = sorted(one.name for one in machine.path("/sys/class/tty").iterdir() if PORTS.match(one.name))
     except OSError:
         names = []
-    names = [name for name in names if machine.path(f"/dev/{name}").exists()]
+    names = [name for name in names if machine.path(f"/dev/{name}").exists() and not _is_empty(machine, name)]
     if not names:
         todo = ("Plug the sensor in, then look at `sudo dmesg | tail`. A sensor in a network needs no port.",)
         if machine.path("/.dockerenv").exists():
@@ -122,6 +120,11 @@ def ports(machine: Machine) -> Iterator[Finding]:
     holders = _holders(machine) if names else {}
     for name in names:
         yield from _port(machine, name, holders)
+
+
+def _is_empty(machine: Machine, name: str) -> bool:
+    """A place for a port that the kernel keeps (ttyS1 … ttyS31), with no UART in it."""
+    return machine.text(f"/sys/class/tty/{name}/type") == "0"
 
 
 def _port(machine: Machine, name: str, holders: dict[str, str]) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ import os
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TextIO
 
 from serial import SerialException
@@ -55,6 +56,7 @@ PRODUCTS = {
     (0x0403, 0xD38D): "Xsens Awinda station",
 }
 # Serial ports of boards that pyserial does not list: Jetson, i.MX, OMAP, SC16IS7xx, Qualcomm, Zynq, LPUART.
+SYS_TTY = "/sys/class/tty"
 BOARD_PORTS = ("ttyTHS*", "ttymxc*", "ttyO[0-9]*", "ttySC*", "ttyHS*", "ttyPS*", "ttyLP*")
 
 
@@ -83,12 +85,20 @@ def list_ports(in_use: Collection[str] = ()) -> list[PortInfo]:
     Args:
         in_use: paths that sessions have open.
     """
-    found = {port.device: _describe(port) for port in system_ports.comports()}
+    found = {port.device: _describe(port) for port in system_ports.comports() if not _is_empty(port.device)}
     for pattern in BOARD_PORTS:
         for path in glob.glob(f"/dev/{pattern}"):
             found.setdefault(path, "serial port of this board")
     taken = {os.path.realpath(path) for path in in_use}
     return [_info(device, found[device], taken) for device in sorted(found, key=_natural)]
+
+
+def _is_empty(device: str) -> bool:
+    """A place for a port that the kernel keeps (ttyS1 … ttyS31), with no UART in it."""
+    try:
+        return Path(SYS_TTY, os.path.basename(device), "type").read_text().strip() == "0"
+    except OSError:
+        return False
 
 
 def _info(device: str, description: str, taken: Collection[str]) -> PortInfo:

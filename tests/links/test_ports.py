@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import os
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,13 +26,19 @@ class Comport:
         self.__dict__.update({"vid": None, "pid": None, "description": "n/a", **known})
 
 
-def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Of the places that the kernel keeps for ports (ttyS1), those without a UART are none: `doctor` says so, too."""
+    monkeypatch.setattr(ports, "SYS_TTY", str(tmp_path))
+    for name, uart in (("ttyS0", "4"), ("ttyS1", "0")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(uart + "\n")
     found = [
         Comport("/dev/ttyUSB10", vid=0x0403, pid=0x6001, product="FT232R USB UART", serial_number="A50285BI"),
         Comport("/dev/ttyUSB2", vid=0x2639, pid=0x0301, product="MTi converter", serial_number="DB1ABC"),
         Comport("/dev/ttyACM0", vid=0x1234, pid=0x0001, manufacturer="Robots Ltd", product="Probe"),
         Comport("/dev/ttyACM1", vid=0x1234, pid=0x0002),
         Comport("/dev/ttyS0", description="ttyS0"),
+        Comport("/dev/ttyS1", description="ttyS1"),
     ]
     monkeypatch.setattr(ports.system_ports, "comports", lambda: found)
     monkeypatch.setattr(ports, "BOARD_PORTS", ())

@@ -260,3 +260,14 @@ def test_systemd_takes_the_unit(tmp_path: Path) -> None:
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, timeout=60)
     about_it = [line for line in done.stderr.splitlines() if "imuscope" in line]
     assert about_it == []
+
+
+def test_doctor_said_no_port_where_ports_lists_one(machine: Machine) -> None:
+    """ttyS0 of a PC, and none of the places that its kernel keeps for more."""
+    shutil.rmtree(machine.root / "sys/class/tty/ttyUSB0")
+    for number, uart in ((0, "4"), (1, "0")):
+        port(machine.root, f"ttyS{number}")
+        put(machine.root, f"sys/class/tty/ttyS{number}/type", uart + "\n")
+    places = {one.about for one in look(machine) if "ttyS" in one.about}
+    assert places == {"/dev/ttyS0"}
+    assert not [one for one in look(machine) if one.about == "serial ports"]
