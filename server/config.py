@@ -213,7 +213,7 @@ def _checked(settings: Mapping[str, Any]) -> Config:
         )
     for name, choices in (("log_format", STYLES), ("log_level", LEVELS)):
         if getattr(config, name) not in choices:
-            raise ConfigError(f"{name} {getattr(config, name)!r} is none of {', '.join(choices)}.")
+            raise ConfigError(f"{name} {getattr(config, name)!r} is not valid; there are: {', '.join(choices)}.")
     if not 1 <= config.trial_s <= 600:
         raise ConfigError(f"trial_s {config.trial_s:g} is outside 1 … 600 s.")
     if not 0 < config.history_s <= 86_400:

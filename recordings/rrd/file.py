@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import math
 import os
+import re
+import zlib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -157,8 +159,10 @@ def write_rrd(
 
 def stream_of(name: str) -> rr.RecordingStream:
     """A stream of a recording of that name. The application is named after it: a viewer keeps its layout by that, and
-    must not open one recording with the layout of another."""
-    return rr.RecordingStream(f"imuscope {name}")
+    must not open one recording with the layout of another. Rerun takes letters, digits and few signs in such a name,
+    and warns of others."""
+    plain = re.sub(r"[^A-Za-z0-9 _-]", "-", name)
+    return rr.RecordingStream(f"imuscope {plain}" + (f" {zlib.crc32(name.encode()):08x}" if plain != name else ""))
 
 
 def fill(stream: rr.RecordingStream, work: Work, name: str, begin: Callable[[rrb.Blueprint], None]) -> None:

@@ -234,7 +234,7 @@ def parse(pairs: Sequence[str], fields: Sequence[Field], present: Mapping[str, A
     for pair in pairs:
         path, equals, text = pair.partition("=")
         if not equals or not path:
-            raise ComposeError(f"{pair!r} is no FIELD=VALUE")
+            raise ComposeError(f"{pair!r} is not valid; write it as FIELD=VALUE")
         field, rest = _found(path, fields)
         if rest and _is_vector(field) and field.name not in values and field.name in present:
             values[field.name] = list(present[field.name])

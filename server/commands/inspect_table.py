@@ -127,7 +127,8 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
     if scaled and isinstance(value, (int, float)):
         value = value * field.scale + field.bias
     if isinstance(value, float):
-        text = f"{value:.10g}" if field.dtype.endswith("f8") or scaled else f"{value:.6g}"
+        narrow = field.dtype.endswith("f4") or not (field.dtype.endswith("f8") or scaled)
+        text = f"{value:.6g}" if narrow else f"{value:.10g}"
     else:
         text = f"0x{value:X}" if field.base == 16 and isinstance(value, int) else str(value)
     return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
@@ -135,7 +136,7 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
 
 def _with(text: str, unit: str) -> str:
     """A unit that begins with a number is a multiple: "1234 × 0.1 ms"."""
-    if not unit:
+    if not unit or unit == "week":  # a number of a week: it counts none
         return text
     return f"{text} × {unit}" if unit[0].isdigit() else f"{text} {unit}"
 

@@ -290,5 +290,5 @@ def address(text: str) -> tuple[str, int]:
     """
     host, colon, port = text.rpartition(":")
     if not colon or not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise ReplayError(f"{text!r} is no address; write it as HOST:PORT.")
+        raise ReplayError(f"{text!r} is not a valid address; write it as HOST:PORT.")
     return host.removeprefix("[").removesuffix("]"), int(port)

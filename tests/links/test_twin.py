@@ -17,6 +17,8 @@ from server.links import LinkError, open_link, serial
 from server.links.base import Link
 from server.links.hearing import hear
 from server.links.serial import Line, SerialLink, open_port
+from server.links.simulated_device import TwinOptions, make_device
+from server.links.sources import Source
 from server.links.twin import Bench, TwinLink
 from tests.links.bench import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
 from tests.patience import PATIENCE_S
@@ -275,6 +277,30 @@ def test_options_belong_to_their_family(source: str) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(source, settings())
     assert caught.value.kind == "bad-source"
+
+
+@pytest.mark.parametrize(("clock", "tick_ns"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)])
+def test_a_twin_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
+    options = TwinOptions.of(Source.parse(f"twin:idtp?clock={clock}"))
+    data = make_device(options, 0, None).advance(2_000_000_000)
+    decoder = PROTOCOLS["idtp"].decoder(time_unit=clock, replay_check=False)
+    decoder.feed(data, 0)
+    last = max(int(batch.time_ns[-1]) for batch in batches(decoder.drain(stalled=True)) if batch.time_ns is not None)
+    assert 2_000_000_000 - max(10_000_000, tick_ns) <= last <= 2_000_000_000
+    with pytest.raises(LinkError, match="clock is 'min', not one of us, ns, ms, s"):
+        TwinOptions.of(Source.parse("twin:idtp?clock=min"))
+
+
+def test_an_idtp_twin_that_resets_counts_from_zero() -> None:
+    """Sequence numbers and timestamps both, for which a Secure device is locked out and a Safety device waits 3 s."""
+
+    async def check() -> None:
+        link = open_link("twin:idtp?reset_s=0.3", settings())
+        async with opened(link):
+            heads = lambda data: [i for i in range(len(data) - 20) if data[i : i + 12] == b"IDTP" + bytes(8)]  # noqa: E731
+            await gather(link, until=lambda data: len(heads(data)) >= 2)
+
+    run(check())
 
 
 def test_a_twin_that_resets() -> None:

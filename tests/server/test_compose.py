@@ -12,6 +12,7 @@ import pytest
 
 from protocols.dialogues import Known
 from protocols.idtp.device import IdtpDevice
+from protocols.idtp.frames import LITE, SAFETY, build
 from protocols.isb.device import IsbDevice
 from protocols.isb.writing import sentence
 from protocols.xbus.device import XbusDevice
@@ -27,14 +28,14 @@ S = 10**9
 
 def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = None) -> str:
     spoken = tongues(key)
-    return frame_of(chosen(spoken, message, protocol), message, pairs, Known(key=key))[0].hex()
+    return frame_of(chosen(spoken, message, protocol, pairs), message, pairs, Known(key=key))[0].hex()
 
 
 def both_ways(data: bytes, path: Path, reading: Reading, **how: Any) -> None:
     """compose(inspect(frame)) is the frame, for every frame of some bytes."""
     path.write_bytes(data)
     inspect_file(path, out := io.StringIO(), reading, format="jsonl", **how)
-    lines = out.getvalue().rstrip("\n").split("\n")  # texts may hold what splitlines takes for the end of a line
+    lines = out.getvalue().splitlines()
     assert lines
     frames = frames_of(lines, tongues(reading.key))
     for line, frame in zip(lines, frames, strict=True):
@@ -241,7 +242,7 @@ def test_paths_lead_into_lists() -> None:
         (["SET_DID_FLASH_CONFIG", "startupNavDt=1"], "nearest are: startupNavDtMs"),
         (["SET_DID_FLASH_CONFIG", "dynamicModel=AIRBORNE"], "nearest are: AIRBORNE_"),
         (["SET_DID_FLASH_CONFIG", "startupGPSDtMs=100"], "lies between 200 and 4294967295 ms, given 100"),
-        (["SET_DID_FLASH_CONFIG", "startupNavDtMs"], "is no FIELD=VALUE"),
+        (["SET_DID_FLASH_CONFIG", "startupNavDtMs"], "is not valid; write it as FIELD=VALUE"),
         (["GET_DATA", "id=no"], "none of its choices"),
         (["SetOutputConfiguration", "outputs.1.data_identifier=1"], "the next is outputs.0"),
     ],
@@ -264,3 +265,13 @@ def test_values_without_a_field() -> None:
     assert parse([], ()) == {}
     with pytest.raises(ComposeError, match="this message has none"):
         parse(["a=1"], ())
+
+
+def test_a_mere_number_is_told_apart_by_its_fields_and_made_a_safety_frame() -> None:
+    """`compose 0x80` wanted a protocol, and made a Lite frame where named types make Safety frames."""
+    frame = bytes.fromhex(composed("0x80", "device_id=7", "data=0102"))
+    assert frame == build(0x80, b"\1\2", device=7, mode=SAFETY)
+    assert composed("0x80", "data=0102", "mode=Lite", protocol="idtp") == build(0x80, b"\1\2", mode=LITE).hex()
+    with pytest.raises(ComposeError, match="0x80 is a number in several protocols; add --protocol xbus or idtp"):
+        composed("0x80", "data=0102")
+    assert composed("0x80", "data=0102", protocol="xbus").startswith("faff80")

@@ -136,7 +136,7 @@ def test_the_command_line_writes_one_object_a_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "value"), [("log_format", "xml"), ("log_level", "loud")])
 def test_a_setting_that_is_none_is_refused(name: str, value: str) -> None:
-    with pytest.raises(ConfigError, match=f"{name} '{value}' is none of"):
+    with pytest.raises(ConfigError, match=f"{name} '{value}' is not valid; there are"):
         load(**{name: value})
 
 

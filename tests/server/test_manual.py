@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
 from server.commands.compose import ComposeError
 from server.commands.manual import WIDTH, Row, every_form, manual
+from tests.process import imuscope
 
 
 def test_every_command_and_setting_is_listed_and_described() -> None:
@@ -34,3 +37,13 @@ def test_a_command_is_told_with_ranges_meaning_and_source() -> None:
 def test_what_is_not_there_is_answered_with_the_nearest() -> None:
     with pytest.raises(ComposeError, match="near: SetPeriod"):
         list(manual("", "SetPeriot"))
+
+
+def test_described_types_are_listed(tmp_path: Path) -> None:
+    """`commands` took no --schema, so what `compose` made of one could be looked up nowhere."""
+    schema = tmp_path / "wheels.toml"
+    schema.write_text('[[message]]\ntype = 0x80\nname = "Wheels"\n[[message.field]]\nname = "Speed"\ntype = "i16"\n')
+    done = imuscope("commands", "--schema", str(schema), "Wheels")
+    assert done.returncode == 0, done.stderr
+    assert "Speed  i2" in done.stdout
+    assert imuscope("commands", "Wheels").returncode == 1

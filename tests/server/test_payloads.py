@@ -90,8 +90,9 @@ def test_one_table_has_the_bytes(opened: Columns, tmp_path: Path) -> None:
         assert len(found) >= COUNT - 1
 
 
-def test_rerun_has_the_bytes(opened: Columns, tmp_path: Path) -> None:
-    (made,) = export("rrd", Wish(opened), tmp_path / "x.rrd")
+def test_rerun_has_the_bytes(opened: Columns, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (made,) = export("rrd", Wish(opened, title="r.mcap"), tmp_path / "x.rrd")
+    assert capfd.readouterr().err == "", "Rerun warned of the dot in the name of the file"
     (found,) = [batches for path, batches in entities(made).items() if path.endswith(name_of(("0x80 bytes",)))]
     texts = [text for lists in column(found, "TextLog:text") for (text,) in lists.to_pylist()]
     assert texts == [one.hex(" ") for one in OWN]

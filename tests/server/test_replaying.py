@@ -139,7 +139,7 @@ def test_what_cannot_be_played_is_said_in_a_line(tmp_path: Path, capsys: pytest.
         ((path, "--device", "7"), "holds no device '7'"),
         ((path, "--device", "1", "--speed", "0"), "--speed 0 is outside"),
         ((path, "--device", "1", "--from", "5"), "lasts 0.990 s"),
-        ((path, "--device", "1", "--tcp", "nowhere"), "is no address"),
+        ((path, "--device", "1", "--tcp", "nowhere"), "is not a valid address"),
         ((path, "--device", "1", "--tcp", "203.0.113.1:80"), "cannot be used"),
         ((path, "--tcp", ":1", "--pty"), "not allowed with"),
     ]

@@ -1,0 +1,99 @@
+"""The table of `imuscope inspect`: what a person reads has units and names, and steers no terminal."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from pathlib import Path
+
+import pytest
+
+from protocols.idtp.frames import LITE, SAFETY, build
+from protocols.idtp.vendor import parse
+from protocols.isb.frames import DATA
+from protocols.isb.frames import build as isb_packet
+from protocols.xbus.frames import build as xbus_frame
+from server.commands.inspect import inspect_file
+from server.live.reading import Reading
+from server.printable import json_text, printable
+
+SCHEMA = """
+[[message]]
+type = 0x80
+name = "Wheels"
+[[message.field]]
+name = "Speed"
+type = "i16"
+count = 2
+unit = "m/s"
+scale = 0.001
+"""
+STEERING = "\x1b]0;owned\x07\x85\x9b2J\u2028\u202e"
+
+
+def rows(data: bytes, path: Path, reading: Reading, format: str = "table") -> list[str]:
+    path.write_bytes(data)
+    inspect_file(path, out := io.StringIO(), reading, format=format)  # type: ignore[arg-type]
+    lines = out.getvalue().split("\n")
+    return lines[1:-1] if format == "table" else lines[:-1]
+
+
+def test_version_33_mode_1_and_bare_numbers(tmp_path: Path) -> None:
+    frame = build(0, struct.pack("<3f", 0.5, -1.25, 9.81), sequence=3, timestamp=2000, device=7, mode=SAFETY)
+    (row,) = rows(frame, tmp_path / "a.bin", Reading("idtp"))
+    assert "version 2.1  mode Safety  acc_x 0.5 m/s²  acc_y -1.25 m/s²  acc_z 9.81 m/s²" in row
+
+
+def test_what_is_odd_is_said_in_words(tmp_path: Path) -> None:
+    quaternion = build(6, struct.pack("<4f", 2, 0, 0, 0), mode=LITE)
+    short = build(0, bytes(4), sequence=1, mode=LITE)
+    nan = build(0, struct.pack("<3f", float("nan"), float("inf"), 0), sequence=2, mode=LITE)
+    first, second, third = rows(quaternion + short + nan, tmp_path / "a.bin", Reading("idtp"))
+    assert "(the norm of the quaternion is not 1)" in first
+    assert "(shorter than its type: not decoded)" in second
+    assert "acc_x nan m/s²  acc_y inf m/s²  acc_z 0 m/s²  (a value is not a number)" in third
+
+
+def test_described_types_are_in_their_unit(tmp_path: Path) -> None:
+    frame = build(0x80, struct.pack("<2h", 1500, -20), mode=SAFETY)
+    (row,) = rows(frame, tmp_path / "a.bin", Reading("idtp", schema=parse(SCHEMA)))
+    assert "Speed [1.5, -0.02] m/s" in row
+    (line,) = rows(frame, tmp_path / "a.bin", Reading("idtp", schema=parse(SCHEMA)), "jsonl")
+    assert json.loads(line)["fields"]["Speed"] == [1500, -20], "wire values for programs"
+
+
+def test_items_of_an_mti_have_units_and_choices(tmp_path: Path) -> None:
+    items = bytes.fromhex("0810 04 41A80000") + bytes.fromhex("1060 04 00003039") + bytes.fromhex("3010 04 00018B0A")
+    baud = xbus_frame(0x19, bytes.fromhex("02"))
+    first, second = rows(xbus_frame(0x36, items) + baud, tmp_path / "a.bin", Reading("xbus"))
+    assert "Temperature 21 °C" in first
+    assert "SampleTimeFine 12345 × 0.1 ms" in first
+    assert "BaroPressure 101130 Pa" in first
+    assert "115" in second, "a code of a rate is its rate"
+
+
+def test_records_of_inertial_sense_have_units(tmp_path: Path) -> None:
+    (row,) = rows(isb_packet(DATA, 58, struct.pack("<dI6f", 12.5, 0, *(0.25,) * 6)), tmp_path / "a.bin", Reading("isb"))
+    assert "time 12.5 s" in row
+    assert "I.pqr [14.3239, 14.3239, 14.3239] °/s  I.acc [0.25, 0.25, 0.25] m/s²" in row
+
+
+def test_text_of_a_device_steered_the_terminal(tmp_path: Path) -> None:
+    """A device's own name may hold any byte, also the beginning of an escape sequence in one byte (0x9B)."""
+    data = xbus_frame(0x1D, b"MTi-630" + STEERING[:12].encode("latin-1").ljust(13)) * 3
+    for format in ("table", "jsonl"):
+        lines = rows(data, tmp_path / "a.bin", Reading("xbus"), format)
+        assert all(line.isprintable() for line in lines)
+        if format == "jsonl":
+            (text,) = json.loads(lines[0])["fields"].values()
+            assert "\x1b" in text, "and is the same for a program"
+
+
+@pytest.mark.parametrize("text", [STEERING, "plain", "µT °/s — “quoted”", "\ud83d", "a\nb", "😀\U000e0001"])
+def test_nothing_invisible_is_printed(text: str) -> None:
+    assert printable(text).isprintable()
+    assert json.loads(json_text({"text": text})) == {"text": text}
+    assert json_text({"text": text}).isprintable()
+    assert "°" in printable("21 °C")
+    assert json_text([1], indent=1).count("\n") == 2
