@@ -35,6 +35,25 @@ def _words(command: argparse.ArgumentParser) -> str:
     return " ".join(name for action in _options(command) for name in action.option_strings)
 
 
+def _cases(commands: Mapping[str, argparse.ArgumentParser], given: str, values: str, words: str) -> Iterator[str]:
+    """What bash and zsh have in common: the values behind an option of a command, and its options.
+
+    Args:
+        given: the command and the word before, as the shell writes them.
+        values, words: what completes {words}, in the shell's language; `words` only where an option was begun.
+    """
+    yield f'    case "{given}" in'
+    for name, command in commands.items():
+        for option, known in _values(command):
+            patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
+            yield f"        {patterns}) {values.format(words=known)}; return ;;"
+    yield "    esac"
+    yield f'    case "{given.split()[0]}" in'
+    for name, command in commands.items():
+        yield f"        {name}) {words.format(words=_words(command))} ;;"
+    yield "    esac"
+
+
 def _bash(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
     yield "_imuscope() {"
     yield '    local word="${COMP_WORDS[COMP_CWORD]}" before="${COMP_WORDS[COMP_CWORD-1]}" command="${COMP_WORDS[1]}"'
@@ -44,16 +63,8 @@ def _bash(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
     yield '            $(compgen -f -- "$word"))'
     yield "        return"
     yield "    fi"
-    yield '    case "$command $before" in'
-    for name, command in commands.items():
-        for option, values in _values(command):
-            patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
-            yield f'        {patterns}) COMPREPLY=($(compgen -W "{values}" -- "$word")); return ;;'
-    yield "    esac"
-    yield '    case "$command" in'
-    for name, command in commands.items():
-        yield f'        {name}) [[ "$word" == -* ]] && COMPREPLY=($(compgen -W "{_words(command)}" -- "$word")) ;;'
-    yield "    esac"
+    found = 'COMPREPLY=($(compgen -W "{words}" -- "$word"))'
+    yield from _cases(commands, "$command $before", found, f'[[ "$word" == -* ]] && {found}')
     yield '    [[ "$word" == -* ]] || COMPREPLY=($(compgen -f -- "$word"))'
     yield "}"
     yield "complete -o filenames -F _imuscope imuscope"
@@ -63,21 +74,10 @@ def _zsh(commands: Mapping[str, argparse.ArgumentParser]) -> Iterator[str]:
     yield "#compdef imuscope"
     yield "_imuscope() {"
     yield "    local -a commands"
-    yield "    commands=("
-    for name in commands:
-        yield f"        {name}"
-    yield "    )"
+    yield f"    commands=({' '.join(commands)})"
     yield "    if (( CURRENT == 2 )); then compadd -a commands; _files; return; fi"
-    yield '    case "$words[2] $words[CURRENT-1]" in'
-    for name, command in commands.items():
-        for option, values in _values(command):
-            patterns = "|".join(f'"{name} {one}"' for one in option.split("|"))
-            yield f"        {patterns}) compadd {values}; return ;;"
-    yield "    esac"
-    yield '    case "$words[2]" in'
-    for name, command in commands.items():
-        yield f'        {name}) [[ "$PREFIX" == -* ]] && compadd -- {_words(command)} ;;'
-    yield "    esac"
+    begun = '[[ "$PREFIX" == -* ]] && compadd -- {words}'
+    yield from _cases(commands, "$words[2] $words[CURRENT-1]", "compadd {words}", begun)
     yield '    [[ "$PREFIX" == -* ]] || _files'
     yield "}"
     yield "compdef _imuscope imuscope"
