@@ -24,11 +24,13 @@ import numpy as np
 from protocols.framing import Ints
 from recordings import file_lock
 from recordings.blocks import CHANNEL_ID, DATA, LENGTH, Recording, Topic
+from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
 from recordings.container import RecordingError, problem
 from recordings.orphans import end_with_parent
 from recordings.records import message
 
+MEMORY = 1 << 30  # bytes, of which it takes a tenth: of a recording it holds a chunk at a time
 ASIDE = ".packing"  # a file that is being written beside the other
 
 
@@ -194,11 +196,17 @@ def main() -> int:
     end_with_parent()
     with contextlib.suppress(OSError, AttributeError):
         os.nice(10)
+    bounded(MEMORY)
     for name in sys.argv[1:]:
         try:
+            bounded_by(Path(name))
             pack(Path(name))
         except RecordingError as error:
             print(f"{error} {error.hint}".rstrip(), file=sys.stderr)
+            return 1
+        except (MemoryError, TooLong) as error:
+            what = "memory" if isinstance(error, MemoryError) else "time"
+            print(f"{name} stays as it is: packing it takes more {what} than it may have.", file=sys.stderr)
             return 1
     return 0
 

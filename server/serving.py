@@ -14,14 +14,17 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import json
 import logging
 import resource
 import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, cast
 
+import h11
 import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -32,6 +35,9 @@ from websockets.protocol import State
 
 from server import ending
 from server.config import Config
+from server.connections import connections_of
+from server.kinds import status_of
+from server.wire import Problem
 
 if TYPE_CHECKING:
     from server.tls import Keeper
@@ -52,19 +58,28 @@ MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of hal
 
 class BoundedHttp(H11Protocol):
     """uvicorn's HTTP, where no connection is kept for nothing: a request must come whole, and soon, and not too many
-    may be open at once, so that descriptors are left for recordings and links."""
+    may be open at once, so that descriptors are left for recordings and links (server/connections.py)."""
 
     _late: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        self._room = connections_of(self.server_state)
         if len(self.connections) > most_connections():
-            peer = (self.client or ("", 0))[0]
-            text = f"Refused a connection of {peer}: {most_connections()} are open, and that is the most."
+            idle: BoundedHttp | None = self._room.idlest()
+            peer = ((idle or self).client or ("", 0))[0]
+            text = f"Closed an idle connection of {peer}: {most_connections()} are open, and that is the most."
             log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
-            transport.abort()
-            return
+            if idle is None:
+                transport.abort()
+                return
+            idle.transport.abort()
+        self._room.moved(self)
         self._expect()
+
+    def resume_writing(self) -> None:
+        self._room.moved(self)
+        super().resume_writing()
 
     def _expect(self) -> None:
         if self._late is None:
@@ -76,6 +91,7 @@ class BoundedHttp(H11Protocol):
             self._late = None
 
     def data_received(self, data: bytes) -> None:
+        self._room.moved(self)
         self._expect()
         super().data_received(data)
         if self.cycle is not None and not self.cycle.response_complete:
@@ -90,13 +106,30 @@ class BoundedHttp(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         self._expect_no_more()
+        if len(self.connections) - len(self._room) >= most_connections() // 2:
+            self._refuse_websocket()
+            return
+        self._room.gone(self)
         super().handle_websocket_upgrade(event)
 
+    def _refuse_websocket(self) -> None:
+        words = f"{most_connections() // 2} WebSockets are open, and that is the most."
+        problem = Problem("full", words, "Close a page that nobody looks at, or try again later.")
+        body = json.dumps(asdict(problem)).encode()
+        length = str(len(body)).encode()
+        headers = [(b"content-type", b"application/json"), (b"content-length", length), (b"connection", b"close")]
+        head = h11.Response(status_code=status_of(problem.kind), headers=headers)
+        for part in (head, h11.Data(data=body), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(part) or b"")
+        self.transport.close()
+
     def on_response_complete(self) -> None:
+        self._room.moved(self)
         self._expect_no_more()  # from here on uvicorn's own time for what is kept alive
         super().on_response_complete()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._room.gone(self)
         self._expect_no_more()
         super().connection_lost(exc)
 

@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any, NoReturn
 
-from recordings.bounds import bounded
+from recordings.bounds import TooLong, bounded
 from recordings.columns import Columns
 from recordings.container import RecordingError
 from recordings.exporters import Wish, export
@@ -48,6 +48,9 @@ def main() -> int:
         return 1
     except MemoryError:
         _say(message="Exporting it takes more memory than it may have.", hint="Export a shorter stretch.")
+        return 1
+    except TooLong:
+        _say(message="Exporting it takes more time than it may have.", hint="Export a shorter stretch.")
         return 1
     except (OSError, ValueError, KeyError):
         _say(message="The recording changed while it was exported.", hint="Export it again.")

@@ -14,7 +14,7 @@ import os
 import sys
 from pathlib import Path
 
-from recordings.bounds import bounded
+from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.container import RecordingError
 from recordings.importers import open_file
 from recordings.orphans import end_with_parent
@@ -44,6 +44,7 @@ def main() -> int:
             _say(progress=round(share, 3))
 
     try:
+        bounded_by(Path(wish["path"]))
         source = open_file(Path(wish["path"]))
         usual = reading(**wish.get("reading", {}))
         shown = lambda folder: _say(shown=str(folder))  # noqa: E731
@@ -53,6 +54,9 @@ def main() -> int:
         return 1
     except MemoryError:
         _say(message="Opening it takes more memory than it may have.", hint="Is it damaged, or made to do harm?")
+        return 1
+    except TooLong:
+        _say(message="Opening it takes more time than it may have.", hint="Is it damaged, or made to do harm?")
         return 1
     except OSError as error:
         _say(message=f"It cannot be opened: {(error.strerror or 'the disk failed').lower()}.", hint="")

@@ -34,6 +34,7 @@ from server.live.reading import Reading, words_of
 log = logging.getLogger("imuscope.shelf")
 
 KEPT_OPEN = 16
+AT_ONCE = 2  # decoded at a time: each may take a good part of the machine's memory (recordings/bounds.py)
 CACHE_BYTES = 20 << 30
 TRIES = 3  # a file may be packed while it is opened: then it is another file
 SPARE_S = 120.0  # a process that was started ahead waits so long
@@ -72,6 +73,7 @@ class Shelf:
         self._usual = words_of(usual)
         self._open: OrderedDict[Path, Columns] = OrderedDict()
         self._opening: dict[Path, Opening] = {}
+        self._turns = asyncio.Semaphore(AT_ONCE)
         self._spare: asyncio.subprocess.Process | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
         self._preparing = False
@@ -202,7 +204,8 @@ class Shelf:
         try:
             self._cache.mkdir(parents=True, exist_ok=True)
             await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES)
-            await self._run(recording, store, opening)
+            async with self._turns:
+                await self._run(recording, store, opening)
         except RecordingError as error:
             opening.error, opening.failed_at = error, time.monotonic()
         except OSError as error:

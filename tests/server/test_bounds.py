@@ -18,10 +18,11 @@ import pytest
 import zstandard
 from httpx import TransportError
 from mcap.writer import CompressionType, IndexType, Writer
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from recordings import bounds
 from recordings.blocks import CHUNK, LARGEST_CHUNK, MAGIC, Recording
 from recordings.peek import peek
 from server import serving, wire
@@ -80,6 +81,29 @@ def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.M
         while not answers(running) and time.monotonic() < ends:
             time.sleep(0.01)
         assert answers(running), "there is room again"
+
+
+def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Who kept a thousand open, without a token, kept everybody else out: /healthz was refused for as long."""
+    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 20)
+    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+        idle = [connected(running) for _ in range(40)]
+        assert all(answers(running) for _ in range(3))
+        for one in idle:
+            one.close()
+
+
+def test_websockets_leave_room_for_requests(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 6)
+    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running, contextlib.ExitStack() as held:
+        protocols = [Subprotocol(wire.SUBPROTOCOL)]
+        for _ in range(3):
+            held.enter_context(connect(running.ws, subprotocols=protocols, open_timeout=PATIENCE_S))
+        with pytest.raises(InvalidStatus) as refused:
+            connect(running.ws, subprotocols=protocols, open_timeout=PATIENCE_S)
+        assert refused.value.response.status_code == 409
+        assert b'"full"' in (refused.value.response.body or b"")
+        assert answers(running)
 
 
 def test_half_of_the_descriptors_are_not_for_browsers() -> None:
@@ -145,6 +169,39 @@ except MemoryError:
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=True
     )
     assert run.stdout.strip() == "bounded"
+
+
+def test_packing_is_bounded(tmp_path: Path) -> None:
+    """It had no bound of memory or time, as opening and exporting have."""
+    program = """
+import sys
+from pathlib import Path
+from recordings import bounds, packing
+
+def hostile(path):
+    if path.name == "large":
+        bytearray(2 * packing.MEMORY)
+    while True:
+        pass
+
+packing.pack = hostile
+bounds.LEAST_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
+sys.argv[1:] = [sys.argv[1]]
+raise SystemExit(packing.main())
+"""
+    for name, what in (("large", "memory"), ("slow", "time")):
+        (tmp_path / name).write_bytes(b"")
+        command = [sys.executable, "-c", program, str(tmp_path / name)]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+        assert run.returncode == 1
+        assert f"takes more {what} than it may have" in run.stderr
+
+
+def test_bounds_go_by_the_file_and_the_machine() -> None:
+    assert bounds.seconds_for(0) == bounds.LEAST_CPU_S
+    assert bounds.seconds_for(6 << 20) < 120
+    assert bounds.seconds_for(1 << 40) == bounds.CPU_S
+    assert bounds.LEAST_MEMORY <= bounds.memory_of_one() <= bounds.MEMORY
 
 
 def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
