@@ -2,6 +2,8 @@
 
     any request or WebSocket      `PER_S` a second, `AT_ONCE` more after a pause        beyond: 429 and Retry-After
     one that reads a recording    `READING` at once, `WAITING` wait for their turn      beyond: 429
+    any other                     `IN_A_PASS` begin in a pass of the event loop: a hundred that come at once, of which
+                                  each takes some milliseconds, hold up nobody else for a second
 
 A page asks for some 60 things when it is opened, and about 20 a second while somebody drags a plot; behind one address
 may be a house full of them. What is refused costs a tenth of a millisecond; an answer costs one, and a stretch of a
@@ -20,6 +22,7 @@ import re
 import time
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable
+from weakref import WeakKeyDictionary
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -30,6 +33,7 @@ from server.wire import Problem
 PER_S = 200.0
 AT_ONCE = 1000.0
 READING, WAITING = 4, 60
+IN_A_PASS = 4
 ADDRESSES = 1024  # remembered; the one that asked longest ago is forgotten first
 ALWAYS = "/healthz"
 READS = re.compile(r"/api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|query|fared|amount))?\Z")
@@ -47,6 +51,7 @@ class Turnstile:
         self._clock = clock
         self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()  # how many are left, and when that was so
         self._readers: dict[str, Readers] = {}
+        self._gates: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = WeakKeyDictionary()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket") or scope["path"] == ALWAYS:
@@ -60,7 +65,15 @@ class Turnstile:
         elif scope["type"] == "http" and scope["method"] == "GET" and READS.match(scope["path"]):
             await self._read(group, scope, receive, send)
         else:
+            await self._begin()
             await self._app(scope, receive, send)
+
+    async def _begin(self) -> None:
+        """Wait for a pass of the loop in which not too many others begin."""
+        loop = asyncio.get_running_loop()
+        gate = self._gates.setdefault(loop, asyncio.Semaphore(IN_A_PASS))
+        await gate.acquire()
+        loop.call_soon(gate.release)
 
     def take(self, group: str) -> float:
         """Count a request; 0, or in how many seconds one will be answered again: then it is not counted."""

@@ -117,11 +117,13 @@ class Flow:
 
     Args:
         at_once: about how many bytes `read` and `read_now` give out; whoever reads sets it.
+        whole: a datagram is given out whole, however large: what it holds is framed by its end.
         arrivals: told of every chunk, in the thread that read it.
         left_out: bytes so far that were dropped because they were not read in time.
     """
 
     at_once: int = AT_ONCE
+    whole: bool = True
     arrivals: Listeners[[Chunk]] = field(default_factory=Listeners)
     left_out: int = 0
 
@@ -141,7 +143,7 @@ class Link(ABC):
     """
 
     kind: LinkKind
-    datagrams = False  # a chunk is one: never cut
+    datagrams = False  # a chunk is one: not cut where that matters (Flow.whole)
 
     def __init__(self, source: str, settings: LinkSettings) -> None:
         self.source = source

@@ -127,7 +127,7 @@ class Inbox:
         while self._chunks and taken < most:
             chunk = self._chunks.popleft()
             room = max(most - taken, LEAST_BYTES)
-            if len(chunk.data) > room and not self._link.datagrams:  # a large piece of a connection or a file
+            if len(chunk.data) > room and not (self._link.datagrams and self._link.flow.whole):
                 self._chunks.appendleft(Chunk(chunk.data[room:], chunk.arrival_ns))
                 chunk = Chunk(chunk.data[:room], chunk.arrival_ns, chunk.anew)
                 self._size += CHUNK_COST

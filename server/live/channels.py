@@ -50,6 +50,7 @@ SHOWN: Mapping[str, tuple[str, float, int]] = {
     "mm/s": ("m/s", 1e-3, -3),
 }
 _MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
+MOST_CHANNELS = 1000  # of one device; the most that a vendor's tables give is some 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,8 @@ class Channels:
     Args:
         device: DeviceInfo.id.
         advertise: called once for each new channel with its description (id 0); returns the id.
+    Attributes:
+        full: there are `MOST_CHANNELS`; what would be a further one is left out.
     """
 
     def __init__(self, device: str, advertise: Advertise) -> None:
@@ -84,6 +87,7 @@ class Channels:
         self._advertise = advertise
         self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
         self._ids: dict[str, int] = {}
+        self.full = False
 
     def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[Piece]:
         """The samples of one drain by channel.
@@ -135,13 +139,18 @@ class Channels:
                 if not batch.verified:  # never what is verified and what is not in one trace
                     info.name = f"{info.name}?"  # a name of its own; its title is the same, and `verified` marks it
                     info.verified = False
-                cuts.append(_Cut(self._identify(info), used, _rows_per_sample(batch.columns[used[0]]), factors))
+                number = self._identify(info)
+                if number:
+                    cuts.append(_Cut(number, used, _rows_per_sample(batch.columns[used[0]]), factors))
         return cuts
 
     def _identify(self, info: ChannelInfo) -> int:
-        """The id of this very description; a changed unit, frame or dtype is a new channel."""
+        """The id of this very description; a changed unit, frame or dtype is a new channel. 0 for one too many."""
         key = repr(info)
         if key not in self._ids:
+            if len(self._ids) >= MOST_CHANNELS:
+                self.full = True
+                return 0
             self._ids[key] = self._advertise(info)
         return self._ids[key]
 

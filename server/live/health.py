@@ -19,6 +19,8 @@ from server.wire import MessageHealth
 WINDOW_S = 2.0
 FRESH_S = 1.0
 SHORTEST_S = 0.2  # two arrivals closer than this say nothing about a rate
+MOST_MESSAGES = 256  # kinds that are counted by name; a healthy device has a few dozen, a flood of names any number
+OTHERS = "other messages"
 LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # 8 and 16 ms are what a flush may wait
 
 
@@ -92,7 +94,9 @@ class Figures:
         """`count` samples of a message were decoded."""
         meter = self.messages.get(message)
         if meter is None:
-            meter = self.messages[message] = Meter()
+            if len(self.messages) >= MOST_MESSAGES:
+                message = OTHERS
+            meter = self.messages.setdefault(message, Meter())
         meter.add(count, now)
         self.last_sample = max(now, self.last_sample or now)
 

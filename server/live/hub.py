@@ -42,6 +42,7 @@ FLUSH_S = 0.008
 FLUSH_MANY_S = 0.016
 FLUSH_NOBODY_S = 0.05  # with nobody watching, decoding in longer stretches saves half of the work
 TRIM_S = 1.0
+PASSES = 8  # of the event loop between two turns that decode: as many as a request needs to be taken and answered
 HISTORY_S = 600.0
 BUDGET = 256 * 1024 * 1024
 Dated = tuple[Batch, NDArray[np.float64], NDArray[np.float64] | None]
@@ -100,7 +101,8 @@ class Hub:
         self._devices_changed = False
         self._turns = Turns()
         self._rest_until = 0.0  # of the loop's clock: whoever waits for the loop comes first
-        self._timer: asyncio.TimerHandle | None = None
+        self._passes = 0  # of the loop, that come before the next flush
+        self._timer: asyncio.Handle | None = None
         self._last_flush = 0.0
         self._next_trim = 0.0
 
@@ -252,11 +254,16 @@ class Hub:
             self._timer = loop.call_at(due, self._flush_now, loop)
 
     def _flush_now(self, loop: asyncio.AbstractEventLoop) -> None:
+        if self._passes:
+            self._passes -= 1
+            self._timer = loop.call_soon(self._flush_now, loop)
+            return
         self._timer = None
         self._last_flush = loop.time()
         self.flush()
         self._rest_until = loop.time() + self._turns.spent
         if self._turns.more:
+            self._passes = PASSES
             self.request_flush()
 
     def flush(self) -> None:

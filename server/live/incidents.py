@@ -26,8 +26,7 @@ MOST_S, QUIET_S = 60.0, 10.0  # between two sums of what is refused on and on; w
 ENDED_S = 0.5  # without any, and it has ended: the sum is told
 REPLIES_PER_PERIOD = 20
 SHOWN_VALUES = 4
-TEXTS_PER_SORT = 1  # ever: a sentence that repeats is a stream; its values are channels, its lines are no news
-TEXT_SORTS = 64
+TEXT_SORTS = 64  # told, each once: a sentence that repeats is a stream; its values are channels, its lines are no news
 DATE_NS = 5 * 365 * 86_400 * 10**9  # a clock that moves by years was not running wrong: it did not know the date
 
 
@@ -66,6 +65,7 @@ class Incidents:
         self._refused: set[str] = set()  # why frames were refused lately
         self._refused_due = 0.0  # when it is told again, unix s
         self._refused_wait = PERIOD_S
+        self._texts: set[tuple[str, str]] = set()  # protocol and name of the sentences that were told
 
     def say(self, kind: EventKind, level: Level, text: str, **more: Any) -> None:
         """An event that is rare by nature."""
@@ -86,11 +86,15 @@ class Incidents:
 
     def rejects(self, rejects: list[Reject]) -> None:
         """Candidates that failed their checks: always summed up, one event a period."""
-        for reject in rejects:
-            held = self._hold("reject")
-            held.samples += reject.size
-            held.parts[reject.reason.replace("_", " ")] += 1
-            held.span(reject.arrival_ns / 1e9, reject.arrival_ns / 1e9)
+        if not rejects:
+            return
+        held = self._sums.setdefault("reject", _Sum())
+        held.count += len(rejects)
+        held.samples += sum(reject.size for reject in rejects)
+        for reason, count in Counter(reject.reason for reject in rejects).items():
+            held.parts[reason.replace("_", " ")] += count
+        arrivals = [reject.arrival_ns for reject in rejects]
+        held.span(min(arrivals) / 1e9, max(arrivals) / 1e9)
 
     def step(self, step: Step, time: float) -> None:
         """The device clock did not continue."""
@@ -126,11 +130,17 @@ class Incidents:
             self._hold("reply." + message.name)
 
     def text(self, text: Text) -> None:
-        """A line of text in the stream."""
-        key = f"text.{text.protocol}.{text.name}"
-        if self._may(key, TEXTS_PER_SORT):
-            data = {"protocol": text.protocol, "name": text.name, "fields": plain(text.fields)}
-            self.say("text", "info", text.line.strip()[:400], time=text.arrival_ns / 1e9, data=data)
+        """A line of text in the stream: the first of each sort, as long as there are not too many sorts."""
+        sort = text.protocol, text.name
+        if sort in self._texts or len(self._texts) > TEXT_SORTS:
+            return
+        self._texts.add(sort)
+        if len(self._texts) > TEXT_SORTS:
+            words = f"More than {TEXT_SORTS} kinds of sentences came: the first lines of further ones are not told."
+            self.say("text", "caution", words, data={"most": TEXT_SORTS})
+            return
+        data = {"protocol": text.protocol, "name": text.name, "fields": plain(text.fields)}
+        self.say("text", "info", text.line.strip()[:400], time=text.arrival_ns / 1e9, data=data)
 
     def tick(self, now: float) -> None:
         """Sum up what was held back, when the period is over."""
@@ -140,7 +150,7 @@ class Incidents:
         if now - self._period < PERIOD_S:
             return
         self._period = now
-        self._told = Counter([key for key in self._told if key.startswith("text.")][-TEXT_SORTS:])
+        self._told.clear()
         sums, self._sums = self._sums, {}
         for sort, held in sums.items():
             if sort != "reject":

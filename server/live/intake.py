@@ -29,7 +29,7 @@ from protocols.sentences import Sentences
 from server.links.base import Link
 from server.links.timing import byte_time_ns, holds_ns, port_of
 from server.live.causes import NETWORKS, cause_of
-from server.live.channels import Channels
+from server.live.channels import MOST_CHANNELS, Channels
 from server.live.dating import Dating
 from server.live.health import Figures
 from server.live.hub import Hub
@@ -66,6 +66,7 @@ class About:
     protection: Callable[[Batch], str] | None = None
     sender: str = ""
     utc: Callable[[Batch], NDArray[np.int64] | None] = lambda batch: None
+    datagrams: bool = False
 
 
 @dataclass(slots=True)
@@ -206,7 +207,11 @@ class Intake:
         if self._kinds is not None:
             self._hear(events, self._kinds)
         said = [(batch, np.full(len(batch), np.nan)) for batch in self._sentences.batches(texts)]
+        full = self._channels.full
         self._hub.publish(self._channels.split([*zip(batches, times, strict=True), *said]))
+        if self._channels.full and not full:
+            words = f"More than {MOST_CHANNELS} quantities came of one device: further ones are counted, not shown."
+            self._incidents.say("device", "caution", words, data={"most": MOST_CHANNELS})
         if self._hub.keeps_clocks:
             dated = zip(batches, times, self._dating.of(batches, steps), strict=True)
             self._hub.keep_clocks(self._channels.device, list(dated))

@@ -97,6 +97,7 @@ class Session(Audience):
         self._died_at: float | None = None  # last arrival before the link went while it was live
         self._patience, self._deafness = Patience(), Deafness()
         self._slices = Slices()
+        link.flow.at_once = self._slices.size
         self._left_out = LeftOut(self._incidents, self._figures, link.source)
         self._stalled = self._dirty = False
         self._looks = 0  # since bytes came last
@@ -196,6 +197,7 @@ class Session(Audience):
     def _connected(self) -> None:
         self._opened_at = self._hub.now()
         self._unknown = Unknown(self._speech.guess)
+        self._link.flow.whole = True  # until it is known whether ends of datagrams matter
         self._intake = None
         self._greeting.anew()
         if self._reading.protocol:
@@ -329,15 +331,11 @@ class Session(Audience):
     def _begin(self, protocol: str) -> None:
         """The protocol is known: from here on bytes are decoded, those kept so far first."""
         decoder = self._decoder = self._speech.decoder(protocol, self._reading, self._link.kind)
+        about = self._speech.about(protocol)
         self.restarts.begin(decoder, self._reading)
-        self._intake = Reader(
-            self._hub,
-            self._senders,
-            decoder,
-            line=Line.of(self._link),
-            about=self._speech.about(protocol),
-            on_events=self._heard,
-        )
+        self._link.flow.whole = about.datagrams
+        line = Line.of(self._link)
+        self._intake = Reader(self._hub, self._senders, decoder, line=line, about=about, on_events=self._heard)
         read = {"time_unit": self._reading.time_unit, "rotation": self._reading.rotation}
         self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol), **read)
         for chunk in self._unknown.taken():

@@ -40,7 +40,7 @@ def speech() -> Speech:
         from protocols.registry import PROTOCOLS
 
         row = PROTOCOLS[name]
-        return About(row.greeting, row.identity, row.protection, row.sender, row.utc)
+        return About(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
 
     def messages_in(data: bytes) -> Mapping[str, int]:
         from protocols.registry import messages_in

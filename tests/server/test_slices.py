@@ -15,8 +15,11 @@ from server.links.pump import Inbox
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.live import slices
+from server.live.health import MOST_MESSAGES
+from server.live.incidents import TEXT_SORTS
 from server.live.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from tests.faults.stage import stage, until
+from tests.protocols.test_nmea import sentence
 
 
 class Clock:
@@ -150,6 +153,39 @@ def test_a_read_gives_out_a_bounded_piece() -> None:
     asyncio.run(check())
 
 
+def test_the_first_slice_is_a_small_one() -> None:
+    """The first read gave 64 kB, whatever they were: of `FA` that took two seconds of the event loop."""
+
+    async def check() -> None:
+        async with stage("udp://127.0.0.1:0?protocol=xbus") as there:
+            await until(lambda: there.info.is_open, "the port is open")
+            link = cast(UdpLink, there.session._link)
+            assert link.flow.at_once == FIRST
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize(("protocol", "whole"), [("xbus", False), ("isb", False), ("idtp", True), ("", True)])
+def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, whole: bool) -> None:
+    """A hostile one of 64 kB took up to 0.4 s at once."""
+
+    async def check() -> None:
+        async with stage(f"udp://127.0.0.1:0?protocol={protocol}" if protocol else "udp://127.0.0.1:0") as there:
+            await until(lambda: there.info.is_open, "the port is open")
+            link = cast(UdpLink, there.session._link)
+            inbox = link._inbox
+            assert inbox is not None
+            link.flow.at_once = 4000
+            with inbox._lock:
+                inbox._chunks.append(Chunk(bytes(60_000), 7))
+                inbox._size += 60_000 + CHUNK_COST
+                taken = inbox._some()
+            assert [len(chunk.data) for chunk in taken] == ([60_000] if whole else [4000])
+            inbox._chunks.clear()
+
+    asyncio.run(check())
+
+
 def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.links.pump.MOST_HELD", 10_000)
 
@@ -195,5 +231,29 @@ def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatc
             assert figures.left_out == link.flow.left_out > 0
             assert figures.left_out + figures.bytes.total == len(made.bytes), "what came is decoded or counted"
             assert longest < 64 * 1024, "a slice that costs so much is small"
+
+    asyncio.run(check())
+
+
+def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each distinct sentence was a meter, a channel with its ring, and a line of the log, for ever."""
+    monkeypatch.setattr("server.live.channels.MOST_CHANNELS", 3)
+    letters = "ABCDEFGHIJKLM"
+    names = [f"P{a}{b}{c}" for a in letters for b in letters for c in letters][:1000]
+
+    async def check() -> None:
+        async with stage("udp://127.0.0.1:0?protocol=isb") as there:
+            intake = there.session._senders.own
+            await until(lambda: there.info.is_open, "the port is open")
+            for at in range(0, len(names), 100):
+                lines = b"".join(sentence(f"{name},1,2") for name in names[at : at + 100])
+                there.session._take([Chunk(lines, there.session._link.settings.now_ns())])
+                there.session.decode()
+                there.session.tick(there.hub.now())
+            assert len(there.hub.channels) == 3
+            assert len(intake.figures.messages) == MOST_MESSAGES + 1
+            assert sum(meter.total for meter in intake.figures.messages.values()) == len(names)
+            assert len(there.events("text")) == TEXT_SORTS + 1
+            assert sum("quantities" in event.text for event in there.events("device")) == 1
 
     asyncio.run(check())
