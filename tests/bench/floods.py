@@ -1,0 +1,64 @@
+"""How does a server fare beside each flood? How soon it answers, and how late another device's bytes are recorded.
+
+    python tests/bench/floods.py [--seconds 20] [--only NAME …] [--save]
+
+One server, one device of 500 frames a second that is recorded, and one flood after the other (tests/faults/floods.py).
+/healthz is asked twenty times a second by a process that also sends the flood, so what it takes is an upper bound.
+
+The yardstick, in the same time: a piece of work in a thread of that process, which takes `slowness` times as long as it
+would alone. Budget: an answer within a second of a machine that nobody else uses; the recording whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
+
+from tests.bench.memory import resident_mb  # noqa: E402
+from tests.bench.report import report  # noqa: E402
+from tests.faults.beside import WITHIN_S, Beside, Watched, watched  # noqa: E402
+from tests.faults.floods import FLOODS  # noqa: E402
+
+
+def measure(there: Watched, name: str) -> dict[str, Any]:
+    """The figures of one flood."""
+    with Beside(there.place.url) as beside:
+        FLOODS[name](there.place)
+    return {
+        "answers": beside.answers,
+        "worst_s": beside.worst_s,
+        "slowness": beside.slowness,
+        "whole": there.is_whole(),
+        "recorded_after_s": there.lateness_s(),
+        "memory_mb": resident_mb(there.pid),
+        "kept": beside.worst_s <= beside.limit_s,
+    }
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Beside each flood: answers, and the recording of another device.")
+    parser.add_argument("--seconds", type=float, default=20, help="of each flood")
+    parser.add_argument("--only", nargs="*", choices=FLOODS, default=list(FLOODS), help="these floods")
+    parser.add_argument("--save", action="store_true", help="keep the result in tests/bench/results")
+    options = parser.parse_args()
+    floods = {}
+    with tempfile.TemporaryDirectory() as folder, watched(Path(folder), options.seconds) as there:
+        for name in options.only:
+            floods[name] = measure(there, name)
+            print(json.dumps({name: floods[name]}), file=sys.stderr, flush=True)
+    report("floods", {"seconds": options.seconds, "floods": floods, "budget": {"worst_s": WITHIN_S}})
+    return int(not all(one["whole"] and one["kept"] for one in floods.values()))
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
