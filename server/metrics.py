@@ -98,6 +98,10 @@ def _links(page: Page, sessions: list[Session], now: float) -> None:
     page.family("imuscope_link_received_bytes_total", "counter", "Bytes that came over a link.")
     for health in first:
         page.add(health.bytes, device=health.device)
+    words = "Bytes that came faster than they could be decoded, and were dropped; a recording has them."
+    page.family("imuscope_link_left_out_bytes_total", "counter", words)
+    for session in sessions:
+        page.add(session.left_out, device=session.info.id)
     page.family("imuscope_link_capacity_bytes_per_second", "gauge", "Bytes that a link can carry, where that is known.")
     for health in first:
         page.add(health.capacity, device=health.device)

@@ -25,6 +25,11 @@ class Audience:
         self._sent: Listeners[[bytes, int]] = Listeners()
         self._closing: list[Callable[[], Awaitable[None]]] = []
 
+    @property
+    def left_out(self) -> int:
+        """Bytes so far that came faster than they could be decoded, and were dropped; a recording has them."""
+        return self._flow.left_out
+
     def on_sent(self, callback: Callable[[bytes, int], None]) -> Callable[[], None]:
         """Call `callback(data, time)` with all that is sent; returns what takes it off."""
         return self._sent.add(callback)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import random
 import socket
+from pathlib import Path
 from typing import cast
 
 import pytest
@@ -18,6 +19,8 @@ from server.live import slices
 from server.live.health import MOST_MESSAGES
 from server.live.incidents import TEXT_SORTS
 from server.live.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
+from server.metrics import Metrics, Sources
+from server.wire import RecorderState
 from tests.faults.stage import stage, until
 from tests.protocols.test_nmea import sentence
 
@@ -255,5 +258,15 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
             assert sum(meter.total for meter in intake.figures.messages.values()) == len(names)
             assert len(there.events("text")) == TEXT_SORTS + 1
             assert sum("quantities" in event.text for event in there.events("device")) == 1
+
+    asyncio.run(check())
+
+
+def test_what_was_left_out_is_told_to_a_monitor() -> None:
+    async def check() -> None:
+        async with stage("udp://127.0.0.1:0?protocol=xbus") as there:
+            there.session._link.flow.left_out = 4711
+            sources = Sources(there.hub, [there.session], RecorderState(False), [], Path("/nowhere"))
+            assert 'imuscope_link_left_out_bytes_total{device="1"} 4711' in Metrics(there.hub).text(sources)
 
     asyncio.run(check())
