@@ -1,4 +1,4 @@
-"""Who sends on a link? One link may carry several devices (IDTP), and each is a device on the page.
+"""Who sends on a link? One link may carry several devices (IDTP, Xbus), and each is a device on the page.
 
     bytes ─feed─> decoder ─drain─> Batch.device "102" ──> Sender  DeviceInfo "1"      the first that was heard
                                    Batch.device "7"   ──> Sender  DeviceInfo "1.7"    parent "1": a further one
@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from protocols.events import Decoder, Event, Reject, Text
+from protocols.events import Batch, Decoder, Event, Reject, Text
 from protocols.framing import Ints
 from protocols.pieces import Pieces
 from server import wire
@@ -83,6 +83,7 @@ class Senders:
         self._title = title
         self.own = Sender(hub, own)
         self.others: dict[str, Sender] = {}
+        self.own_is_unnamed = False  # its stream names only further devices (Xbus): no name is the own device's
         self._beyond: set[str] = set()
 
     @property
@@ -96,7 +97,7 @@ class Senders:
 
     def of(self, name: str) -> Sender | None:
         """The device of that name in the stream, made when it is first heard; None for one too many."""
-        if not self.own.name:
+        if not (self.own.name or self.own_is_unnamed):
             self.own.name = name
         if name in ("", self.own.name):
             return self.own
@@ -136,6 +137,7 @@ class Senders:
 
     def read_anew(self) -> None:
         """The bytes are read in another way from here on."""
+        self.own_is_unnamed = False
         for sender in self.all:
             sender.figures.read_anew()
             sender.portrait.set(protection="")
@@ -288,6 +290,8 @@ class Reader:
 
     def _take(self, events: Sequence[Event]) -> None:
         own = self._senders.own
+        if not (own.name or self._senders.own_is_unnamed):
+            self._senders.own_is_unnamed = any(isinstance(event, Batch) and not event.device for event in events)
         if all(_sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
             self._own.take(events)
         else:

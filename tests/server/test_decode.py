@@ -9,6 +9,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from protocols.xbus.frames import build
 from server.cli import main
 from server.commands.decode import Bar
 from tests.recordings.test_importers import LOGS, NAME, needs_logs
@@ -46,6 +47,24 @@ def test_the_suffix_chooses(suffix: str, tmp_path: Path, capsys: pytest.CaptureF
         at = kept.index(CONFIGURATION)
         head = kept[at : at + 123]
         assert made.read_bytes() == head + kept[:at] + kept[at + 123 :]
+
+
+def test_devices_that_share_a_line_have_a_file_each(tmp_path: Path) -> None:
+    """Samples of bus identifiers 1 and 2 stood in one CSV, one below the other, with nothing to tell them apart."""
+    items = "102002{:04x}106004{:08x}"
+    data = b"".join(
+        build(0x36, bytes.fromhex(items.format(start + k, 100 * (start + k))), bid)
+        for k in range(100)
+        for bid, start in ((1, 0), (2, 30_000))
+    )
+    (tmp_path / "two.bin").write_bytes(data)
+    (tmp_path / "out").mkdir()
+    assert main(["decode", str(tmp_path / "two.bin"), "-o", str(tmp_path / "out" / "run.csv")]) == 0
+    found = []
+    for path in sorted((tmp_path / "out").iterdir()):
+        with path.open() as file:
+            found.append([int(row["PacketCounter"]) for row in csv.DictReader(file)])
+    assert sorted(found) == [list(range(100)), list(range(30_000, 30_100))]
 
 
 def test_what_cannot_be_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
