@@ -148,7 +148,7 @@ class Known:
 
     Args:
         baud: of the link now; None where it has none.
-        device: who is meant where a link carries several (an IDTP device id).
+        device: who is meant where a link carries several (an IDTP device id, the bus identifier of an MTi).
         key: for Secure frames; None without.
     """
 

@@ -192,6 +192,17 @@ class Remembers(Protocol):
         """Accept whatever number comes next, of one device or ("") of all. For an operator to ask for."""
 
 
+@runtime_checkable
+class Shared(Protocol):
+    """A decoder of a line on which several devices may speak, each under an address of its own.
+
+    `addresses` has that of each device which has sent data, by its name in the stream ("": the line's own). Whoever
+    connects again hands the same mapping to the next decoder, so that a device keeps its name whoever speaks first.
+    """
+
+    addresses: dict[str, int]
+
+
 class Doubt(Protocol):
     """A setting that the stream contradicts, and why."""
 
@@ -206,6 +217,11 @@ class Doubts(Decoder, Protocol):
     """A decoder whose unit of time is a setting; `contradiction` once arrival speaks for another."""
 
     contradiction: Doubt | None
+
+
+def sender_of(event: Event) -> str:
+    """Who sent it, as the stream names it; "" where nobody is named."""
+    return "" if isinstance(event, Text | Reject) else event.device
 
 
 def batches(events: list[Event]) -> Iterator[Batch]:

@@ -23,7 +23,9 @@ PacketCounter counts every MTData2 message of a device, whatever it carries; num
 ## Several devices
 
 On a line that devices share (RS-485) each has a bus identifier of its own, and so a counter and a clock of its own. The
-first that sends data is the line's device; data under another identifier are those of a further one ("2").
+first that sends data is the line's device; data under another identifier are those of a further one ("2"). An answer
+carries the identifier under which the device was addressed: it is a further one's where that has sent data, and the
+line's own device's otherwise (which may be addressed as 1 or as 255).
 
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
@@ -126,13 +128,14 @@ def _joined(place: Place, at: int, length: int) -> Place:
 
 
 class _Clocks:
-    """Where the counter and the clocks of one device are."""
+    """Where the counter and the clocks of one device are, and what its receiver said last."""
 
     def __init__(self) -> None:
         self.counter = Counter(1 << 16)
         self.fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
         self.coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
         self.clock = 0  # the best clock shown so far
+        self.fix = FIX_NOT_SAID  # by the last GNSS solution
 
 
 class XbusDecoder(StreamDecoder[Stream]):
@@ -147,10 +150,9 @@ class XbusDecoder(StreamDecoder[Stream]):
         super().__init__(Stream())
         self._layouts: dict[bytes, DataLayout] = {}
         self._newest: dict[int, DataLayout] = {}  # by the length of the payload
-        self._bid: int | None = None  # bus identifier of the line's first device
+        self.addresses: dict[str, int] = {}  # bus identifiers of those that sent data; see events.Shared
         self._clocks = _Clocks()
         self._others: dict[int, _Clocks] = {}
-        self._fix = FIX_NOT_SAID  # by the last GNSS solution
 
     def drain(self, *, stalled: bool = False) -> list[Event]:
         """Everything complete, by offset; a batch stands where its first frame began."""
@@ -183,35 +185,50 @@ class XbusDecoder(StreamDecoder[Stream]):
             payload = cut.data[body : body + length]
             message, _ = form_of(mid, payload)
             values = unpack(message.fields, payload)
-            replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i])))
+            device = self._name(int(cut.table[SENDER, i]))
+            replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i]), device))
         return replies
+
+    def _name(self, bid: int) -> str:
+        """Whose answer it is."""
+        name = str(bid)
+        return name if name in self.addresses and self.addresses.get("") != bid else ""
 
     def _learn(self, replies: list[Reply]) -> None:
         """What a reply says about the clock."""
         for reply in replies:
             if reply.message.name == "ProductCode":
                 day = DAY_PRODUCTS.match(str(reply.values.get("product_code", "")))
-                self._clocks.fine.set_wrap(WRAP_DAY if day else WRAP)
+                clocks = self._further(int(reply.device)) if reply.device else self._clocks
+                clocks.fine.set_wrap(WRAP_DAY if day else WRAP)
+
+    def _further(self, bid: int) -> _Clocks:
+        return self._others.setdefault(bid, _Clocks())
 
     # -- several devices -----------------------------------------------------------------------------------------------
 
     def _by_sender(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Data of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
-        if self._bid is None:
-            self._bid = int(senders[0])
-        mine = senders == self._bid
+        if "" not in self.addresses:
+            known = set(self.addresses.values())
+            if (first := next((bid for bid in senders.tolist() if bid not in known), None)) is not None:
+                self.addresses[""] = first
+        mine = senders == self.addresses.get("", -1)
         if mine.all():
             return self._data(cut, table, arrivals, replies)
         events: list[Event] = []
         if mine.any():
-            events += self._data(cut, np.ascontiguousarray(table[:, mine]), arrivals[mine], replies)
+            own_replies = [reply for reply in replies if not reply.device]
+            events += self._data(cut, np.ascontiguousarray(table[:, mine]), arrivals[mine], own_replies)
+            self._learn([reply for reply in replies if reply.device])
         else:
             self._learn(replies)
         for bid in dict.fromkeys(senders[~mine].tolist()):
             which = senders == bid
+            self.addresses[str(bid)] = bid
             own = self._clocks
-            self._clocks = self._others.setdefault(bid, _Clocks())
+            self._clocks = self._further(bid)
             found = self._data(cut, np.ascontiguousarray(table[:, which]), arrivals[which], [])
             self._clocks = own
             events += [replace(one, device=str(bid)) if isinstance(one, Batch | Gap | Step) else one for one in found]
@@ -223,7 +240,7 @@ class XbusDecoder(StreamDecoder[Stream]):
         """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
         usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
         offset, size, body, length, mid = cut.table[:5, 0].tolist()
-        if self._bid != int(cut.table[SENDER, 0]):
+        if self.addresses.get("") != int(cut.table[SENDER, 0]):
             return False
         layout = self._newest.get(length) if mid == MTDATA2 and self._clocks.clock in (0, _FINE) else None
         if layout is None or not layout.usual:
@@ -333,8 +350,8 @@ class XbusDecoder(StreamDecoder[Stream]):
         """Whose clocks are those of the sample: not of a GNSS message without a fix."""
         said = (gnss == NO_FIX) | (gnss == FIX)
         last = np.maximum.accumulate(np.where(said, np.arange(len(gnss)), -1))
-        known = np.where(last >= 0, gnss[last], self._fix)
-        self._fix = int(known[-1])
+        known = np.where(last >= 0, gnss[last], self._clocks.fix)
+        self._clocks.fix = int(known[-1])
         return np.asarray((gnss == NO_GNSS) | (known == FIX))
 
     @staticmethod

@@ -86,6 +86,8 @@ class XbusDevice:
         baud: rate that is stored when it comes, one of table 7; None for the factory's.
         port: which of a 600-series' host ports the line is connected to: 0 RS-232, 1 UART.
         moods: what goes wrong with its answers.
+        bid: its bus identifier on a line that it shares: it sends under it and answers to nothing else. None for a
+            device that has its line to itself: it answers to 1 and to 255, and sends under 255.
     Raises:
         ValueError: the product is not known.
     """
@@ -107,6 +109,7 @@ class XbusDevice:
         baud: int | None = None,
         port: int = 0,
         moods: Moods = NONE,
+        bid: int | None = None,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
@@ -140,8 +143,9 @@ class XbusDevice:
             baud=baud,
             port=port,
             moods=moods,
+            bid=bid,
         )
-        self._port = port
+        self._port, self._bid = port, bid
         self._restored = False  # 0xDE was heard while it boots
         self._newest = b""  # sample, while SendLatest waits for a trigger
         self._asked_for: list[bytes] = []
@@ -150,7 +154,7 @@ class XbusDevice:
             self._begin_at(next(code for code, one in BAUD_RATES.items() if one == baud))
         self._memory = self._present()
         self.baud, self._deaf = self._line()
-        self._ear = Ear()
+        self._ear = self._new_ear()
         self._measurement: Measurement | Sentences | None = None
         self._block = 0
         self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
@@ -176,11 +180,11 @@ class XbusDevice:
         if self.phase == "measurement":
             self._due(now, out)
         out += self._tongue.due(now)
-        return b"" if self._deaf else b"".join(out)
+        return b"" if self._deaf else self._under_own_name(out)
 
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host. What the device had to send by then, followed by its answers."""
-        out = [self.advance(now_ns)]
+        before, out = self.advance(now_ns), list[bytes]()
         now = self._local(now_ns)
         if self.phase == "boot":
             self._restored |= RESTORE in data  # nobody listens yet, but for this
@@ -203,7 +207,14 @@ class XbusDevice:
                     out += self._tongue.say(frames.build(mid + 1, answer, bid), now)
             out += self._asked_for
             self._asked_for.clear()
-        return b"".join(out)
+        return before + self._under_own_name(out)
+
+    def _under_own_name(self, out: list[bytes]) -> bytes:
+        """What it sends, each frame under its own bus identifier where it has one."""
+        return b"".join(out if self._bid is None else (frames.to_bus(one, self._bid) for one in out))
+
+    def _new_ear(self) -> Ear:
+        return Ear() if self._bid is None else Ear((self._bid,))
 
     def _local(self, now_ns: int) -> int:
         """Device time: ns of the device's own oscillator since it was switched on."""
@@ -285,7 +296,7 @@ class XbusDevice:
         )
         self._start_ns += round(off / self._speed)
         self.phase, self._counter, self.baud, self._deaf = "boot", 0, BOOT_BAUD, False
-        self._ear = Ear()
+        self._ear = self._new_ear()
 
     def repowered(self, start_ns: int) -> XbusDevice:
         """The same device after its power was off: what it had stored, and a receiver that starts cold."""

@@ -9,6 +9,8 @@ Values are wire values by field name. Two settings are not what their message ca
 wanted, sent as the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the
 name. An empty list of outputs, or of sync settings, is sent as one entry that means "none".
 
+A device that shares its line is addressed by its bus identifier (`Known.device`), in everything that is sent here.
+
 Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's public code.
 """
 
@@ -87,13 +89,13 @@ class XbusDriver:
     def frame(self, command: str, values: Values, known: Known) -> bytes:
         model = model_of(known.product)
         row = _row(command, values, model)
-        return _frame(row, values, model)
+        return frames.to_bus(_frame(row, values, model), _bus(known))
 
     def setting_frames(
         self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         model = model_of(known.product)
-        return [_write_frame(_kept(setting, model), values, model, held=held)]
+        return [frames.to_bus(_write_frame(_kept(setting, model), values, model, held=held), _bus(known))]
 
     def spans(self, frame: bytes) -> list[Span]:
         return spans.spans(frame)
@@ -104,6 +106,9 @@ class XbusDriver:
     # -- dialogues
 
     def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        return exchange.addressed(self._within(body), _bus(known))
+
+    def _within(self, body: Dialogue[T]) -> Dialogue[T]:
         """`body` in the config state, or in the state that it says it needs (InState), and measuring afterwards."""
         state = body.state if isinstance(body, InState) else "config"
         if state == "any":
@@ -130,13 +135,15 @@ class XbusDriver:
         row = _row(command, values, model)
         frame = _frame(row, values, model)
         body = self._reset_and_store(frame) if row.name == commands.RESET_AND_STORE else _run(row, frame)
-        return InState(body, commands.state_of(row, values), continues=commands.continues(row))
+        return InState(
+            exchange.addressed(body, _bus(known)), commands.state_of(row, values), continues=commands.continues(row)
+        )
 
     def _reset_and_store(self, frame: bytes) -> Dialogue[Values]:
         """While it measures: the reset, the config state, the code that stores, measurement. Nothing between them."""
         yield from exchange.ask(frame, "ResetOrientation", 0.5, 1)
         store = exchange.ask(frame_of({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5)
-        return (yield from self.within(InState(store, "config", continues=True), Known()))
+        return (yield from self._within(InState(store, "config", continues=True)))
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return commands.unfinished(command, values)
@@ -145,9 +152,12 @@ class XbusDriver:
         return commands.alters(command, values, model_of(known.product))
 
     def read(self, setting: str, known: Known) -> Dialogue[Values]:
-        return (yield from _read(_kept(setting, model_of(known.product))))
+        return (yield from exchange.addressed(_read(_kept(setting, model_of(known.product))), _bus(known)))
 
     def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+        return exchange.addressed(self._write(setting, values, known, held), _bus(known))
+
+    def _write(self, setting: str, values: Values, known: Known, held: bool) -> Dialogue[Written]:
         model = model_of(known.product)
         one = _kept(setting, model)
         row = commands.write_row(one, model)
@@ -159,11 +169,14 @@ class XbusDriver:
         return Written(setting, values, (yield from _read(one)))
 
     def identify(self, known: Known) -> Dialogue[Known]:
+        return exchange.addressed(self._identify(known), _bus(known))
+
+    def _identify(self, known: Known) -> Dialogue[Known]:
         """Product, serial number and firmware; goes to the config state by itself where it is not in it."""
         try:
             first = yield from _identity("ReqDID")
         except RefusedError:
-            return (yield from self.within(self.identify(known), known))
+            return (yield from self._within(self._identify(known)))
         told = dict(first)
         for request in ("ReqProductCode", "ReqFWRev"):
             told |= yield from _identity(request)
@@ -193,18 +206,19 @@ class XbusDriver:
 
     def store_and_restart(self, known: Known) -> Dialogue[None]:
         """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""
-        yield from exchange.ask(frames.build(exchange.RESET), "Reset", 0.5)
+        reset = exchange.ask(frames.build(exchange.RESET), "Reset", 0.5)
+        yield from exchange.addressed(reset, _bus(known))
 
     def alive(self, known: Known) -> Dialogue[bool]:
-        return (yield from exchange.alive())
+        return (yield from exchange.addressed(exchange.alive(), _bus(known)))
 
     def restore_communication(self, known: Known) -> Dialogue[bool]:
         """Section 7.2, at 115 200 Bd. True: the device has the factory's communication settings, and measures."""
         if not (yield Relink(exchange.RESTORE_BAUD)):
             return False
-        if not (yield from exchange.awaken()):
+        if not (yield from exchange.addressed(exchange.awaken(), _bus(known))):
             return False
-        yield from _measure_again()
+        yield from exchange.addressed(_measure_again(), _bus(known))
         return True
 
     # -- what follows from settings
@@ -220,6 +234,11 @@ class XbusDriver:
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
         return changes.differing(setting, a, b)
+
+
+def _bus(known: Known) -> int:
+    """The bus identifier to which its messages go: 255, which every device hears that has its line to itself."""
+    return int(known.device) if known.device else frames.MASTER
 
 
 # -- rows by name ------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
     to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
                    and its WakeUp is answered with WakeUpAck at once: within 500 ms that leads to the config state too
     to_measurement GoToMeasurement, its acknowledgement; a device that measures already refuses, and that is as good
+    addressed      the same, to one of the devices that share a line: each answers to its own bus identifier only
 
 An answer that came late can be taken for that of the next request of the same number; so a request that asks for values
 does not take an empty acknowledgement, and one of an alignment only its own.
@@ -16,9 +17,10 @@ Source: MT0101P 2020.A, 5.2 and 5.3.1; that some devices answer only after Reset
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
-from protocols.dialogues import Dialogue, Expect, Note, Pause, RefusedError, Send, SilentError
+from protocols.dialogues import Dialogue, Expect, Note, Pause, RefusedError, Send, SilentError, T
 from protocols.events import Batch, Event, Reply, Text
 from protocols.plain import jsonable
 from protocols.xbus import frames
@@ -37,6 +39,26 @@ AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
 RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
 
 Plain = Mapping[str, Any]
+
+
+def addressed(dialogue: Dialogue[T], bid: int) -> Dialogue[T]:
+    """A dialogue whose frames all go to this bus identifier."""
+    if bid == frames.MASTER:
+        return (yield from dialogue)
+    try:
+        act = next(dialogue)
+        while True:
+            if isinstance(act, Send):
+                act = replace(act, frame=frames.to_bus(act.frame, bid))
+            try:
+                answer = yield act
+            except Exception as thrown:  # the dialogue is stopped: it may have a last word
+                act = dialogue.throw(thrown)
+            else:
+                act = dialogue.send(answer)
+    except StopIteration as end:
+        result: T = end.value
+        return result
 
 
 def ask(

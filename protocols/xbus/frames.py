@@ -304,6 +304,14 @@ def build(mid: int, payload: bytes = b"", bid: int = MASTER, *, extended: bool |
     return bytes([PREAMBLE]) + body + bytes([check_sum8(body)])
 
 
+def to_bus(frame: bytes, bid: int) -> bytes:
+    """The same frame under another bus identifier; what is no frame stays as it is."""
+    if len(frame) < 5 or frame[0] != PREAMBLE or frame[1] == bid or sum(frame[1:]) & 0xFF:
+        return frame
+    body = bytes([bid]) + frame[2:-1]
+    return bytes([PREAMBLE]) + body + bytes([check_sum8(body)])
+
+
 def items(payload: bytes) -> tuple[list[tuple[int, int, int]], int]:
     """The items of one MTData2 payload, as (identifier, offset of the value, size), and how many bytes they cover."""
     found: list[tuple[int, int, int]] = []

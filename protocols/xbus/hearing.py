@@ -10,19 +10,24 @@ Source: MT0101P 2020.A, 5.1.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from protocols.xbus import frames
 from protocols.xbus.moods import Moods
 
 STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
-ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a single device answers
+ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a device answers that has its line to itself
 
 
 class Ear:
-    """Bytes in, requests out."""
+    """Bytes in, requests out.
 
-    def __init__(self) -> None:
+    Args:
+        addresses: bus identifiers under which it is addressed.
+    """
+
+    def __init__(self, addresses: Collection[int] = ADDRESSES) -> None:
+        self._addresses = addresses
         self._heard = bytearray()
         self._heard_ns = 0
 
@@ -58,7 +63,7 @@ class Ear:
             else:
                 frame = bytes(heard[:end])
                 del heard[:end]
-                if frame[1] in ADDRESSES:
+                if frame[1] in self._addresses:
                     yield frame[1], frame[2], frame[head:-1]
         heard.clear()
 

@@ -142,10 +142,10 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
 @router.delete("/{device}", status_code=204, responses=responses(404, 409, 422))
 async def remove_device(session: OneSession, sessions: AllSessions, request: Request) -> Response:
     """Close a device and forget it. One whose settings are on trial stays until they are kept or have gone back."""
-    trial = request.app.state.desks.get(session.info.id).trial
-    if trial is not None and trial.state in ("applying", "asking", "reverting"):
-        hint = "Keep the settings or let them go back first."
-        raise ApiError(409, "not-now", f"The settings of {session.info.name} are on trial.", hint)
+    for desk in request.app.state.desks.on_link_of(session.info.id):
+        if desk.trial is not None and desk.trial.state in ("applying", "asking", "reverting"):
+            hint = "Keep the settings or let them go back first."
+            raise ApiError(409, "not-now", f"The settings of {desk.session.info.name} are on trial.", hint)
     await sessions.remove(session.info.id)
     return Response(status_code=204)
 

@@ -6,7 +6,8 @@
                              │            └─ step, outcomes, errors in words ──> every browser, at once (op `control`)
                              └─ visible, may be taken out                    frames ──> ExchangeLog (op `exchange`)
 
-Commands never overlap on a device, whoever sends them; several devices work at the same time. A job belongs to the
+Commands never overlap on a device, whoever sends them; devices on links of their own work at the same time, those that
+share one take turns. A job belongs to the
 server, not to the browser that asked for it: one that is closed in the middle changes nothing. A job that is stopped,
 or a server that ends, leaves the device measuring (server/control/runner.py writes a dialogue's last words).
 
@@ -31,7 +32,7 @@ from server.control.preview import Line, Present
 from server.control.runner import Runner
 from server.links.base import LinkError
 from server.live.hub import Hub
-from server.live.session import Session
+from server.live.member import AnyDevice, address_of
 from server.wire import ControlState, Job, Trial
 
 log = logging.getLogger("imuscope.control")
@@ -77,17 +78,17 @@ class Desk:
     """What is done to one device.
 
     Args:
-        session: its link and decoder.
+        session: its link and decoder; of one that shares a link, its part in it.
         driver_of: the driver of a protocol, None where it has none.
         listing_of: makes what turns bytes of a protocol into lines of plain values.
     """
 
     def __init__(
         self,
-        session: Session,
+        session: AnyDevice,
         hub: Hub,
         driver_of: Callable[[str], Driver | None],
-        decode: Callable[[str, bytes, Session], Mapping[str, Any] | None],
+        decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
     ) -> None:
         self.session = session
         self.hub = hub
@@ -139,13 +140,13 @@ class Desk:
     @property
     def known(self) -> Known:
         """Who the device is, as far as it has told."""
-        info = self.session.info
+        info, address = self.session.info, address_of(self.session)
         return Known(
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
             baud=self.session.baud,
-            device=info.serial_number if info.protocol == "idtp" else "",
+            device=info.serial_number if info.protocol == "idtp" else "" if address is None else str(address),
             key=self.session.reading.key,
         )
 
@@ -241,25 +242,30 @@ class Desk:
     async def _carry(self) -> None:
         """Do what is in the queue, then end."""
         while self._queue:
-            task = self._running = self._queue.popleft()
-            task.job.state, task.job.started = "running", self.hub.now()
-            self.session.hush(True)
+            async with self.session.turn:
+                if self._queue:  # it may have been taken out meanwhile
+                    await self._do(self._queue.popleft())
+
+    async def _do(self, task: Task) -> None:
+        self._running = task
+        task.job.state, task.job.started = "running", self.hub.now()
+        self.session.hush(True)
+        self.tell()
+        try:
+            await task.work(task)
+            self._finish(task, "done")
+        except asyncio.CancelledError:
+            self._finish(task, "stopped", "Stopped.")
+            raise
+        except Exception as error:
+            message, hint = explained(error)
+            self.log.note(message, fault=True)
+            self.hub.event(self.device, "device", "caution", f"{task.job.title}: {message}", data={"hint": hint})
+            self._finish(task, "failed", message, hint)
+        finally:
+            self._running = None
+            self.session.hush(False)
             self.tell()
-            try:
-                await task.work(task)
-                self._finish(task, "done")
-            except asyncio.CancelledError:
-                self._finish(task, "stopped", "Stopped.")
-                raise
-            except Exception as error:
-                message, hint = explained(error)
-                self.log.note(message, fault=True)
-                self.hub.event(self.device, "device", "caution", f"{task.job.title}: {message}", data={"hint": hint})
-                self._finish(task, "failed", message, hint)
-            finally:
-                self._running = None
-                self.session.hush(False)
-                self.tell()
 
     def _finish(self, task: Task, state: str, message: str = "", hint: str = "") -> None:
         job = task.job

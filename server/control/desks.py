@@ -1,7 +1,7 @@
 """The desks of all devices, and what they share: snapshots, trials, protocols' drivers.
 
-A desk is made with its session, so that its log begins with the device, and ends with it. When the server starts, what
-the one before it left on trial is taken up first.
+A desk is made with its session, so that its log begins with the device, and ends with it; one of a further device on a
+link when that is first heard. When the server starts, what the one before it left on trial is taken up first.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from protocols.dialogues import Driver
 from server.control.desk import Desk
 from server.control.jobs import Jobs
 from server.control.snapshots import Snapshots
-from server.control.trials import Trials
+from server.control.trials import Record, Trials
 from server.links.base import LinkError
 from server.live.hub import Hub
+from server.live.member import AnyDevice, Member
 from server.live.session import Session
 from server.live.sessions import Sessions
 
@@ -33,7 +34,7 @@ def driver_of(protocol: str) -> Driver | None:
     return row.driver if row is not None else None
 
 
-def decode(protocol: str, frame: bytes, session: Session) -> Mapping[str, Any] | None:
+def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any] | None:
     """The first frame of some bytes as plain values; None where there is none."""
     from protocols.registry import PROTOCOLS
 
@@ -75,7 +76,7 @@ class Desks:
         driver = self._drivers(protocol)
         return driver.formerly(serial_number) if driver is not None else ()
 
-    def _added(self, session: Session) -> None:
+    def _added(self, session: AnyDevice) -> None:
         device = session.info.id
         desk = self._desks[device] = Desk(session, self._hub, self._drivers, decode)
 
@@ -84,25 +85,33 @@ class Desks:
 
         session.before_close(left)
         desk.tell()
+        if isinstance(session, Session):
+            session.senders.made.add(lambda sender: self._added(Member(session, sender)))
+
+    def on_link_of(self, device: str) -> list[Desk]:
+        """The desks of a device and of those that share its link."""
+        own = device.partition(".")[0]
+        return [desk for name, desk in self._desks.items() if name.partition(".")[0] == own]
 
     def get(self, device: str) -> Desk:
-        """KeyError when there is no such device. One that shares a link is commanded with the link's first."""
-        return self._desks[device.partition(".")[0]]
+        """KeyError when there is no such device."""
+        return self._desks[device]
 
-    def _desk_at(self, source: str) -> Desk:
-        """The desk of a source, which is opened where it is not; it may be written otherwise than before, or be open
-        at another rate."""
-        same = next((one for one in self._desks.values() if one.session.info.source == source), None)
-        if same is not None:
-            return same
-        session = self._sessions.at(source) or self._sessions.add(source)
-        return self._desks[session.info.id]
+    def _desk_at(self, record: Record) -> Desk:
+        """The desk of the device of a trial, whose source is opened where it is not; that may be written otherwise than
+        before, or be open at another rate."""
+        same = (one.session for one in self._desks.values() if one.session.info.source == record.source)
+        session = next((one for one in same if isinstance(one, Session)), None)
+        session = session or self._sessions.at(record.source) or self._sessions.add(record.source)
+        if record.address is not None:
+            session.senders.expect(record.device, record.address)
+        return self._desks[f"{session.info.id}.{record.device}" if record.device else session.info.id]
 
     async def resume(self) -> None:
         """Take up what the server before this one left on trial."""
         for record in await asyncio.to_thread(self.trials.all):
             try:
-                desk = self._desk_at(record.source)
+                desk = self._desk_at(record)
             except LinkError as error:
                 log.error("%s is on trial and cannot be opened: %s", record.source, error)
                 continue

@@ -27,6 +27,7 @@ from server.control.snapshots import Snapshots
 from server.control.trials import RESTORE_HINT, Hand, Record, Trials
 from server.control.values import field_at, title_at, value_at, words
 from server.links.base import LinkError
+from server.live.member import address_of, name_of
 
 MOST_WORDS = 12  # changes that a trial lists
 CHANGED_HINT = (
@@ -234,6 +235,8 @@ class Jobs:
             changes=changes[:MOST_WORDS],
             deadline=desk.hub.now() + 60 + self._trial_s,
             seconds=self._trial_s,
+            device=name_of(desk.session),
+            address=address_of(desk.session),
         )
 
     def _report(self, desk: Desk, task: Task, rows: Mapping[str, Setting], written: Sequence[Written]) -> None:
@@ -314,7 +317,12 @@ class Jobs:
 
     def _unfinished(self, desk: Desk, known: Known) -> Record | None:
         source = desk.session.info.source
-        found = [one for one in self._trials.all() if one.source == source and one.state == "unreachable"]
+        device = name_of(desk.session)
+        found = [
+            one
+            for one in self._trials.all()
+            if (one.source, one.device) == (source, device) and one.state == "unreachable"
+        ]
         return next((one for one in found if one.serial_number == known.serial_number), found[0] if found else None)
 
     def resume(self, desk: Desk, record: Record) -> Callable[[Task], Awaitable[None]]:

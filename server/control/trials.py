@@ -63,6 +63,8 @@ class Record:
         old_baud, new_baud: None where the rate stays or the link has none.
         other_bauds: rates at which the device may be found as well, where it is not known which of its ports is ours.
         restart: the change takes effect by a restart.
+        device: on a link that several share, what the stream calls it; "" for the first.
+        address: where it is addressed there; None where it has no address.
         deadline: unix seconds, when it goes back by itself; later than anything that is still being done.
     """
 
@@ -82,10 +84,13 @@ class Record:
     seconds: float = 20.0
     other_bauds: list[int] = field(default_factory=list)
     held: list[str] = field(default_factory=list)  # of the new settings those that go back to what the device had once
+    device: str = ""
+    address: int | None = None
 
     @property
     def known(self) -> Known:
-        return Known(self.product, self.serial_number, self.firmware)
+        device = "" if self.address is None else str(self.address)
+        return Known(self.product, self.serial_number, self.firmware, device=device)
 
 
 class Trials:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Literal
 
-from protocols.events import Event
+from protocols.events import Event, sender_of
 from server.links.base import Flow
 from server.listeners import Listeners
 
@@ -21,8 +22,9 @@ class Audience:
 
     def __init__(self, flow: Flow) -> None:
         self._flow = flow
-        self._events: Listeners[[Event]] = Listeners()
+        self._events: dict[str, Listeners[[Event]]] = {"": Listeners()}  # by the sender's name in the stream
         self._sent: Listeners[[bytes, int]] = Listeners()
+        self.turn = asyncio.Lock()  # of who configures a device: on one link one after the other
         self._closing: list[Callable[[], Awaitable[None]]] = []
 
     @property
@@ -34,10 +36,14 @@ class Audience:
         """Call `callback(data, time)` with all that is sent; returns what takes it off."""
         return self._sent.add(callback)
 
-    def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Call `callback` with every event of the decoder, in its order; returns what takes it off. Goes on over
-        reconnections, after which offsets count from 0 again."""
-        return self._events.add(callback)
+    def listen(self, callback: Callable[[Event], None], sender: str = "") -> Callable[[], None]:
+        """Call `callback` with every event of one device, in the decoder's order; returns what takes it off. Goes on
+        over reconnections, after which offsets count from 0 again.
+
+        Args:
+            sender: a further device of the link, by its name in the stream; "" is the link's own.
+        """
+        return self._events.setdefault(sender, Listeners()).add(callback)
 
     def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
         """Call `callback(data, time, direction)` with every chunk that came ("rx", in the link's reading thread) or was
@@ -59,7 +65,10 @@ class Audience:
         for last in self._closing:
             await last()
 
-    def _tell_events(self, events: Sequence[Event]) -> None:
-        if self._events:
+    def _tell_events(self, events: Sequence[Event], own: str) -> None:
+        """To who listens to its sender; `own` is what the stream calls the link's own device."""
+        if any(self._events.values()):
             for event in events:
-                self._events.tell(event)
+                name = sender_of(event)
+                if (listeners := self._events.get("" if name == own else name)) is not None:
+                    listeners.tell(event)

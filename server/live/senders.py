@@ -16,11 +16,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from protocols.events import Batch, Decoder, Event, Reject, Text
+from protocols.events import Batch, Decoder, Event, Reject, Shared, sender_of
 from protocols.framing import Ints
 from protocols.pieces import Pieces
 from server import wire
 from server.links.base import Chunk
+from server.listeners import Listeners
 from server.live.channels import Channels
 from server.live.health import Figures
 from server.live.hub import Hub
@@ -56,6 +57,7 @@ class Sender:
         self.raws = Raws(device, hub.keep_payloads if hub.keeps_clocks else None)
         self.intake: Intake | None = None
         self.heard_at = 0.0  # unix s of the last sample
+        self._hushed = False
         self._interval = 0.0  # the usual time between its samples, s
 
     def listen(self, samples: int, now: float) -> None:
@@ -65,9 +67,14 @@ class Sender:
             self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
         self.heard_at = now if samples else self.heard_at
 
+    def hush(self, on: bool, now: float) -> None:
+        """From now on (until it is taken off) silence is meant."""
+        self._hushed = on
+        self.heard_at = now if self.heard_at else 0.0
+
     def is_silent(self, now: float) -> bool:
         """Has it been silent for longer than is usual for it?"""
-        return now - self.heard_at > max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
+        return not self._hushed and now - self.heard_at > max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
 
 
 class Senders:
@@ -84,6 +91,8 @@ class Senders:
         self.own = Sender(hub, own)
         self.others: dict[str, Sender] = {}
         self.own_is_unnamed = False  # its stream names only further devices (Xbus): no name is the own device's
+        self.addresses: dict[str, int] = {}  # of devices that share a line, over connections (events.Shared)
+        self.made: Listeners[[Sender]] = Listeners()  # told of each further device
         self._beyond: set[str] = set()
 
     @property
@@ -104,9 +113,28 @@ class Senders:
         sender = self.others.get(name)
         if sender is None and len(self.others) < MOST_SENDERS - 1:
             sender = self.others[name] = self._make(name)
+            self.made.tell(sender)
         elif sender is None:
             self._turn_away(name)
         return sender
+
+    def expect(self, name: str, address: int) -> None:
+        """There is a device of that address, though nothing was heard of it on this link yet.
+
+        Args:
+            name: "" for the link's own, else of a further one.
+        """
+        self.addresses[name] = address
+        self.own_is_unnamed = True
+        sender = self.of(name)
+        if sender is not None:
+            sender.heard_at = sender.heard_at or self._hub.now()
+
+    def hush(self, name: str, on: bool) -> None:
+        """The silence of a device is meant, as it is being configured."""
+        sender = self.of(name)
+        if sender is not None:
+            sender.hush(on, self._hub.now())
 
     def _make(self, name: str) -> Sender:
         own = self.own.portrait.info
@@ -138,6 +166,7 @@ class Senders:
     def read_anew(self) -> None:
         """The bytes are read in another way from here on."""
         self.own_is_unnamed = False
+        self.addresses.clear()
         for sender in self.all:
             sender.figures.read_anew()
             sender.portrait.set(protection="")
@@ -225,6 +254,8 @@ class Reader:
         self._hub = hub
         self._senders = senders
         self._decoder = decoder
+        if isinstance(decoder, Shared):
+            decoder.addresses = senders.addresses
         self._line = line
         self._about = about
         self._on_events = on_events
@@ -292,7 +323,7 @@ class Reader:
         own = self._senders.own
         if not (own.name or self._senders.own_is_unnamed):
             self._senders.own_is_unnamed = any(isinstance(event, Batch) and not event.device for event in events)
-        if all(_sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
+        if all(sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
             self._own.take(events)
         else:
             self._hand_out(events)
@@ -303,12 +334,12 @@ class Reader:
         """To each sender what is its own. Rejects go to all: who lost samples is judged by them."""
         parts: dict[str, list[Event]] = {}
         refused = [event for event in events if isinstance(event, Reject)]
-        for name in dict.fromkeys(_sender_of(event) for event in events):
+        for name in dict.fromkeys(sender_of(event) for event in events):
             sender = self._senders.of(name)
             if sender is not None:
                 parts.setdefault(sender.name, [])
         for event in events:
-            name = _sender_of(event) or self._senders.own.name
+            name = sender_of(event) or self._senders.own.name
             if name in parts and not isinstance(event, Reject):
                 parts[name].append(event)
             elif not isinstance(event, Reject):
@@ -346,11 +377,6 @@ class Reader:
             counts_rejects=sender is self._senders.own,
         )
         return sender.intake
-
-
-def _sender_of(event: Event) -> str:
-    """Who sent it, as the stream names it; "" where nobody is named."""
-    return "" if isinstance(event, Text | Reject) else event.device
 
 
 def _offset(event: Event) -> int:

@@ -84,10 +84,10 @@ class Session(Audience):
         self._link = link
         self._hub, self._speech, self._reading = hub, speech, reading
         self._greeting = Greeting(self.send, link.source)
-        self._senders = Senders(hub, self._portrait, speech.title)
-        self._figures = self._senders.own.figures
+        self.senders = Senders(hub, self._portrait, speech.title)
+        self._figures = self.senders.own.figures
         self.latency = self._figures.latency  # s, from the arrival of bytes until their samples are handed on
-        self._incidents = self._senders.own.incidents
+        self._incidents = self.senders.own.incidents
         self._advice = Advice(self._incidents, speech.messages_in, speech.title)
         self._intake: Reader | None = None
         self._decoder: object = None
@@ -120,7 +120,7 @@ class Session(Audience):
     @property
     def infos(self) -> list[wire.DeviceInfo]:
         """Every device on the link, as the page knows them."""
-        return self._senders.infos
+        return self.senders.infos
 
     # ── life ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -143,7 +143,7 @@ class Session(Audience):
         self.restarts.keep()
         await self._link.close()
         self._off_flush()
-        self._senders.leave()
+        self.senders.leave()
 
     def retry(self) -> None:
         """Try now instead of at `next_try`; play an ended file again."""
@@ -163,7 +163,7 @@ class Session(Audience):
             self._link.settings = replace(self._link.settings, key=reading.key)
         self._drain(final=True)
         self._reading = reading
-        self._senders.read_anew()
+        self.senders.read_anew()
         self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
         self._intake, self._unknown = None, Unknown(self._speech.guess)
         self._set(wants="", rearm=[])
@@ -283,9 +283,10 @@ class Session(Audience):
         """The rate of the link now."""
         return self._link.baud
 
-    def hush(self, on: bool) -> None:
+    def hush(self, on: bool, device: str = "") -> None:
         """Silence is meant (a device that is being configured does not measure): it is not called lost for it."""
         self._patience.hush(on, self._hub.now())
+        self.senders.hush(device, on)
 
     async def idle(self) -> None:
         """Wait until nobody configures the device: what is sent then cannot come between a request and its answer."""
@@ -302,7 +303,7 @@ class Session(Audience):
 
     def _heard(self, events: Sequence[Event]) -> None:
         self.restarts.hear(events)
-        self._tell_events(events)
+        self._tell_events(events, self.senders.own.name)
 
     # ── data ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -335,7 +336,7 @@ class Session(Audience):
         self.restarts.begin(decoder, self._reading)
         self._link.flow.whole = about.datagrams
         line = Line.of(self._link)
-        self._intake = Reader(self._hub, self._senders, decoder, line=line, about=about, on_events=self._heard)
+        self._intake = Reader(self._hub, self.senders, decoder, line=line, about=about, on_events=self._heard)
         read = {"time_unit": self._reading.time_unit, "rotation": self._reading.rotation}
         self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol), **read)
         for chunk in self._unknown.taken():
@@ -474,7 +475,7 @@ class Session(Audience):
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)
-        self._senders.tick(now, None if self._opened_at is not None else self.info)
+        self.senders.tick(now, None if self._opened_at is not None else self.info)
 
     def _fell_silent(self, text: str, hint: str) -> None:
         self._incidents.say("link", "fault", text, data={"kind": "silent"})
@@ -489,8 +490,8 @@ class Session(Audience):
 
     def healths(self, now: float) -> list[wire.DeviceHealth]:
         """The same of every device on the link."""
-        return self._senders.healths(now, self._link.capacity)
+        return self.senders.healths(now, self._link.capacity)
 
     def raws(self, now: float) -> list[wire.RawPayload]:
         """The payloads that nobody has described."""
-        return self._senders.raws(now)
+        return self.senders.raws(now)
