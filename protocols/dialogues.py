@@ -34,6 +34,7 @@ from protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
 NO_STATES: Mapping[str, str] = {}
+AT_REST = "Config"  # of `Driver.states`: a device stays in it when a person has sent it there
 Values = Mapping[str, Any]
 """Wire values by field name, as `imuscope inspect` prints them: integers for choices and flag words, lists, records as
 objects, bytes as hex."""
@@ -150,6 +151,7 @@ class Known:
         baud: of the link now; None where it has none.
         device: who is meant where a link carries several (an IDTP device id, the bus identifier of an MTi).
         key: for Secure frames; None without.
+        at_rest: a person has sent it to the state in which settings are read, and there it stays (`Driver.within`).
     """
 
     product: str = ""
@@ -158,6 +160,7 @@ class Known:
     baud: int | None = None
     device: str = ""
     key: bytes | None = field(default=None, repr=False)
+    at_rest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,7 +277,8 @@ class Driver(Protocol):
         """Its name, for the log of the exchange."""
 
     def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
-        """`body` in the state that it needs, and back afterwards, also after failure (GoToConfig … GoToMeasurement)."""
+        """`body` in the state that it needs, and back afterwards, also after failure (GoToConfig … GoToMeasurement);
+        a device that was at rest stays at rest."""
 
     def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
         """Send one command, wait for what answers; its values."""

@@ -196,7 +196,7 @@ class Remembers(Protocol):
 class Shared(Protocol):
     """A decoder of a line on which several devices may speak, each under an address of its own.
 
-    `addresses` has that of each device which has sent data, by its name in the stream ("": the line's own). Whoever
+    `addresses` has that of each device that was heard, by its name in the stream ("": the line's own). Whoever
     connects again hands the same mapping to the next decoder, so that a device keeps its name whoever speaks first.
     """
 

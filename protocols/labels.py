@@ -1,7 +1,8 @@
-"""Vendors' constants as words for a person: GROUND_VEHICLE → "Ground vehicle", ZERO_MOTION → "Zero motion".
+"""Vendors' names and numbers as a person knows them.
 
-Only what is shouted is spoken: capitals and digits with underscores, or a single plain English word of `WORDS`. Names
-that people know as they are (GNGGA, PIMU, DID_INS_1, kRun) stay.
+Constants as words: GROUND_VEHICLE → "Ground vehicle", ZERO_MOTION → "Zero motion". Only what is shouted is spoken:
+capitals and digits with underscores, or a single plain English word of `WORDS`. Names that people know as they are
+(GNGGA, PIMU, DID_INS_1, kRun) stay. Identifiers of devices as on their labels.
 """
 
 from __future__ import annotations
@@ -22,10 +23,23 @@ ACC accelerometer, BARO barometer, CAL calibration, CFG configuration, CUR curre
 GYR gyroscope, HDW hardware, INIT initialise, LEDS LEDs, MAG magnetic, MANF manufacturer, NAV navigation, POS position,
 RCVR receiver, RECAL recalibration, REF reference, RX receive, STATS statistics, TRIG trigger, TX transmit, WIFI Wi-Fi
 """
+_IS_LONG = 0x8000_0000
 KEPT = frozenset(_KEPT.split())
 WORDS = frozenset(_WORDS.split())
 MEANT = dict(entry.split() for entry in _MEANT.replace("\n", " ").split(","))
 _CONSTANT = re.compile(r"[A-Z0-9]+(_[A-Z0-9]+)*\Z")
+
+
+def device_label(number: int) -> str:
+    """The identifier of a device as it is printed on its label: 0080003A, of 64 bits 0080800001.
+
+    Bit 31 of the low word marks one of 64 bits. Some messages have its low word first (Configuration of Xsens), read as
+    one number it is the other way round then.
+    """
+    high, low = number >> 32, number & 0xFFFF_FFFF
+    if high & _IS_LONG and not low & _IS_LONG:
+        high, low = low, high
+    return f"{high << 32 | low:010X}" if low & _IS_LONG else f"{high << 32 | low:08X}"
 
 
 def spoken(name: str) -> str:

@@ -146,7 +146,7 @@ def _send(options: argparse.Namespace) -> None:
 
     source, said = taken_from(options.source, reading_of(options))
     said = settled(said)
-    wish = Wish(source, options.message, options.pairs, options.yes)
+    wish = Wish(source, options.message, options.pairs, options.yes, options.device or "")
     try:
         asyncio.run(send(wish, said, sys.stdout, sys.stderr))
     except (ComposeError, SendError) as error:

@@ -23,9 +23,9 @@ PacketCounter counts every MTData2 message of a device, whatever it carries; num
 ## Several devices
 
 On a line that devices share (RS-485) each has a bus identifier of its own, and so a counter and a clock of its own. The
-first that sends data is the line's device; data under another identifier are those of a further one ("2"). An answer
-carries the identifier under which the device was addressed: it is a further one's where that has sent data, and the
-line's own device's otherwise (which may be addressed as 1 or as 255).
+first that wakes up or sends data is the line's device; what has another identifier is of a further one ("2"). An
+answer carries the identifier under which the device was addressed: it is a further one's where that was heard before,
+and the line's own device's otherwise (which may be addressed as 1 or as 255).
 
 Source: MT0101P 2020.A, sections 5.1 and 5.3.6.
 """
@@ -73,6 +73,7 @@ from protocols.xbus.stream import Cut, Stream
 TICK_NS = 100_000
 WRAP = 2**32
 WRAP_DAY = 864_000_000
+WAKE_UP = 0x3E
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
 Flags = NDArray[np.bool_]
@@ -185,9 +186,17 @@ class XbusDecoder(StreamDecoder[Stream]):
             payload = cut.data[body : body + length]
             message, _ = form_of(mid, payload)
             values = unpack(message.fields, payload)
-            device = self._name(int(cut.table[SENDER, i]))
+            bid = int(cut.table[SENDER, i])
+            if mid == WAKE_UP:  # by itself and not as an answer: it carries the identifier of the device's data
+                self._claim(bid)
+            device = self._name(bid)
             replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i]), device))
         return replies
+
+    def _claim(self, bid: int) -> None:
+        """A device sends under this identifier: the line's own, if it is the first."""
+        if bid not in self.addresses.values():
+            self.addresses["" if "" not in self.addresses else str(bid)] = bid
 
     def _name(self, bid: int) -> str:
         """Whose answer it is."""
@@ -211,9 +220,8 @@ class XbusDecoder(StreamDecoder[Stream]):
         """Data of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
         if "" not in self.addresses:
-            known = set(self.addresses.values())
-            if (first := next((bid for bid in senders.tolist() if bid not in known), None)) is not None:
-                self.addresses[""] = first
+            for bid in dict.fromkeys(senders.tolist()):
+                self._claim(bid)
         mine = senders == self.addresses.get("", -1)
         if mine.all():
             return self._data(cut, table, arrivals, replies)
@@ -226,7 +234,7 @@ class XbusDecoder(StreamDecoder[Stream]):
             self._learn(replies)
         for bid in dict.fromkeys(senders[~mine].tolist()):
             which = senders == bid
-            self.addresses[str(bid)] = bid
+            self._claim(bid)
             own = self._clocks
             self._clocks = self._further(bid)
             found = self._data(cut, np.ascontiguousarray(table[:, which]), arrivals[which], [])

@@ -23,6 +23,7 @@ from typing import TypeVar
 
 from protocols import limits
 from protocols.dialogues import (
+    AT_REST,
     Dialogue,
     Expect,
     Harm,
@@ -70,7 +71,7 @@ class XbusDriver:
 
     name = "xbus"
     states: Mapping[str, str] = {
-        "GoToConfigAck": "Config",
+        "GoToConfigAck": AT_REST,
         "GoToMeasurementAck": "Measurement",
         "MTData2": "Measurement",
     }
@@ -106,10 +107,11 @@ class XbusDriver:
     # -- dialogues
 
     def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
-        return exchange.addressed(self._within(body), _bus(known))
+        return exchange.addressed(self._within(body, at_rest=known.at_rest), _bus(known))
 
-    def _within(self, body: Dialogue[T]) -> Dialogue[T]:
-        """`body` in the config state, or in the state that it says it needs (InState), and measuring afterwards."""
+    def _within(self, body: Dialogue[T], *, at_rest: bool = False) -> Dialogue[T]:
+        """`body` in the config state, or in the state that it says it needs (InState), and measuring afterwards, unless
+        the device was at rest."""
         state = body.state if isinstance(body, InState) else "config"
         if state == "any":
             return (yield from body)
@@ -121,12 +123,15 @@ class XbusDriver:
             yield from exchange.to_config(restart=not (isinstance(body, InState) and body.continues))
             result = yield from body
         except StoppedError:  # also on the way there: the device may have heard GoToConfig already
-            yield Send(frames.build(exchange.GO_TO_MEASUREMENT), "GoToMeasurement")
+            if not at_rest:
+                yield Send(frames.build(exchange.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
         except Exception:  # also on the way there: an answer may have been lost, and the device be silent
-            yield from _measure_again()
+            if not at_rest:
+                yield from _measure_again()
             raise
-        yield from exchange.to_measurement()
+        if not at_rest:
+            yield from exchange.to_measurement()
         return result
 
     def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
@@ -176,7 +181,7 @@ class XbusDriver:
         try:
             first = yield from _identity("ReqDID")
         except RefusedError:
-            return (yield from self._within(self._identify(known)))
+            return (yield from self._within(self._identify(known), at_rest=known.at_rest))
         told = dict(first)
         for request in ("ReqProductCode", "ReqFWRev"):
             told |= yield from _identity(request)

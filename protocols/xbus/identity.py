@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from protocols.events import Reply
+from protocols.labels import device_label
 
 _IS_LONG = 0x8000_0000
 
@@ -45,9 +46,9 @@ def _number(reply: Reply) -> str:
     if not any(field.name == name and field.dtype == ">u8" for field in reply.message.fields):
         return f"{int(value):08X}"
     high, low = int(value) >> 32, int(value) & 0xFFFF_FFFF
-    if high & _IS_LONG and (name == "master_device_id" or not low & _IS_LONG):
-        high, low = low, high
-    return f"{high << 32 | low:010X}" if low & _IS_LONG else f"{high or low:08X}"
+    if not (high | low) & _IS_LONG:
+        return f"{high or low:08X}"
+    return device_label(low << 32 | high if name == "master_device_id" and high & _IS_LONG else int(value))
 
 
 def formerly(serial_number: str) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ from protocols.dialogues import Load, Part
 from protocols.xbus.codes import STRING_TYPES
 from protocols.xbus.frames import MAX_SENT, MAX_STANDARD
 from protocols.xbus.outputs import ALWAYS, OUTPUTS, Stream, allowed, granted, greatest, output_of, streams
-from protocols.xbus.products import Model
+from protocols.xbus.products import Model, as_built
 from protocols.xbus.spans import identifier_words
 
 MOST_ENTRIES = 32
@@ -52,6 +52,7 @@ def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
 
 def load(settings: Mapping[str, Setting], model: Model | None) -> Load:
     """What these settings make the device send."""
+    model = as_built(model, settings.get("HardwareVersion", {}))
     strings = settings.get("StringOutputType", {})
     if strings.get("string_types"):
         return _of_strings(int(strings["string_types"]), _string_rate(settings))
@@ -126,6 +127,7 @@ def _of_strings(types: int, rate: float) -> Load:
 
 def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -> dict[str, Setting]:
     """The same settings with no rate above the greatest common ceiling at which they fit; the least there is, else."""
+    model = as_built(model, settings.get("HardwareVersion", {}))
     values = settings.get("OutputConfiguration", {})
     pairs = pairs_of(values, model)
     ceilings = sorted({rate for pair in pairs if 0 < pair[1] != ALWAYS for rate in _ladder(pair, model)}, reverse=True)

@@ -15,7 +15,8 @@ At differing rates a tick's message holds what is due: with a quaternion at 100 
 three messages of four carry no quaternion.
 
 Source: MT0101P 2020.A, tables 16, 17, 23 and 24; that GNSS items travel alone, and with what, is from
-captures. Which of two high-rate figures a 1-series device has depends on its hardware: 800 Hz is that of 2.0 on.
+captures. Which of two high-rate figures a 1-series device has depends on its hardware: 800 Hz from 2.0 on, before that
+1000 Hz.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ def greatest(output: Output, model: Model | None = None) -> int:
     if model is None or output.hertz == ALWAYS:
         return output.hertz
     if output.stream == "hr" and model.series != 600:
-        return 800 if model.series == 1 else 1000
+        return 800 if model.series == 1 and not model.early else 1000
     return min(output.hertz, 100) if model.series == 1 and output.hertz == 400 else output.hertz
 
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 Kind = Literal["IMU", "VRU", "AHRS", "GNSS", "RTK"]
 
@@ -33,12 +33,14 @@ class Model:
     Args:
         number: as in the document's product rows (710 for the MTi-G-710, 680 for the MTi-680G).
         series: 1, 10, 100 or 600; the MTi-G-710 belongs to the 100-series.
+        early: its hardware is of before version 2.0.
     """
 
     name: str
     number: int
     series: int
     kind: Kind
+    early: bool = False
 
 
 MODELS: Mapping[int, Model] = {
@@ -87,6 +89,12 @@ def model_of(product: str) -> Model | None:
     if found and found[1] == "700":
         return replace(MODELS[710], name="MTi-G-700")
     return MODELS.get(int(found[1])) if found else None
+
+
+def as_built(model: Model | None, hardware: Mapping[str, Any]) -> Model | None:
+    """The product as its hardware version makes it; `hardware`: major and minor, empty where it was not told."""
+    early = model is not None and 0 < int(hardware.get("major", 0)) < 2
+    return replace(model, early=True) if model is not None and early else model
 
 
 def absent(product: str) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.registry import PROTOCOLS
 from server.api.control import OneDesk
-from server.api.devices import OneSession, check_path
+from server.api.devices import check_path
 from server.api.errors import ApiError, responses
 from server.control.casters import CorrectionError
 from server.control.correction_desk import CorrectionDesk
@@ -42,16 +42,15 @@ TheDesk = Annotated[CorrectionDesk, Depends(desk_of)]
 
 
 @router.get("/corrections", responses=responses(404, 422))
-async def get_corrections(session: OneSession, desk: TheDesk) -> Corrections:
+async def get_corrections(receiver: OneDesk, desk: TheDesk) -> Corrections:
     """The stream that is forwarded; an empty source where there is none. The password is never told."""
-    return desk.state(session)
+    return desk.state(receiver.session)
 
 
 @router.put("/corrections", responses=responses(400, 404, 409, 422))
-async def put_corrections(
-    session: OneSession, desk: TheDesk, configuring: OneDesk, body: SetCorrections, request: Request
-) -> Corrections:
+async def put_corrections(desk: TheDesk, receiver: OneDesk, body: SetCorrections, request: Request) -> Corrections:
     """Forward this stream, in place of the one before."""
+    session = receiver.session
     if not desk.takes(session):
         title = PROTOCOLS[session.info.protocol].title if session.info.protocol in PROTOCOLS else "This device"
         hint = "An MTi-680G takes them, and any Inertial Sense device."
@@ -60,13 +59,13 @@ async def put_corrections(
         file = file_of(body.source)
         if file is not None:
             await asyncio.to_thread(check_path, file, request.app.state.source_folders)
-        await desk.begin(session, body.source, configuring.log.streamed)
+        await desk.begin(session, body.source, receiver.log.streamed)
     except CorrectionError as error:
         raise ApiError(400, "bad-source", error.message, error.hint) from None
     return desk.state(session)
 
 
 @router.delete("/corrections", responses=responses(404, 422))
-async def delete_corrections(session: OneSession, desk: TheDesk) -> Corrections:
+async def delete_corrections(receiver: OneDesk, desk: TheDesk) -> Corrections:
     """Stop; what was counted is told a last time."""
-    return await desk.end(session)
+    return await desk.end(receiver.session)

@@ -16,8 +16,10 @@ from functools import lru_cache
 from typing import Any
 
 from protocols.idtp.vendor import Schema
+from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import Tongue, tongues
+from server.control.values import output_title
 from server.printable import printable
 
 LONGEST_WORD = 64  # characters of a word or of bytes; jsonl has all of them
@@ -130,8 +132,16 @@ def _one(value: Any, field: Field, flags: Mapping[str, list[str]], path: str) ->
         narrow = field.dtype.endswith("f4") or not (field.dtype.endswith("f8") or scaled)
         text = f"{value:.6g}" if narrow else f"{value:.10g}"
     else:
-        text = f"0x{value:X}" if field.base == 16 and isinstance(value, int) else str(value)
+        text = _number(value, field) if isinstance(value, int) else str(value)
     return f"{text} ({', '.join(flags[path])})" if flags.get(path) else text
+
+
+def _number(value: int, field: Field) -> str:
+    """A whole number; an identifier in hex, as its document or label has it."""
+    if field.name == "data_identifier":
+        title = output_title(value)
+        return f"0x{value:04X}" + ("" if title.startswith("0x") else f" ({title})")
+    return device_label(value) if field.base == 16 else str(value)
 
 
 def _with(text: str, unit: str) -> str:

@@ -43,7 +43,8 @@ SOURCE_HELP = """sources, with their options after a question mark:
   FILE?speed=4&loop=1             a capture at its own pace; of a recording also device=, from=, to=
   -, a pipe                       what comes through it, at once; a capture that is poured in at its own pace
   twin:xbus|isb|idtp?rate=400     a simulated device; also product=, mode=, clock=, baud=, drop=, corrupt=, drift_ppm=,
-                                  jump_s=, reset_s=, unplug_s=, away_s=, burst_ms=, seed= (server/links/twin.py)
+                                  jump_s=, reset_s=, unplug_s=, away_s=, burst_ms=, seed=, port=; bus_ids=1,2: several
+                                  MTi on one line (server/links/twin.py)
   any of them                     protocol=, key=, min_mode=, unverified=, time_unit=, rotation=: as the options below
 """
 SCHEMA_HELP = """a schema describes a vendor's own payload types of IDTP, in TOML:
@@ -88,6 +89,13 @@ class _Parser(argparse.ArgumentParser):
         if action.choices is not None and value not in action.choices:
             known = ", ".join(map(str, action.choices))
             raise argparse.ArgumentError(action, f"invalid choice: {value!r}; there are: {known}")
+
+
+def _bus_id(text: str) -> str:
+    """A bus identifier, 1 to 255."""
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) <= 255:
+        raise argparse.ArgumentTypeError(f"{text!r:.40} is no bus identifier; give a number from 1 to 255")
+    return str(int(text))
 
 
 def parse(given: Sequence[str]) -> argparse.Namespace:
@@ -187,6 +195,9 @@ def parser() -> _Parser:
     send.add_argument("message", metavar="MESSAGE", help="a command, or the name of a setting")
     send.add_argument("pairs", nargs="*", metavar="FIELD=VALUE", help="as for compose")
     send.add_argument("--yes", action="store_true", help="send also what loses settings, stops output or cuts the line")
+    send.add_argument(
+        "--device", type=_bus_id, metavar="ID", help="bus identifier of an Xbus device that shares its line"
+    )
     _add_reading(send, "protocol of the source (recognised when left out)")
     _add_data(send)
 

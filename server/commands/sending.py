@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TextIO
 
 from protocols.dialogues import Dialogue, Driver, InState, Known, RefusedError, SilentError, T, Values
-from protocols.events import Decoder, Event
+from protocols.events import Decoder, Event, Shared, sender_of
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS, guess
 from protocols.schema import Command, Setting
@@ -38,6 +38,7 @@ from server.printable import json_text
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is recognised
 BOOT_S = 0.6  # a twin, and a device that a port's opening resets, needs a moment before it hears
 ENOUGH = 400  # bytes
+ALONE = 0xFF  # bus identifier of a device that has its line to itself
 
 
 class SendError(Exception):
@@ -57,12 +58,24 @@ class _Quiet:
 class LinkChannel:
     """A link and a decoder, without anything of a server: what a Runner needs."""
 
-    def __init__(self, link: Link, make: Callable[[], Decoder]) -> None:
+    def __init__(self, link: Link, make: Callable[[], Decoder], device: str = "") -> None:
         self._link = link
+        self._device = device
         self._make = make
-        self._decoder = make()
+        self._decoder = self._fresh()
         self._listeners: list[Callable[[Event], None]] = []
         self._task: asyncio.Task[None] | None = None
+
+    def _fresh(self) -> Decoder:
+        decoder = self._make()
+        if self._device and isinstance(decoder, Shared):
+            decoder.addresses = {"": int(self._device)}  # it alone is listened to
+        return decoder
+
+    @property
+    def addresses(self) -> list[int]:
+        """Of the devices that were heard."""
+        return sorted(self._decoder.addresses.values()) if isinstance(self._decoder, Shared) else []
 
     def start(self, first: bytes = b"") -> None:
         """Begin to read; `first` are bytes that came before."""
@@ -92,7 +105,7 @@ class LinkChannel:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
         await self._link.relink(baud)
-        self._decoder = self._make()
+        self._decoder = self._fresh()
         self.start()
 
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -101,6 +114,8 @@ class LinkChannel:
 
     def decode(self) -> None:
         for event in self._decoder.drain():
+            if self._device and sender_of(event):
+                continue
             for callback in self._listeners:
                 callback(event)
 
@@ -113,12 +128,14 @@ class Wish:
         message: a command, another message, or a setting.
         pairs: FIELD=VALUE.
         yes: the person knows what it costs.
+        device: bus identifier of an Xbus device that shares its line; "" for one that has it to itself.
     """
 
     source: str
     message: str
     pairs: list[str] = field(default_factory=list)
     yes: bool = False
+    device: str = ""
 
 
 async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None:
@@ -139,10 +156,11 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
             name, first = await _recognised(link, reading.protocol, hint.name)
             tongue = spoken[name] if _speaks(spoken[name], wish.message) else _tongue(spoken, wish.message, name)
             row = PROTOCOLS[name]
-            channel = LinkChannel(link, lambda: row.decoder(**reading.settings(row.settings)))
+            channel = LinkChannel(link, lambda: row.decoder(**reading.settings(row.settings)), wish.device)
             channel.start(first)
             try:
-                await _exchange(_Asked(tongue, wish, Known(baud=link.baud, key=reading.key)), channel, out, notes)
+                known = Known(baud=link.baud, key=reading.key, device=_addressed(channel, wish.device))
+                await _exchange(_Asked(tongue, wish, known), channel, out, notes)
             finally:
                 await channel.close()
         finally:
@@ -155,6 +173,20 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
         raise SendError(str(error)) from None
     except EncodeError as error:
         raise SendError(f"{wish.message}: {error}") from None
+
+
+def _addressed(channel: LinkChannel, device: str) -> str:
+    """The device that is meant: devices that share a line answer to their own bus identifier only.
+
+    Raises:
+        SendError: it was not named, and there are several.
+    """
+    channel.decode()
+    heard = channel.addresses
+    if len(heard) > 1 and not device:
+        named = ", ".join(map(str, heard))
+        raise SendError(f"its line is shared by the bus identifiers {named}; choose one with --device")
+    return device or (str(heard[0]) if heard and heard[0] != ALONE else "")
 
 
 def _speaks(tongue: Tongue, message: str) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Collection
 
-from protocols.dialogues import InState, RefusedError, SilentError, Values
+from protocols.dialogues import AT_REST, InState, RefusedError, SilentError, Values
 from server.codec import plain
 from server.control.desk import Desk, DeskError, JobError, Task
 from server.control.reading import Reader
@@ -57,6 +57,8 @@ def run(
             desk.doubt(stale, NOT_SINCE.format(task.job.title))
             raise
         desk.doubt(stale, NOT_SINCE.format(task.job.title))
+        if isinstance(body, InState) and body.state == "any" and not restarts:
+            desk.at_rest = desk.state == AT_REST
         if restarts:
             await _follow(desk, task)
         desk.leave(command, driver.unfinished(command, values))

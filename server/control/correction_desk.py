@@ -9,7 +9,7 @@ from protocols.registry import PROTOCOLS
 from server.control.correction_diary import Tell, nobody
 from server.control.corrections import Forwarding
 from server.control.forms import Corrections
-from server.live.session import Session
+from server.live.member import AnyDevice
 from server.live.sessions import Sessions
 
 FORWARDING_COMMAND = "ForwardGnssData"
@@ -26,7 +26,7 @@ class CorrectionDesk:
         self._sessions = sessions
         self._streams: dict[str, Forwarding] = {}
 
-    def takes(self, session: Session) -> bool:
+    def takes(self, session: AnyDevice) -> bool:
         """Has the device a receiver that takes RTCM?"""
         info = session.info
         row = PROTOCOLS.get(info.protocol)
@@ -37,12 +37,12 @@ class CorrectionDesk:
         commands = row.driver.commands(Known(product=info.product))
         return bool(info.product) and any(command.name == FORWARDING_COMMAND for command in commands)
 
-    def state(self, session: Session) -> Corrections:
+    def state(self, session: AnyDevice) -> Corrections:
         """How it goes; an empty source where nothing is forwarded."""
         stream = self._streams.get(session.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: Session, source: str, tell: Tell = nobody) -> None:
+    async def begin(self, session: AnyDevice, source: str, tell: Tell = nobody) -> None:
         """Forward a stream in place of the one before.
 
         Args:
@@ -54,13 +54,10 @@ class CorrectionDesk:
         await self.end(session)
         self._streams[session.info.id] = fresh
 
-    def _is_there(self, session: Session) -> bool:
-        try:
-            return self._sessions.get(session.info.id) is session
-        except KeyError:
-            return False
+    def _is_there(self, session: AnyDevice) -> bool:
+        return any(info.id == session.info.id for info in self._sessions.infos)
 
-    async def end(self, session: Session) -> Corrections:
+    async def end(self, session: AnyDevice) -> Corrections:
         """Stop; the last state, not running."""
         stream = self._streams.pop(session.info.id, None)
         if stream is None:

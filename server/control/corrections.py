@@ -32,12 +32,14 @@ from urllib.parse import unquote, urlsplit
 from protocols.events import Event, Reply
 from protocols.isb.writing import sentence
 from protocols.rtcm import Splitter, epoch_ms
+from protocols.xbus.frames import MASTER
 from protocols.xbus.frames import build as xbus_frame
 from server.control.casters import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
 from server.control.correction_diary import Diary, Tell, nobody
 from server.control.forms import Corrections
 from server.links.base import LinkError
 from server.links.sources import is_host, is_printable
+from server.live.member import AnyDevice, address_of
 from server.live.whereabouts import Place, Whereabouts
 from server.wire import DeviceInfo
 
@@ -360,7 +362,7 @@ class Forwarding:
         xbus = self._session.info.protocol == "xbus"
         await self._session.idle()  # a message between a setting and its acknowledgement would be answered with Error
         self._counts.asked_at = time.monotonic()  # before: a twin answers at once
-        frame = xbus_frame(FORWARD_GNSS_DATA, message) if xbus else message
+        frame = xbus_frame(FORWARD_GNSS_DATA, message, self._bus()) if xbus else message
         try:
             await self._session.send(frame)
         except LinkError as error:
@@ -376,6 +378,11 @@ class Forwarding:
         self._diary.forwarded(name, frame, len(message))
         self._is_forwarding = True
         self._message, self._hint = f"Forwarding from {self._told}.", ""
+
+    def _bus(self) -> int:
+        """The bus identifier of an MTi."""
+        address = address_of(self._session) if isinstance(self._session, AnyDevice) else None
+        return MASTER if address is None else address
 
     # -- the device ----------------------------------------------------------------------------------------------------
 

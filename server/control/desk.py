@@ -23,7 +23,7 @@ from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from protocols.dialogues import Dialogue, Driver, Known, RefusedError, SilentError, Values
+from protocols.dialogues import AT_REST, Dialogue, Driver, Known, RefusedError, SilentError, Values
 from protocols.events import Batch, Event, Reply
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
@@ -108,6 +108,7 @@ class Desk:
         self.serial_number = ""
         self.firmware = ""
         self.state = ""
+        self.at_rest = False  # a person sent it to the state in which settings are read: jobs leave it there
         self.unfinished: dict[str, str] = {}  # command → what it left open that a change of state discards, in words
         self.trial: Trial | None = None
         self.cut_off: Mapping[str, Values] = {}  # what was being written when the device went, until it is read again
@@ -148,6 +149,7 @@ class Desk:
             baud=self.session.baud,
             device=info.serial_number if info.protocol == "idtp" else "" if address is None else str(address),
             key=self.session.reading.key,
+            at_rest=self.at_rest,
         )
 
     @property
@@ -326,12 +328,15 @@ class Desk:
             except DeskError:
                 return
             states = driver.states
-            if self.unfinished and event.message.name in driver.begins:
-                self.unfinished = {}
-                self.tell()
+            if event.message.name in driver.begins:
+                self.at_rest = False
+                if self.unfinished:
+                    self.unfinished = {}
+                    self.tell()
             state = states.get(event.message.name, self.state)
             if state != self.state:
                 self.state = state
+                self.at_rest = self.at_rest and state == AT_REST
                 self.tell()
 
     def _name_of(self, frame: bytes) -> str:

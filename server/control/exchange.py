@@ -20,8 +20,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from protocols.events import Batch, Event, Reply
+from protocols.labels import device_label
 from protocols.schema import Field
-from server.control.values import identifier
 from server.live.hub import Hub
 from server.wire import ExchangeEntry, Level
 
@@ -227,5 +227,5 @@ def _said(name: str, value: Any) -> str:
     if isinstance(value, float):
         return f"{name} {value:.6g}"
     if name.endswith("device_id") and isinstance(value, int):
-        return f"{name} {identifier(value)}"
+        return f"{name} {device_label(value)}"
     return f"{name} {value}"

@@ -56,7 +56,7 @@ def forms_of(
         groups=list(groups),
         settings=[setting_form(setting) for setting in settings],
         commands=[command_form(command, _written_by(command, settings)) for command in commands],
-        outputs=output_choices(known) if "outputs" in editors else [],
+        outputs=output_choices(known, values) if "outputs" in editors else [],
         streams=stream_choices(known, values) if "streams" in editors else [],
         corrections=protocol == "isb" or (bool(known.product) and any(row.name == FORWARDS for row in commands)),
         factory=bool(driver.factory(known)),
@@ -201,12 +201,16 @@ def _bits(field: Field) -> list[BitsInfo]:
 # ── the two lists with editors of their own ──────────────────────────────────────────────────────────────────────────
 
 
-def output_choices(known: Known) -> list[OutputChoice]:
-    """What an Xsens output configuration of this product can ask for."""
-    from protocols.xbus.outputs import OUTPUTS, Output, allowed, greatest
-    from protocols.xbus.products import has, model_of
+def output_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list[OutputChoice]:
+    """What an Xsens output configuration of this product can ask for.
 
-    model = model_of(known.product)
+    Args:
+        values: settings as last read.
+    """
+    from protocols.xbus.outputs import OUTPUTS, Output, allowed, greatest
+    from protocols.xbus.products import as_built, has, model_of
+
+    model = as_built(model_of(known.product), values.get("HardwareVersion", {}))
     offered = [output for output in OUTPUTS.values() if has(model, output.on)]
     titles = Counter(output.field.title or output.name for output in offered)
 

@@ -4,7 +4,8 @@
                                                           │ could cut the line
                                                           └─> server/control/trials.py
 
-Every job of these ends with the device measuring, also when it fails (Driver.within).
+Every job of these ends with the device measuring, also when it fails (Driver.within), unless a person has sent it to
+the config state before: it stays there then.
 """
 
 from __future__ import annotations

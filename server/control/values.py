@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from protocols.labels import spoken
+from protocols.labels import device_label, spoken
 from protocols.schema import Field
 
 LONGEST = 120
@@ -52,16 +52,11 @@ def _one(field: Field, value: Any) -> str:
     if field.bits:
         return flags(field, int(value))
     if field.base == 16 and isinstance(value, int):
-        return identifier(value)
+        return device_label(value)
     if field.scale == 1 and not field.bias and isinstance(value, int):
         return str(value)
     shown = value * field.scale + field.bias
     return f"{shown:.{field.decimals}f}" if field.decimals >= 0 else f"{shown:.{DIGITS}g}"
-
-
-def identifier(value: int) -> str:
-    """As it is printed on a label: 0080003A."""
-    return f"{value:08X}"
 
 
 def flags(field: Field, word: int) -> str:

@@ -122,7 +122,7 @@ class Cable:
 
 
 def _xbus(head: bytes) -> int:
-    """FA FF MID LEN, payload, checksum; LEN 255 is followed by two bytes of length."""
+    """FA BID MID LEN, payload, checksum; LEN 255 is followed by two bytes of length."""
     if len(head) < 4 or (head[3] == 255 and len(head) < 6):
         return 0
     return 5 + head[3] if head[3] != 255 else 7 + (head[4] << 8 | head[5])
@@ -141,7 +141,7 @@ def _idtp(head: bytes) -> int:
 
 
 SIZES: Mapping[str, tuple[bytes, Callable[[bytes], int]]] = {
-    "xbus": (b"\xfa\xff", _xbus),
+    "xbus": (b"\xfa", _xbus),
     "isb": (b"\xef\x49", _isb),
     "idtp": (b"IDTP", _idtp),
 }

@@ -6,7 +6,7 @@ The grammar of the options is in server/links/twin.py, which puts a device behin
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -14,15 +14,17 @@ from protocols.xbus.moods import NONE, Moods
 from server.links.base import LinkError
 from server.links.cable import Faults
 from server.links.packets import PACKET
-from server.links.sources import Source
+from server.links.sources import Source, bad
 
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
 MOODS = ("stubborn", "mute", "wrong", "late_ms", "cut")
 OPTIONS = (
     *("product", "mode", "clock", "rate", "baud", "dead_baud", *MOODS, "drop", "corrupt", "burst_ms", "packet"),
-    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed", "imu_source"),
+    *("drift_ppm", "jump_s", "reset_s", "unplug_s", "away_s", "seed", "imu_source", "port", "bus_ids"),
 )
+HOST_PORTS = ("rs232", "uart")  # of a 600-series, in the order of the words of its PortConfig
+MOST_ON_A_LINE = 4
 MODES = ("lite", "safety", "secure")
 CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_000_000}
 
@@ -53,7 +55,7 @@ def _mti() -> tuple[str, ...]:
 
 
 FAMILIES: Mapping[str, Family] = {
-    "xbus": Family(_mti, 88, options=("product", *MOODS)),
+    "xbus": Family(_mti, 88, options=("product", "port", "bus_ids", *MOODS)),
     "isb": Family(lambda: ("IMX-5", "GPX-1"), 132, 8_000, 921_600, ("product", "imu_source")),
     "idtp": Family(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
 }
@@ -61,7 +63,10 @@ SECURE_BYTES = 56
 
 
 class Device(Protocol):
-    """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own."""
+    """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own.
+
+    Several on one line are a SharedLine.
+    """
 
     baud: int  # the rate it speaks at; a new one acts after Reset
 
@@ -90,6 +95,8 @@ class TwinOptions:
     seed: int = 0
     imu_source: str = "nav"
     moods: Moods = NONE
+    port: str = "rs232"
+    bus_ids: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, source: Source) -> TwinOptions:
@@ -107,9 +114,16 @@ class TwinOptions:
         products = family.products()
         rate = source.number("rate", 100, 1, 2000, "Hz")
         mode = source.choice("mode", "safety", MODES)
+        product = source.choice("product", products[0], products) if products else ""
+        port = source.choice("port", HOST_PORTS[0], HOST_PORTS)
+        if "port" in source.options and not product.startswith("MTi-6"):
+            raise bad(
+                source.text, f"an {product} has one port", "Leave port out, or choose a product of the 600-series."
+            )
+        bus_ids = _bus_ids(source)
         return cls(
             protocol=source.place,
-            product=source.choice("product", products[0], products) if products else "",
+            product=product,
             mode=mode,
             clock=source.choice("clock", "us", tuple(CLOCKS)),
             rate=rate,
@@ -118,7 +132,7 @@ class TwinOptions:
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
                 packet=source.whole("packet", PACKET, 0, 65_536, "bytes"),
-                baud=source.whole("baud", _fitting(family, rate, mode), 4800, 4_000_000, "Bd"),
+                baud=source.whole("baud", _fitting(family, rate * (len(bus_ids) or 1), mode), 4800, 4_000_000, "Bd"),
                 dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),
             moods=Moods(
@@ -135,7 +149,21 @@ class TwinOptions:
             away_s=source.number("away_s", 5, 0, 3600, "s"),
             seed=source.whole("seed", 0, 0, 2**31),
             imu_source=source.choice("imu_source", "nav", ("nav", "imu")),
+            port=port,
+            bus_ids=bus_ids,
         )
+
+
+def _bus_ids(source: Source) -> tuple[int, ...]:
+    """The devices of a shared line, such as "1,2"."""
+    text = source.options.get("bus_ids")
+    if text is None:
+        return ()
+    allowed = f"1 to {MOST_ON_A_LINE} different numbers from 1 to 254"
+    ids = [int(part) if part.strip().isdecimal() else 0 for part in text.split(",")]
+    if not all(0 < bid < 255 for bid in ids) or len(set(ids)) < len(ids) or len(ids) > MOST_ON_A_LINE:
+        raise bad(source.text, f"bus_ids is {text!r:.40}, not {allowed}", f"Give bus_ids as {allowed}, such as 1,2.")
+    return tuple(ids)
 
 
 def _fitting(family: Family, rate: float, mode: str) -> int:
@@ -184,18 +212,62 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             road=1.0,
             baud=options.faults.baud,
         )
-    return XbusDevice(
-        options.product,
-        None,
-        seed,
-        start_ns,
-        rate=options.rate,
-        clock_drift_ppm=drift,
-        clock_jump=jump,
-        road=1.0,
-        baud=options.faults.baud,
-        moods=options.moods,
-    )
+    members = [
+        XbusDevice(
+            options.product,
+            None,
+            seed + place,
+            start_ns,
+            rate=options.rate,
+            clock_drift_ppm=drift,
+            clock_jump=jump,
+            road=1.0,
+            baud=options.faults.baud,
+            port=HOST_PORTS.index(options.port),
+            moods=options.moods,
+            bid=bid,
+        )
+        for place, bid in enumerate(options.bus_ids or (None,))
+    ]
+    return SharedLine(members) if options.bus_ids else members[0]
+
+
+class SharedLine:
+    """Several devices on one line: all hear the host, each sends at the rate that it speaks at."""
+
+    def __init__(self, members: Sequence[Device]) -> None:
+        self.members = tuple(members)
+
+    @property
+    def baud(self) -> int:
+        """The rate of the line: that of its first device."""
+        return self.members[0].baud
+
+    @baud.setter
+    def baud(self, rate: int) -> None:
+        for one in self.members:
+            one.baud = rate
+
+    def advance(self, now_ns: int) -> bytes:
+        """Everything that the devices send up to that time, one after the other."""
+        return b"".join(one.advance(now_ns) for one in self.members)
+
+    def receive(self, data: bytes, now_ns: int) -> bytes:
+        """Bytes from the host, for all of them; what they answer."""
+        return b"".join(one.receive(data, now_ns) for one in self.members)
+
+    def repowered(self, start_ns: int) -> SharedLine:
+        """The same devices after the power of all was off."""
+        return SharedLine([again(one, start_ns, _never) for one in self.members])
+
+
+def _never(start_ns: int) -> Device:
+    raise AssertionError("a device that shares a line has a memory of its own")
+
+
+def members_of(device: Device) -> Sequence[Device]:
+    """The devices at the other end of a line."""
+    return device.members if isinstance(device, SharedLine) else (device,)
 
 
 def again(device: Device | None, now_ns: int, make: Callable[[int], Device]) -> Device:

@@ -11,6 +11,8 @@ So what is tested with a twin is what runs with a sensor: the port, the reading 
     twin:idtp                       an IDTP device in Safety mode, Imu10 and ImuQuat at 100 Hz; ?mode=lite|safety|secure
                                     (Secure frames are made with the source's key; without one, with one nobody knows)
     ?rate=400                       samples/s
+    ?bus_ids=1,2                    several MTi on one line, each under its bus identifier and answering to it alone
+    ?port=uart                      an MTi of the 600-series whose UART, not its RS-232, is where the host listens
     ?baud=921600                    rate of the line (else the slowest that carries the samples); bytes take their time
                                     on it, and a port at another rate hears noise
     ?dead_baud=921600               a rate that the line cannot carry: at it, both sides hear noise
@@ -47,7 +49,7 @@ from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.cable import Cable, Faults
 from server.links.pump import closed
 from server.links.serial import Line, SerialLink
-from server.links.simulated_device import Device, TwinOptions, again, make_device
+from server.links.simulated_device import Device, TwinOptions, again, make_device, members_of
 
 log = logging.getLogger(__name__)
 
@@ -81,8 +83,7 @@ class Bench(threading.Thread):
         self._now_ns = now_ns
         self.device = before
         self._to_host = Cable(options.faults, options.seed, options.protocol)
-        line = Faults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
-        self._to_device = Cable(line, options.seed, options.protocol)
+        self._to_device: list[Cable] = []  # one for each device on the line
         self._stop_read, self._stop_write = os.pipe()
         self._master, self._slave_fd = os.openpty()
         # Without this the terminal would echo what the device says back to the device until the port is opened.
@@ -115,7 +116,9 @@ class Bench(threading.Thread):
         born_ns = powered_ns = told_ns = self._now_ns()
         device = again(self.device, powered_ns, self._make)
         self.device = device
-        baud = device.baud
+        line = Faults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
+        self._to_device = [Cable(line, options.seed, options.protocol) for _ in members_of(device)]
+        bauds = [one.baud for one in members_of(device)]
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         poll.register(self._stop_read, select.POLLIN)
@@ -128,24 +131,29 @@ class Bench(threading.Thread):
                 powered_ns, device = now_ns, again(device, now_ns, self._make)
                 self.device = device
             for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
-                self._to_host.send(device.advance(at_ns), at_ns)
+                for one, way in zip(members_of(device), self._to_device, strict=True):
+                    self._to_host.baud = way.baud
+                    self._to_host.send(one.advance(at_ns), at_ns)
             told_ns = now_ns
-            heard = self._to_device.arrived(now_ns, self._host_baud())
-            if heard:
-                self._to_host.send(device.receive(heard, now_ns), now_ns)
-            if device.baud != baud:  # a command changed it; until then the line is as the source says
-                baud = self._to_host.baud = self._to_device.baud = device.baud
+            for place, (one, way) in enumerate(zip(members_of(device), self._to_device, strict=True)):
+                self._to_host.baud = way.baud
+                if heard := way.arrived(now_ns, self._host_baud()):
+                    self._to_host.send(one.receive(heard, now_ns), now_ns)
+                if one.baud != bauds[place]:  # a command changed it; until then the line is as the source says
+                    bauds[place] = way.baud = one.baud
             self._put(self._to_host.arrived(now_ns, self._host_baud()))
             self._take(poll, now_ns)
 
     def _take(self, poll: select.poll, now_ns: int) -> None:
         """Wait until something is due, taking what the host sends meanwhile."""
-        due = [at for at in (self._to_host.next_ns, self._to_device.next_ns) if at is not None]
+        due = [at for way in (self._to_host, *self._to_device) if (at := way.next_ns) is not None]
         wait_ns = min([now_ns + TICK_NS, *due]) - self._now_ns()
         for fd, event in poll.poll(max(wait_ns, 0) / 1e6):
             if fd == self._master and event & select.POLLIN:
                 try:
-                    self._to_device.send(os.read(self._master, 4096), now_ns)
+                    data = os.read(self._master, 4096)
+                    for way in self._to_device:
+                        way.send(data, now_ns)
                 except OSError as error:
                     if error.errno not in (errno.EIO, errno.EAGAIN):  # EIO: nobody has the port open
                         raise

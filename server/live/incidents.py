@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from protocols.events import Gap, Reject, Reply, Step, Text
+from protocols.labels import device_label
 from server.codec import plain
-from server.control.values import identifier
 from server.live.hub import Hub
 from server.wire import EventKind, Level
 
@@ -226,7 +226,7 @@ def _values(reply: Reply) -> str:
     shown = {name: value for name, value in reply.values.items() if not name.startswith("reserved")}
     for field_ in reply.message.fields:
         if field_.base == 16 and isinstance(shown.get(field_.name), int):
-            shown[field_.name] = identifier(shown[field_.name])
+            shown[field_.name] = device_label(shown[field_.name])
     choices = {field_.name: field_.choices for field_ in reply.message.fields}
     told = {name: value for name, value in plain(shown).items() if not isinstance(value, list | dict)}
     if len(told) > SHOWN_VALUES:

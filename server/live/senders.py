@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from protocols.events import Batch, Decoder, Event, Reject, Shared, sender_of
+from protocols.events import Decoder, Event, Reject, Shared, sender_of
 from protocols.framing import Ints
 from protocols.pieces import Pieces
 from server import wire
@@ -255,7 +255,7 @@ class Reader:
         self._senders = senders
         self._decoder = decoder
         if isinstance(decoder, Shared):
-            decoder.addresses = senders.addresses
+            decoder.addresses, senders.own_is_unnamed = senders.addresses, True
         self._line = line
         self._about = about
         self._on_events = on_events
@@ -321,8 +321,6 @@ class Reader:
 
     def _take(self, events: Sequence[Event]) -> None:
         own = self._senders.own
-        if not (own.name or self._senders.own_is_unnamed):
-            self._senders.own_is_unnamed = any(isinstance(event, Batch) and not event.device for event in events)
         if all(sender_of(event) in ("", own.name) for event in events) and not self._senders.others:
             self._own.take(events)
         else:

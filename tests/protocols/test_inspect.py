@@ -179,3 +179,29 @@ def test_a_mixed_file_is_told_so(tmp_path: Path) -> None:
 
 def test_every_reason_is_explained() -> None:
     assert set(EXPLAINED) == set(REASONS) - {""}
+
+
+def test_the_table_says_what_codes_and_identifiers_mean(tmp_path: Path) -> None:
+    """They were bare decimals: "code 4", "data_identifier 4128", the name of a device as one number of 19 digits."""
+    label = bytes.fromhex("8080000100000000")  # of Configuration: the low word first
+    configuration = (label + bytes(90) + label).ljust(118, b"\0")
+    frames = [
+        build(0x42, b"\x04"),
+        build(0xC1, bytes.fromhex("1020FFFF402A0064")),
+        build(0x0D, configuration),
+        build(0x01, bytes.fromhex("0000000080800001")),
+        build(0x01, bytes.fromhex("0080003A")),
+    ]
+    (tmp_path / "a.bin").write_bytes(b"".join(frames))
+    out = io.StringIO()
+    inspect_file(tmp_path / "a.bin", out, Reading("xbus"))
+    _, error, outputs, told, long, short = out.getvalue().splitlines()
+    assert "message invalid" in error
+    assert "data_identifier 0x1020 (" in outputs
+    assert "data_identifier 0x402A (" in outputs
+    assert "master_device_id 0080800001 " in told
+    assert " device_id 0080800001 " in told
+    assert long.endswith("device_id 0080800001")
+    assert short.endswith("device_id 0080003A")
+    first, *_ = lines_of(tmp_path / "a.bin", Reading("xbus"))
+    assert first["fields"] == {"code": 4}  # from which the frame is made again

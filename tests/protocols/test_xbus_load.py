@@ -238,3 +238,19 @@ def test_every_rate_of_a_product_is_granted_as_it_is(number: int) -> None:
     for output in OUTPUTS.values():
         most = greatest(output, model)
         assert all(granted(rate, most) == rate for rate in allowed(most))
+
+
+@pytest.mark.parametrize(
+    ("hardware", "hertz"), [({}, 800), ({"major": 2, "minor": 0}, 800), ({"major": 1, "minor": 3}, 1000)]
+)
+@pytest.mark.parametrize("identifier", [0x4040, 0x8040])
+def test_high_rate_items_of_the_1_series_weigh_what_their_hardware_sends(
+    identifier: int, hardware: dict[str, int], hertz: int
+) -> None:
+    """Hardware before 2.0 sends about 1000 Hz: a quarter more than the 800 Hz that were always counted."""
+    outputs = {"outputs": [{"data_identifier": identifier, "output_frequency": 0xFFFF}]}
+    settings = {"OutputConfiguration": outputs, "HardwareVersion": hardware}
+    known = Known(product="MTi-3")
+    assert DRIVER.load(settings, known).total == hertz * (4 + 3 + 12 + 1)
+    chosen = DRIVER.fit(settings, 0.6 * hertz * 20, known)["OutputConfiguration"]["outputs"]
+    assert chosen[0]["output_frequency"] == hertz // 2

@@ -74,6 +74,7 @@ describe("words", () => {
   it("show an identifier as its label does", () => {
     const id = field({ base: 16, step: 1, read_only: true });
     expect([typed(id, 0x0080003a), words(id, 0x0080003a), words(id, "36047404379471887")]).toEqual(["0080003A", "0080003A", "8010EC5D1D000F"]);
+    expect([typed(id, 0x80800001), typed(id, "9259400838168707072")]).toEqual(["0080800001", "0080800001"]);
     expect(read(id, "0080003A")).toEqual({ value: 0x0080003a });
   });
   it("begin with what the table says, else with something allowed", () => {

@@ -72,9 +72,14 @@ export function typed(field: FieldForm, wire: unknown): string {
   return digits(shown, Math.abs(shown) < 1e-4 ? -1 : field.decimals);
 }
 
-/** As it is printed on a label: 0080003A. */
+const LONG = 0x8000_0000n;
+
+/** As it is printed on a label: 0080003A, of 64 bits 0080800001. See device_label in protocols/labels.py. */
 function identifier(value: bigint): string {
-  return value.toString(16).toUpperCase().padStart(8, "0");
+  let [high, low] = [value >> 32n, value & 0xffff_ffffn];
+  if ((high & LONG) !== 0n && (low & LONG) === 0n) [high, low] = [low, high];
+  const digits = ((high << 32n) | low).toString(16).toUpperCase();
+  return digits.padStart((low & LONG) === 0n ? 8 : 10, "0");
 }
 
 export type Reading = { readonly value: unknown } | { readonly problem: string };

@@ -102,7 +102,7 @@ function Device({ app, device, shared }: DeviceProps) {
 function Facts({ device }: { readonly device: DeviceInfo }) {
   return (
     <span class="facts">
-      {productWords(device)}
+      <span title={unreadHint(device)}>{productWords(device)}</span>
       <br />
       {device.serial_number !== "" && (
         <>
@@ -143,10 +143,17 @@ function TrustTag({ device, health }: { readonly device: DeviceInfo; readonly he
 const PROTOCOLS: Readonly<Record<string, string>> = { xbus: "Xbus", isb: "ISB", idtp: "IDTP" };
 
 /** What is known of the product beyond the name above it. */
-function productWords({ name, product, protocol, firmware }: DeviceInfo): string {
+function productWords(device: DeviceInfo): string {
+  const { name, product, protocol, firmware } = device;
   if (protocol === "") return "nothing known yet";
-  const said = product === name ? "" : product || "product unknown";
+  const said = product === name ? "" : product || (unreadHint(device) ? "product unknown until read" : "product unknown");
   return [said, PROTOCOLS[protocol] ?? protocol, firmware && `firmware ${firmware}`].filter(Boolean).join(" · ");
+}
+
+/** Why an MTi has no name yet, and what helps. */
+function unreadHint({ protocol, product, link }: DeviceInfo): string | undefined {
+  if (protocol !== "xbus" || product !== "" || link === "file") return undefined;
+  return "An MTi does not say what it is while it measures: reading its settings stops it for about a second and asks it.";
 }
 
 interface WhyProps {

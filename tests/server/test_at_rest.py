@@ -1,0 +1,74 @@
+"""A device that a person has sent to the config state stays there, whatever it is asked, until somebody ends that."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.dialogues import Known, RefusedError
+from protocols.xbus.device import XbusDevice
+from protocols.xbus.dialogues import XbusDriver
+from server.control.desk import Desk
+from server.wire import Job
+from tests.dialogues import Wire, play
+from tests.server.desk import House, bench, house, over, until
+
+DRIVER = XbusDriver()
+
+
+async def told(here: House, desk: Desk, command: str, values: dict[str, Any] | None = None) -> Job:
+    work = here.desks.jobs.run(desk, command, values or {}, changes=False, restarts=command == "Reset")
+    return await over(desk.add(command, work))
+
+
+def test_a_question_by_hand_leaves_the_device_in_the_state_it_was_in(tmp_path: Path) -> None:
+    """Each ended the config state that a person had asked for a moment before."""
+
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            for command in ("ReqDID", "GoToConfig", "ReqDID", "ReqOutputConfiguration"):
+                job = await told(here, desk, command)
+                assert job.state == "done", job.message
+                rests = command != "ReqDID" or desk.at_rest
+                assert getattr(there.device, "phase") == ("config" if rests else "measurement")  # noqa: B009
+            assert desk.state == "Config"
+            assert (await here.read(desk)).state == "done"
+            assert (await here.apply(desk, {"LocationID": {"location_id": 5}})).state == "done"
+            assert desk.state == "Config"
+            assert (await told(here, desk, "GoToMeasurement")).state == "done"
+            await until(lambda: desk.state == "Measurement" and not desk.at_rest, "it measures")
+            assert (await told(here, desk, "ReqDID")).state == "done"
+            await until(lambda: desk.state == "Measurement", "it measures again")
+
+    asyncio.run(check())
+
+
+def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            await told(here, desk, "GoToConfig")
+            assert desk.at_rest
+            assert (await told(here, desk, "Reset")).state == "done"
+            await until(lambda: desk.state == "Measurement", "it measures")
+            assert not desk.at_rest
+            assert (await here.read(desk)).state == "done"
+            await until(lambda: desk.state == "Measurement", "it measures again")
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_a_refusal_leaves_a_device_at_rest_where_it_was(at_rest: bool) -> None:
+    device = XbusDevice(measuring=True)
+    wire = Wire(device, "xbus")
+    if at_rest:
+        play(DRIVER.run("GoToConfig", {}, Known()), wire)
+    known = Known(at_rest=at_rest)
+    with pytest.raises(RefusedError):
+        play(DRIVER.within(DRIVER.run("ReqGnssPlatform", {}, known), known), wire)
+    assert device.phase == ("config" if at_rest else "measurement")

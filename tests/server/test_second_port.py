@@ -1,0 +1,68 @@
+"""An MTi of the 600-series whose UART is where the host listens: no change of a port may lose it without a word."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from protocols.xbus.device import XbusDevice
+from server.control.wishes import changes_of
+from server.links import LinkError, open_link
+from server.links.simulated_device import TwinOptions, make_device
+from server.links.sources import Source
+from tests.server.desk import house, over, until
+
+UART, FAST = "twin:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
+XBUS_115200 = 0x10002
+
+
+def test_the_host_is_on_the_port_that_the_source_names() -> None:
+    for port, word in (("rs232", 0), ("uart", 1)):
+        device = make_device(TwinOptions.of(Source.parse(f"twin:xbus?port={port}")), 0)
+        assert isinstance(device, XbusDevice)
+        words = [XBUS_115200] * 2
+        words[word] = FAST
+        device.settings[0x8C] = b"".join(one.to_bytes(4, "big") for one in (*words, 0))
+        device.store()
+        device.reset(0)
+        device.advance(2_000_000_000)
+        assert device.baud == 921_600
+
+
+@pytest.mark.parametrize(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
+def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
+    async def check() -> None:
+        async with house(tmp_path, trial_s=0.5) as here:
+            desk = await here.add(UART)
+            await here.read(desk)
+            task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
+            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            assert desk.session.baud == rate
+            await over(task)
+            assert desk.trial is not None
+            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
+            assert desk.values["PortConfig"]["words"][:2] == [XBUS_115200] * 2
+
+    asyncio.run(check())
+
+
+def test_what_may_cut_the_line_is_asked_about_on_either_port(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add(UART)
+            await here.read(desk)
+            for place in (0, 1):
+                for word in (0x00002, 0x50002, FAST, XBUS_115200 | 1 << 8):  # off, NMEA, another rate, flow control
+                    words = [XBUS_115200, XBUS_115200, 0]
+                    words[place] = word
+                    wish = changes_of(desk, {"PortConfig": {"words": words}})
+                    assert "cuts-line" in [danger.caution for danger in wish.dangers], (place, hex(word))
+
+    asyncio.run(check())
+
+
+def test_a_product_with_one_port_has_no_second() -> None:
+    with pytest.raises(LinkError, match="an MTi-3 has one port"):
+        open_link("twin:xbus?product=MTi-3&port=uart")

@@ -1,0 +1,224 @@
+"""Two MTi on one line: each read, changed and heard by itself, under its bus identifier, behind a real port."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocols.dialogues import Known, SilentError
+from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.xbus.decoder import XbusDecoder
+from protocols.xbus.device import XbusDevice
+from protocols.xbus.dialogues import XbusDriver
+from protocols.xbus.frames import build
+from server.cli import main
+from server.control.desk import Desk
+from server.links import LinkError, open_link
+from server.links.simulated_device import SharedLine, TwinOptions, make_device
+from server.links.sources import Source
+from tests.dialogues import Wire, play
+from tests.server.desk import House, house, over, until
+
+SOURCE = "twin:xbus?bus_ids=1,2&rate=20&baud=115200"
+DRIVER = XbusDriver()
+
+
+def run(coroutine: Any) -> Any:
+    return asyncio.run(coroutine)
+
+
+async def both(here: House, source: str = SOURCE) -> list[Desk]:
+    """The desks of both devices of a line, the one that was heard first in front."""
+    own = await here.add(source)
+    further = lambda: [desk for desk in here.desks.on_link_of(own.device) if desk is not own]  # noqa: E731
+    await until(further, "the other is heard")
+    return [own, *further()]
+
+
+def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
+    """All was sent to identifier 255, and what was asked of the second was asked of the first."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desks = await both(here)
+            sent: list[bytes] = []
+            desks[0].session.on_sent(lambda data, time: sent.append(data))
+            assert {int(desk.known.device) for desk in desks} == {1, 2}
+            for place, desk in enumerate(desks):
+                job = await here.read(desk)
+                assert job.state == "done", job.message
+                job = await here.apply(desk, {"LocationID": {"location_id": 40 + place}})
+                assert job.state == "done", job.message
+            assert {data[1] for data in sent} == {1, 2}
+            serials = {desk.session.info.serial_number for desk in desks}
+            assert len(serials) == 2
+            assert "" not in serials
+            for place, desk in enumerate(desks):
+                await here.read(desk)
+                assert desk.values["LocationID"] == {"location_id": 40 + place}
+                names = {entry.name for entry in desk.log.tail()}
+                assert {"ReqDID", "DeviceID"} <= names
+                assert all(
+                    bytes.fromhex(entry.hex[2:4])[0] == int(desk.known.device) for entry in desk.log.tail() if entry.hex
+                )
+
+    run(check())
+
+
+def test_two_jobs_on_one_line_take_turns(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desks = await both(here)
+            sent: list[int] = []
+            desks[0].session.on_sent(lambda data, time: sent.append(data[1]))
+            tasks = [desk.add("Read", here.desks.jobs.read(desk, None, "")) for desk in desks]
+            jobs = [await over(task) for task in tasks]
+            assert [job.state for job in jobs] == ["done", "done"]
+            assert [bid for bid, _ in itertools.groupby(sent)] == [int(desk.known.device) for desk in desks]
+
+    run(check())
+
+
+def test_a_device_that_is_configured_is_not_called_silent_for_it(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desks = await both(here)
+            said: list[str] = []
+            here.hub.heard_event.add(lambda event: said.append(f"{event.kind} {event.text}"))
+
+            async def wait(task: Any) -> None:
+                await asyncio.sleep(0)
+                line = desks[0].session
+                far = here.hub.now() + 60
+                line.senders.tick(far, None)  # type: ignore[union-attr]
+
+            for desk in desks:
+                await over(desk.add("Wait", wait))
+                others = [one for one in desks if one is not desk]
+                assert desk.session.info.status == "live"
+                assert all(one.session.info.status == "lost" for one in others)
+                await until(lambda: all(one.session.info.status == "live" for one in desks), "both are back")
+
+    run(check())
+
+
+def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Path) -> None:
+    """After each connection the first to be heard was the line's own: two devices changed places, and settings."""
+
+    def data(bid: int, number: int) -> bytes:
+        return build(0x36, bytes.fromhex(f"102002{number:04x}106004{100 * number:08x}"), bid)
+
+    before, after = XbusDecoder(), XbusDecoder()
+    after.addresses = before.addresses
+    before.feed(data(1, 0) + data(2, 7) + data(1, 1), 0)
+    before.drain()
+    assert before.addresses == {"": 1, "2": 2}
+    after.feed(build(0x31, b"", 2) + data(2, 8) + data(1, 2) + build(0x31, b"", 1) + build(0x31, b"", 0xFF), 0)
+    events = after.drain()
+    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    assert [event.device for event in events if isinstance(event, Batch)] in (["2", ""], ["", "2"])
+    assert [event.device for event in events if isinstance(event, Reply)] == ["2", "", ""]
+
+
+def test_what_a_device_says_when_it_wakes_up_is_its_own() -> None:
+    """Who the second device is was taken for who the first is, as neither had sent data yet."""
+    decoder, line = XbusDecoder(), [XbusDevice(seed=bid, bid=bid) for bid in (3, 4)]
+    events: list[Event] = []
+    for now in range(0, 1_200_000_000, 10_000_000):
+        decoder.feed(b"".join(device.advance(now) for device in line), now)
+        events += decoder.drain()
+    replies = [(event.message.name, event.device) for event in events if isinstance(event, Reply)]
+    assert replies == [("WakeUp", ""), ("WakeUp", "4"), ("Configuration", ""), ("Configuration", "4")]
+    assert {event.device for event in events if isinstance(event, Batch)} == {"", "4"}
+
+
+def test_a_fix_of_one_device_says_nothing_of_another() -> None:
+    """A receiver without a fix, beside one with: the time of its messages is arbitrary, and was taken for true."""
+
+    def pvt(bid: int, fix: int, tick: int) -> bytes:
+        item = bytearray(94)
+        item[20] = fix
+        return build(0x36, bytes.fromhex(f"106004{tick:08x}") + b"\x70\x10\x5e" + bytes(item), bid)
+
+    def data(bid: int, tick: int) -> bytes:
+        return build(0x36, bytes.fromhex(f"106004{tick:08x}0804020000"), bid)
+
+    def velocity(bid: int, tick: int) -> bytes:  # a message of GNSS items that does not say whether there is a fix
+        return build(0x36, bytes.fromhex(f"106004{tick:08x}702004") + bytes(4), bid)
+
+    decoder = XbusDecoder()
+    events: list[Event] = []
+    for frame in (data(1, 1000), data(2, 1000), pvt(2, 0, 0), pvt(1, 3, 1001), velocity(2, 0), data(2, 1100)):
+        decoder.feed(frame, 0)
+        events += decoder.drain()
+    assert not [event for event in events if isinstance(event, Step)]
+
+
+def test_the_frames_of_a_device_that_shares_its_line_name_it() -> None:
+    for bid in (2, 254):
+        known = Known("MTi-630", device=str(bid))
+        frame = DRIVER.frame("SetLocationID", {"location_id": 5}, known)
+        (same,) = DRIVER.setting_frames("LocationID", {"location_id": 5}, known)
+        assert frame == same == build(0x84, b"\0\5", bid)
+    assert DRIVER.frame("ReqDID", {}, Known("MTi-630")) == build(0x00)
+
+
+def test_a_device_under_its_identifier_hears_nothing_else() -> None:
+    wire = Wire(XbusDevice(bid=7, measuring=True), "xbus")
+    with pytest.raises(SilentError):
+        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), wire)
+    known = Known(device="7")
+    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), wire) == {"location_id": 0}
+    told = play(DRIVER.identify(known), wire)
+    assert (told.product, told.device) == ("MTi-630-8A1G6", "7")
+    wire.sent.clear()
+    play(DRIVER.store_and_restart(known), wire)
+    assert play(DRIVER.alive(known), wire)
+    wire.pass_time(1.0)
+    play(DRIVER.within(DRIVER.run("ResetOrientation.Stored", {"code": 4}, known), known), wire)
+    assert {send.frame[1] for send in wire.sent} <= {7}
+
+
+@pytest.mark.parametrize("ids", ["0", "255", "1,1", "1,2,3,4,5", "a", "1,,2", ""])
+def test_identifiers_that_cannot_be_are_refused(ids: str) -> None:
+    with pytest.raises(LinkError, match="bus_ids"):
+        open_link(f"twin:xbus?bus_ids={ids}")
+
+
+def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:
+    line = make_device(TwinOptions.of(Source.parse(SOURCE)), 0)
+    assert isinstance(line, SharedLine)
+    decoder = XbusDecoder()
+    events: list[Event] = []
+    for now in range(0, 3_000_000_000, 10_000_000):
+        decoder.feed(line.advance(now), now)
+        events += decoder.drain()
+    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    for device in ("", "2"):
+        numbers = [
+            batch.columns["PacketCounter"] for batch in events if isinstance(batch, Batch) and batch.device == device
+        ]
+        assert set(np.diff(np.concatenate(numbers).astype(np.int64))) == {1}
+
+
+def test_a_script_names_one_device_of_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["send", SOURCE, "ReqDID"]) == 1
+    assert "its line is shared by the bus identifiers 1, 2; choose one with --device" in capsys.readouterr().err
+    told = []
+    for device in ("1", "2"):
+        assert main(["send", SOURCE, "ReqDID", "--device", device]) == 0
+        told.append(json.loads(capsys.readouterr().out)["fields"]["device_id"])
+    assert len(set(told)) == 2
+
+
+@pytest.mark.parametrize("device", ["0", "256", "x"])
+def test_what_is_no_bus_identifier_is_refused(device: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["send", SOURCE, "ReqDID", "--device", device])
+    assert "is no bus identifier; give a number from 1 to 255" in capsys.readouterr().err
