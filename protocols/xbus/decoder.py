@@ -55,6 +55,7 @@ from protocols.xbus.frames import (
     FIX_NOT_SAID,
     GNSS,
     GOOD,
+    MASTER,
     MTDATA2,
     NO_FIX,
     NO_GNSS,
@@ -74,6 +75,7 @@ TICK_NS = 100_000
 WRAP = 2**32
 WRAP_DAY = 864_000_000
 WAKE_UP = 0x3E
+SURE = 3  # frames of a bus identifier; noise has a valid one once in a while
 DAY_PRODUCTS = re.compile(r"MTi-(10|20|30|100|200|300|G-7)")  # 10- and 100-series; the others count to 2^32
 
 Flags = NDArray[np.bool_]
@@ -151,7 +153,9 @@ class XbusDecoder(StreamDecoder[Stream]):
         super().__init__(Stream())
         self._layouts: dict[bytes, DataLayout] = {}
         self._newest: dict[int, DataLayout] = {}  # by the length of the payload
-        self.addresses: dict[str, int] = {}  # bus identifiers of those that sent data; see events.Shared
+        self.addresses: dict[str, int] = {}  # bus identifiers of those that surely send; see events.Shared
+        self._names: dict[int, str] = {}  # of all that were heard, by bus identifier
+        self._frames: dict[int, int] = {}  # how many, of each
         self._clocks = _Clocks()
         self._others: dict[int, _Clocks] = {}
 
@@ -193,15 +197,33 @@ class XbusDecoder(StreamDecoder[Stream]):
             replies.append(Reply(message, values, cut.start + offset, size, int(cut.arrival_ns[i]), device))
         return replies
 
-    def _claim(self, bid: int) -> None:
-        """A device sends under this identifier: the line's own, if it is the first."""
-        if bid not in self.addresses.values():
-            self.addresses["" if "" not in self.addresses else str(bid)] = bid
+    def _claim(self, bid: int, frames: int = 1) -> str:
+        """A device sends under this identifier; its name. The line's own is the first that was heard. At a wrong rate
+        noise has a valid frame once in a while, so an identifier counts for other connections, and against a device
+        that speaks for itself (255), only when a few frames of it have come."""
+        if bid not in self._names:
+            known = next((name for name, address in self.addresses.items() if address == bid), None)
+            is_own = "" not in self.addresses and ("" not in self._names.values() or bid == MASTER)
+            name = known if known is not None else "" if is_own else str(bid)
+            if name == "":
+                self._give_way()
+            self._names[bid] = name
+        self._frames[bid] = self._frames.get(bid, 0) + frames
+        if self._frames[bid] >= SURE and bid not in self.addresses.values():
+            self.addresses[self._names[bid]] = bid
+        return self._names[bid]
+
+    def _give_way(self) -> None:
+        """What was taken for the line's own device is noise, or a further one."""
+        before = next((bid for bid, name in self._names.items() if name == ""), None)
+        if before is not None:
+            self._names[before], self._others[before] = str(before), self._clocks
+            self._clocks = _Clocks()
 
     def _name(self, bid: int) -> str:
         """Whose answer it is."""
-        name = str(bid)
-        return name if name in self.addresses and self.addresses.get("") != bid else ""
+        known = (name for name, address in self.addresses.items() if address == bid)
+        return self._names.get(bid) or next(known, "")
 
     def _learn(self, replies: list[Reply]) -> None:
         """What a reply says about the clock."""
@@ -219,27 +241,28 @@ class XbusDecoder(StreamDecoder[Stream]):
     def _by_sender(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Data of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
-        if "" not in self.addresses:
-            for bid in dict.fromkeys(senders.tolist()):
-                self._claim(bid)
-        mine = senders == self.addresses.get("", -1)
-        if mine.all():
+        if (senders == self.addresses.get("", -1)).all():
             return self._data(cut, table, arrivals, replies)
+        bids, counts = np.unique(senders, return_counts=True)
+        frames = dict(zip(bids.tolist(), counts.tolist(), strict=True))
+        for bid in dict.fromkeys(senders.tolist()):
+            self._claim(bid, frames[bid])
         events: list[Event] = []
-        if mine.any():
-            own_replies = [reply for reply in replies if not reply.device]
-            events += self._data(cut, np.ascontiguousarray(table[:, mine]), arrivals[mine], own_replies)
-            self._learn([reply for reply in replies if reply.device])
-        else:
-            self._learn(replies)
-        for bid in dict.fromkeys(senders[~mine].tolist()):
+        own_replies = [reply for reply in replies if not reply.device]
+        self._learn([reply for reply in replies if reply.device])
+        if not any(self._names[bid] == "" for bid in frames):
+            self._learn(own_replies)
+        for bid in frames:
             which = senders == bid
-            self._claim(bid)
+            part = np.ascontiguousarray(table[:, which]), arrivals[which]
+            if (name := self._names[bid]) == "":
+                events += self._data(cut, *part, own_replies)
+                continue
             own = self._clocks
             self._clocks = self._further(bid)
-            found = self._data(cut, np.ascontiguousarray(table[:, which]), arrivals[which], [])
+            found = self._data(cut, *part, [])
             self._clocks = own
-            events += [replace(one, device=str(bid)) if isinstance(one, Batch | Gap | Step) else one for one in found]
+            events += [replace(one, device=name) if isinstance(one, Batch | Gap | Step) else one for one in found]
         return events
 
     # -- data ----------------------------------------------------------------------------------------------------------

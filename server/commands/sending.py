@@ -38,6 +38,7 @@ from server.printable import json_text
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is recognised
 BOOT_S = 0.6  # a twin, and a device that a port's opening resets, needs a moment before it hears
 ENOUGH = 400  # bytes
+ADDRESS_S = 0.5  # for a few frames of each device
 ALONE = 0xFF  # bus identifier of a device that has its line to itself
 
 
@@ -74,8 +75,8 @@ class LinkChannel:
 
     @property
     def addresses(self) -> list[int]:
-        """Of the devices that were heard."""
-        return sorted(self._decoder.addresses.values()) if isinstance(self._decoder, Shared) else []
+        """Of the devices that were heard; that of one by itself where devices of the protocol have none."""
+        return sorted(self._decoder.addresses.values()) if isinstance(self._decoder, Shared) else [ALONE]
 
     def start(self, first: bytes = b"") -> None:
         """Begin to read; `first` are bytes that came before."""
@@ -159,7 +160,8 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
             channel = LinkChannel(link, lambda: row.decoder(**reading.settings(row.settings)), wish.device)
             channel.start(first)
             try:
-                known = Known(baud=link.baud, key=reading.key, device=_addressed(channel, wish.device))
+                device = await _addressed(channel, wish.device)
+                known = Known(baud=link.baud, key=reading.key, device=device)
                 await _exchange(_Asked(tongue, wish, known), channel, out, notes)
             finally:
                 await channel.close()
@@ -175,13 +177,17 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
         raise SendError(f"{wish.message}: {error}") from None
 
 
-def _addressed(channel: LinkChannel, device: str) -> str:
-    """The device that is meant: devices that share a line answer to their own bus identifier only.
+async def _addressed(channel: LinkChannel, device: str) -> str:
+    """The device that is meant: devices that share a line answer to their own bus identifier only, which is sure when a
+    few of their frames have come.
 
     Raises:
         SendError: it was not named, and there are several.
     """
-    channel.decode()
+    end = time.monotonic() + ADDRESS_S
+    while not device and channel.addresses != [ALONE] and time.monotonic() < end:
+        await asyncio.sleep(0.02)
+        channel.decode()
     heard = channel.addresses
     if len(heard) > 1 and not device:
         named = ", ".join(map(str, heard))

@@ -20,7 +20,9 @@ from server.control.dangers import UNASKED, Danger, dangers_of_write
 from server.control.desk import Desk
 from server.control.forms import FieldProblem
 from server.control.values import head_of, numbers
+from server.live.member import shares
 
+SHARED = "Other devices share this line: at another rate than theirs they are not heard."
 WRONG_HINT = "Correct this value, then apply again; nothing was written."
 
 
@@ -134,7 +136,10 @@ def _told(row: Setting) -> set[str]:
 
 def dangers_of(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
     """What writing these values of a setting could cost; nothing where the device has them already."""
-    return dangers_of_write(desk.driver, row, desk.values.get(row.name), values, desk.known)
+    found = dangers_of_write(desk.driver, row, desk.values.get(row.name), values, desk.known)
+    if shares(desk.session) and any(one.caution == "cuts-line" for one in found):
+        found.append(Danger("cuts-line", SHARED))
+    return found
 
 
 def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:

@@ -34,12 +34,13 @@ def test_the_host_is_on_the_port_that_the_source_names() -> None:
 @pytest.mark.parametrize(("words", "rate"), [([XBUS_115200, FAST, 0], 921_600), ([FAST, XBUS_115200, 0], 115_200)])
 def test_a_change_of_either_port_is_tried_and_goes_back(tmp_path: Path, words: list[int], rate: int) -> None:
     async def check() -> None:
-        async with house(tmp_path, trial_s=0.5) as here:
+        async with house(tmp_path, trial_s=60.0) as here:
             desk = await here.add(UART)
             await here.read(desk)
             task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": words}}, ""))
             await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
             assert desk.session.baud == rate
+            desk.decide(keep=False)
             await over(task)
             assert desk.trial is not None
             assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)

@@ -19,6 +19,7 @@ from protocols.xbus.dialogues import XbusDriver
 from protocols.xbus.frames import build
 from server.cli import main
 from server.control.desk import Desk
+from server.control.wishes import SHARED, changes_of
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, TwinOptions, make_device
 from server.links.sources import Source
@@ -116,7 +117,7 @@ def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Pa
 
     before, after = XbusDecoder(), XbusDecoder()
     after.addresses = before.addresses
-    before.feed(data(1, 0) + data(2, 7) + data(1, 1), 0)
+    before.feed(b"".join(data(1, k) + data(2, 4 + k) for k in range(4)), 0)
     before.drain()
     assert before.addresses == {"": 1, "2": 2}
     after.feed(build(0x31, b"", 2) + data(2, 8) + data(1, 2) + build(0x31, b"", 1) + build(0x31, b"", 0xFF), 0)
@@ -124,6 +125,23 @@ def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Pa
     assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
     assert [event.device for event in events if isinstance(event, Batch)] in (["2", ""], ["", "2"])
     assert [event.device for event in events if isinstance(event, Reply)] == ["2", "", ""]
+
+
+@pytest.mark.parametrize("noise", [b"", build(0x3E, b"", 0xE0), build(0x36, bytes.fromhex("1020020001"), 0xE0)])
+def test_noise_does_not_take_the_place_of_a_device(noise: bytes) -> None:
+    """A valid frame by chance, at a wrong rate, was the line's own device from then on, over connections: the real one
+    was a further device, and what it answered was heard by nobody."""
+    first, second = XbusDecoder(), XbusDecoder()
+    first.feed(noise, 0)
+    first.drain()
+    second.addresses = first.addresses
+    device = XbusDevice(measuring=True)
+    for decoder in (first, second):
+        decoder.feed(device.advance(1_000_000_000) + build(0x31), 0)
+        events = decoder.drain()
+        assert {event.device for event in events if isinstance(event, Batch | Reply)} == {""}
+        device = XbusDevice(measuring=True)
+    assert first.addresses == {"": 0xFF}
 
 
 def test_what_a_device_says_when_it_wakes_up_is_its_own() -> None:
@@ -222,3 +240,40 @@ def test_what_is_no_bus_identifier_is_refused(device: str, capsys: pytest.Captur
     with pytest.raises(SystemExit):
         main(["send", SOURCE, "ReqDID", "--device", device])
     assert "is no bus identifier; give a number from 1 to 255" in capsys.readouterr().err
+
+
+def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
+    """The link follows the device that is changed, and hears the others no more."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            for desk in await both(here):
+                await here.read(desk)
+                words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
+                wish = changes_of(desk, {"PortConfig": {"words": [*words, 0]}})
+                assert SHARED in [danger.consequence for danger in wish.dangers]
+
+    run(check())
+
+
+def test_a_trial_on_a_shared_line_finds_its_own_device_again(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path, trial_s=60.0) as here:
+            _, desk = await both(here)
+            await here.read(desk)
+            words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
+            task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": [*words, 0]}}, ""))
+            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
+            assert desk.session.baud == 921_600
+            (record,) = here.desks.trials.all()
+            assert (record.device, record.address) == (desk.known.device, int(desk.known.device))
+            desk.decide(keep=False)
+            job = await over(task)
+            assert job.state == "failed"
+            assert desk.trial is not None
+            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
+            devices = [one.session for one in here.desks.on_link_of(desk.device)]
+            assert len(devices) == 2
+            await until(lambda: all(one.info.status == "live" for one in devices), "both are heard again")
+
+    run(check())
