@@ -254,26 +254,3 @@ def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
                 assert SHARED in [danger.consequence for danger in wish.dangers]
 
     run(check())
-
-
-def test_a_trial_on_a_shared_line_finds_its_own_device_again(tmp_path: Path) -> None:
-    async def check() -> None:
-        async with house(tmp_path, trial_s=60.0) as here:
-            _, desk = await both(here)
-            await here.read(desk)
-            words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
-            task = desk.add("Ports", here.desks.jobs.apply(desk, {"PortConfig": {"words": [*words, 0]}}, ""))
-            await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
-            assert desk.session.baud == 921_600
-            (record,) = here.desks.trials.all()
-            assert (record.device, record.address) == (desk.known.device, int(desk.known.device))
-            desk.decide(keep=False)
-            job = await over(task)
-            assert job.state == "failed"
-            assert desk.trial is not None
-            assert (desk.trial.state, desk.session.baud) == ("reverted", 115_200)
-            devices = [one.session for one in here.desks.on_link_of(desk.device)]
-            assert len(devices) == 2
-            await until(lambda: all(one.info.status == "live" for one in devices), "both are heard again")
-
-    run(check())
