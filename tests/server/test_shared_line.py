@@ -39,7 +39,9 @@ async def both(here: House, source: str = SOURCE) -> list[Desk]:
     own = await here.add(source)
     further = lambda: [desk for desk in here.desks.on_link_of(own.device) if desk is not own]  # noqa: E731
     await until(further, "the other is heard")
-    return [own, *further()]
+    desks = [own, *further()]
+    await until(lambda: all(desk.known.device for desk in desks), "their addresses are sure")
+    return desks
 
 
 def test_each_device_of_a_line_is_read_and_changed_by_itself(tmp_path: Path) -> None:
