@@ -2,10 +2,10 @@
 
     topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
                    fields and schemas as the live Foxglove server's, so a layout made of one fits the other
-    and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC
+    and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC;
+                   /<device>/<message>/arrival: when it came;
                    /<device>/<message>/bytes: payloads that nobody has described, base64 as their schema says
     log time       device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
-    publish time   its arrival
     message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
 
 What the device did not send at a moment, and what JSON has no number for (NaN, infinity), is left out.
@@ -55,13 +55,12 @@ class Messages:
 
     Args:
         topic: their number in the file.
-        log, publish: ns since 1970.
+        log: ns since 1970.
         body: large binary.
     """
 
     topic: Array
     log: Array
-    publish: Array
     body: pa.Array
 
 
@@ -110,7 +109,7 @@ def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
     head = np.zeros(len(log), _HEAD)
     head["op"], head["size"] = Opcode.MESSAGE, sizes + HEAD - 9
     head["channel"] = np.concatenate([part.topic for part in found])
-    head["log"], head["told"] = log, np.concatenate([part.publish for part in found])
+    head["log"] = head["told"] = log
     heads = pa.FixedSizeBinaryArray.from_buffers(pa.binary(HEAD), len(head), [None, pa.py_buffer(head)])
     empty = pa.scalar(b"", pa.large_binary())
     records = pc.binary_join_element_wise(heads.cast(pa.large_binary()), body, empty).take(pa.array(order))
@@ -156,12 +155,22 @@ def _streams(wish: Wish) -> list[Stream]:
         owner = names.get(info["device"], info["device"])
         topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", taken=taken)
         stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, wish))
+    for info in {(info["device"], info["message"], info["verified"]): info for info in reversed(wish.infos)}.values():
+        topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", taken=taken)
+        stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, wish))
     return found
 
 
 def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
     told = {"type": "string", "contentEncoding": "base64", "description": info["doc"]}
     return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": told}}
+
+
+_ARRIVAL: Info = {
+    **{"name": "Arrival", "title": "Arrival", "group": "", "kind": "scalar", "frame": ""},
+    "doc": "When its bytes arrived at the host, unix seconds.",
+    "columns": [{"name": "arrival", "dtype": "f8", "unit": "s", "label": "", "doc": "", "axis": "", "bits": []}],
+}
 
 
 def _json(schema: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -186,25 +195,32 @@ def _times(wish: Wish, rows: Exact) -> Ints:
 def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
     """Every quantity as JSON."""
     body = bodies(info, rows.columns)
-    log, publish = _times(wish, rows), stamps(rows.arrival, rows.arrival)
+    log = _times(wish, rows)
     if info["kind"] == "rows":
         first = np.flatnonzero(np.diff(log, prepend=log[:1] - 1))
-        body, log, publish = tables(body, first), log[first], publish[first]
-    return Messages(np.full(len(log), topic, np.uint16), log, publish, body.cast(pa.large_binary()))
+        body, log = tables(body, first), log[first]
+    return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
+
+
+def _arrivals(wish: Wish, topic: int, rows: Exact) -> Messages:
+    first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # of a table one a moment
+    log = _times(wish, rows)[first]
+    body = bodies(_ARRIVAL, [rows.arrival[first]])
+    return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
 def _bytes(wish: Wish, topic: int, rows: Exact) -> Messages:
     """Payloads as JSON."""
     (found,) = rows.columns
     body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
-    return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), stamps(rows.arrival, rows.arrival), body)
+    return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), body)
 
 
 def _transforms(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
     assert device.attitude is not None
     times = _times(wish, rows)
     made = well_known.transforms(device.name, device.attitude, rows.columns, times)
-    return _of(topic, rows, times, made)
+    return _of(topic, times, made)
 
 
 def _fixes(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
@@ -217,15 +233,15 @@ def _fixes(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
         lo = max(wish.columns.row_at(place.height, float(key[0])), 0)
         told = wish.columns.exact(place.height, lo, max(wish.columns.row_at(place.height, float(key[-1])) + 1, lo + 1))
         height = well_known.heights(_times(wish, told), told.columns[0], times)
-    return _of(topic, rows, times, well_known.fixes(device.name, place, rows.columns, height, times))
+    return _of(topic, times, well_known.fixes(device.name, place, rows.columns, height, times))
 
 
-def _of(topic: int, rows: Exact, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
+def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
     """Messages that were made one by one."""
     found = list(made)
     at = np.array([row for row, _ in found], np.int64)
     body = pa.array([data for _, data in found], pa.large_binary())
-    return Messages(np.full(len(found), topic, np.uint16), times[at], stamps(rows.arrival, rows.arrival)[at], body)
+    return Messages(np.full(len(found), topic, np.uint16), times[at], body)
 
 
 def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
@@ -242,4 +258,4 @@ def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
         made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
         log = np.array([time for time, _ in made], np.int64)
         body = pa.array([data for _, data in made], pa.large_binary())
-        _put(target, [Messages(np.full(len(made), topic, np.uint16), log, log, body)], 1 << 20)
+        _put(target, [Messages(np.full(len(made), topic, np.uint16), log, body)], 1 << 20)

@@ -21,7 +21,7 @@ from tests.server.test_foxglove import attached, protobuf
 
 LATEST = {"/MTi-680G/position", "/MTi-680G/attitude", "/IMX-5/position", "/IMX-5/attitude"}
 # The store works angles out of quaternions; the device's own clock is of no interest while it is live.
-ONLY_RECORDED = ("/clock", "/utc", "/bytes", "/Euler_angles")
+ONLY_RECORDED = ("/clock", "/utc", "/arrival", "/bytes", "/Euler_angles")
 
 Topic = tuple[str, str, str, str]
 Messages = dict[str, list[tuple[int, bytes]]]
