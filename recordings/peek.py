@@ -24,14 +24,14 @@ TORN = "It was torn off, or is still being written; all that is there opens."
 
 @dataclass(slots=True)
 class Device:
-    """A device in a file; `messages`: frames where they have been counted, else chunks."""
+    """A device in a file; `messages`: its frames, 0 where it sent nothing, None until they have been counted."""
 
     id: str
     name: str = ""
     protocol: str = ""
     product: str = ""
     serial_number: str = ""
-    messages: int = 0
+    messages: int | None = None
     lost: int = 0
     rejects: int = 0
 
@@ -117,7 +117,9 @@ def _recording(recording: Recording) -> Peek:
         if name.startswith(DEVICE):
             number = name.removeprefix(DEVICE)
             devices.pop(number, None)  # told again: now it is the last
-            devices[number] = _device(number, values, names)
+            devices[number] = _device(number, values)
+            if told is not None and names.get(f"rx/{number}", 0) == 0:
+                devices[number].messages = 0
     found.devices = list(devices.values())
     if not recording.whole:
         found.damaged = TORN
@@ -126,7 +128,7 @@ def _recording(recording: Recording) -> Peek:
     return found
 
 
-def _device(number: str, values: Mapping[str, str], counts: Mapping[str, int]) -> Device:
+def _device(number: str, values: Mapping[str, str]) -> Device:
     name = values.get("name") or values.get("product") or Path(values.get("source", "")).name or number
     return Device(
         number,
@@ -134,7 +136,6 @@ def _device(number: str, values: Mapping[str, str], counts: Mapping[str, int]) -
         values.get("protocol", ""),
         values.get("product", ""),
         values.get("serial_number", ""),
-        counts.get(f"rx/{number}", 0),
     )
 
 

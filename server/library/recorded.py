@@ -49,7 +49,7 @@ class RecordedDevice:
     protocol: str
     product: str
     serial_number: str
-    messages: int  # frames, where they have been counted; else chunks
+    messages: int | None  # frames; 0 where it sent nothing, null until they have been counted
     lost: int
     rejects: int
 

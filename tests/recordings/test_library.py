@@ -49,7 +49,7 @@ def test_what_lies_in_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
         assert entry.title == "Yard loop"
         assert entry.peek.duration == pytest.approx(0.9)
         assert entry.peek.devices[0].serial_number == "0080A1B2"
-        assert entry.peek.devices[0].messages == 10
+        assert entry.peek.devices[0].messages is None  # the chunks that brought them were told for messages
         assert entry.markers == 1
         assert not entry.peek.damaged
     (tmp_path / "old.mcap").unlink()

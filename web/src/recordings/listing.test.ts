@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { bytes, chosen, daysLeft, deviceName, flaw, heardIn, heardOf, length, matches, tally, titleOf } from "./listing";
+import { bytes, chosen, daysLeft, deviceName, flaw, heardIn, heardOf, length, matches, messagesOf, tally, titleOf } from "./listing";
 import type { RecordingDetail, RecordingInfo } from "./types";
 
 const one = (part: Partial<RecordingInfo> = {}): RecordingInfo => ({
@@ -39,6 +39,12 @@ it("writes lengths and sizes", () => {
 
 it("calls what nobody named by its devices", () => {
   expect([titleOf(one()), titleOf(one({ title: "" })), titleOf(one({ title: "a", devices: [] }))]).toEqual(["Yard loop", "MTi-630", "a"]);
+});
+
+it("tells no count of messages before they are counted", () => {
+  const uncounted = { ...one().devices[0]!, messages: null };
+  expect([messagesOf(one()), messagesOf(one({ devices: [uncounted] }))]).toEqual([10, undefined]);
+  expect(heardOf(one({ devices: [uncounted] })).devices).toHaveLength(1);
 });
 
 it("a device that never sent anything names no recording, and stands in no filter", () => {

@@ -14,7 +14,7 @@ export const CATEGORIES: readonly { readonly name: Category; readonly title: str
 
 /** Of devices those that sent anything: one that was asked for in vain has nothing to show. All of them where none did. */
 export function heardOf(info: RecordingInfo): RecordingInfo {
-  const heard = info.devices.filter(({ messages }) => messages > 0);
+  const heard = info.devices.filter(({ messages }) => messages !== 0);
   return heard.length === 0 || heard.length === info.devices.length ? info : { ...info, devices: heard };
 }
 
@@ -26,7 +26,12 @@ export function heardIn(detail: RecordingDetail): RecordingDetail {
 
 export const lostOf = (info: RecordingInfo): number => info.devices.reduce((sum, { lost }) => sum + lost, 0);
 export const rejectsOf = (info: RecordingInfo): number => info.devices.reduce((sum, { rejects }) => sum + rejects, 0);
-export const messagesOf = (info: RecordingInfo): number => info.devices.reduce((sum, { messages }) => sum + messages, 0);
+/** Frames of all devices; undefined until they have been counted, which opening the recording does. */
+export const messagesOf = (info: RecordingInfo): number | undefined =>
+  info.devices.reduce<number | undefined>(
+    (sum, { messages }) => (sum === undefined || messages === null ? undefined : sum + messages),
+    0,
+  );
 
 /** Was it opened? What nobody has opened may have lost anything. */
 export const isKnown = ({ opened, thumbnail }: RecordingInfo): boolean => opened || thumbnail.length > 0;

@@ -11,8 +11,8 @@ export interface RecordedDevice {
   readonly protocol: string;
   readonly product: string;
   readonly serial_number: string;
-  /** frames, where they have been counted; else chunks */
-  readonly messages: number;
+  /** frames; 0 where it sent nothing, null until they have been counted */
+  readonly messages: number | null;
   readonly lost: number;
   readonly rejects: number;
 }

@@ -123,7 +123,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
           <li key={device.id}>
             <b>{deviceName(device)}</b>
             <span class="mid">
-              {number(device.messages, 0)}
+              {number(device.messages ?? undefined, 0)}
               <span class="u">messages</span>
             </span>
             {device.lost > 0 && <span class="tag warn">{number(device.lost, 0)} lost</span>}
