@@ -1,0 +1,87 @@
+"""Host programs of others at our simulated devices."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from recordings.importers import open_file
+from tests.interop.running import HERE, STARTS_S, Checkout, DiffersError, expect, owned, run, simulated
+
+MTDEVICE = Checkout("ethzasl", "https://github.com/ethz-asl/ethzasl_xsens_driver", "master")
+XDA = Checkout("xsens", "https://github.com/xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client", "main")
+SDK = Checkout("inertial-sense-sdk", "https://github.com/inertialsense/inertial-sense-sdk", "2.7.1")
+
+
+def mtdevice(folder: Path, scratch: Path) -> str:
+    """Identity, output configuration set and read back, 50 measurements of an MTi-300."""
+    source = MTDEVICE.fetched(folder) / "src"
+    with simulated("xbus?product=MTi-300&baud=115200", scratch / "imu") as port:
+        host = [sys.executable, str(HERE / "mtdevice_host.py"), port, "115200"]
+        printed = run(host, scratch, {"PYTHONPATH": str(source), "PATH": "/usr/bin:/bin"})
+    outputs = "outputs [('0x1020', 65535), ('0x1060', 65535), ('0x4020', 100)]"
+    expect(printed, outputs, "accelerations 50")
+    return "identity, outputs set and read back, 50 measurements"
+
+
+def xda(folder: Path, scratch: Path) -> str:
+    """Scan, identity, outputs, measurement and a log by Xsens' own library, for each series of MTi."""
+    library = XDA.fetched(folder) / "src/xsens_ros_mti_driver/lib/xspublic"
+    if not (library / "xscontroller/libxscontroller.a").exists():
+        run(["make", "-s"], library, limit_s=STARTS_S)
+    program = scratch / "xda_host"
+    names = ("xscontroller", "xscommon", "xstypes")
+    objects = [str(library / name / f"lib{name}.a") for name in names]
+    build = ["g++", "-std=c++11", f"-I{library}", str(HERE / "xda_host.cpp"), "-o", str(program), *objects]
+    run([*build, "-lpthread", "-ldl"], scratch, limit_s=STARTS_S)
+    for number, product in enumerate(("MTi-630", "MTi-680G", "MTi-3", "MTi-7", "MTi-300", "MTi-G-710")):
+        log = scratch / f"{product}.mtb"
+        with simulated(f"xbus?product={product}&baud=115200", scratch / f"imu{number}") as port:
+            printed = run([str(program), port, "115200", str(log)], scratch)
+        expect(printed, "accelerations 200 or more")
+        (device,) = open_file(log).devices.values()
+        told = next(line for line in printed.splitlines() if line.startswith("id ")).removeprefix("id ")
+        print(f"    {product}: id {told}, log of {log.stat().st_size} bytes, {device.about.get('product', '')}")
+    return "six products scanned, configured, measured and logged"
+
+
+def cltool(folder: Path, scratch: Path) -> str:
+    """A log of an IMX-5 by CLTool holds what the simulator sent."""
+    source = SDK.fetched(folder) / "cltool"
+    build = source / "build"
+    if not (build / "cltool").exists():
+        run(["cmake", "-S", str(source), "-B", str(build), "-DCMAKE_BUILD_TYPE=Release"], source, limit_s=STARTS_S)
+        run(["cmake", "--build", str(build), "-j", "2"], source, limit_s=STARTS_S)
+    with simulated("isb?baud=921600", scratch / "imx") as port:
+        place = str(Path(port).resolve())  # it opens what the system calls the port, not a link to it
+        words = ["-c", place, "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
+        run([str(build / "cltool"), *words, "-lp", str(scratch / "log")], scratch)
+    logs = sorted((scratch / "log").rglob("*.raw"))
+    if not logs or not any(log.stat().st_size > 10_000 for log in logs):
+        raise DiffersError("CLTool wrote no log of the device")
+    return f"{sum(log.stat().st_size for log in logs)} bytes logged"
+
+
+def xsens_go(folder: Path, scratch: Path) -> str:
+    """Output configuration and measurements of an MTi-630 by the `xsens` command of einride/xsens-go."""
+    program = owned("xsens", "the command cmd/xsens of the public repository einride/xsens-go (Go)")
+    with simulated("xbus?product=MTi-630&baud=115200", scratch / "imu") as port:
+        place = str(Path(port).resolve())
+        told = run([program, "get-output-config", place], scratch)
+        expect(told, "Quaternion(EastNorthUp,Float32):", "Acceleration(Float32):", "100 Hz")
+        with subprocess.Popen([program, "read", place], stdout=subprocess.PIPE, text=True) as reading:
+            assert reading.stdout is not None
+            norms: list[float] = []
+            until = time.monotonic() + 60
+            for line in reading.stdout:
+                if line.strip() == "Acceleration":
+                    parts = next(reading.stdout).strip().removeprefix("&{").removesuffix("}").split()
+                    norms.append(sum(float(part[2:]) ** 2 for part in parts) ** 0.5)
+                if len(norms) == 200 or time.monotonic() > until:
+                    break
+            reading.terminate()
+    if len(norms) < 200 or not all(7 < norm < 13 for norm in norms):
+        raise DiffersError(f"{len(norms)} accelerations of 200, between {min(norms)} and {max(norms)} m/s²")
+    return "outputs read, 200 accelerations"
