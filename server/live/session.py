@@ -225,7 +225,8 @@ class Session(Audience):
         if changed:
             level: wire.Level = "caution" if status == "connecting" else "fault"
             self._incidents.say("link", level, error.message, data={"kind": error.kind, "hint": error.hint})
-        self._portrait.tried(wire.Try(self._link.source, error.message, self._hub.now()))
+        if [one.outcome for one in self.info.tries[-1:]] != [error.message]:  # most links have told it of the place
+            self._portrait.tried(wire.Try(self._link.source, error.message, self._hub.now()))
         next_try = self._hub.now() + wait
         self._set(is_open=False, status=status, message=error.message, hint=error.hint, next_try=next_try)
         return wait

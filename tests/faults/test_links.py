@@ -287,3 +287,14 @@ def test_a_device_that_changes_its_rate_by_itself(known: bool) -> None:
                 await until(here.status("live"), "it is read again without being opened anew")
 
     run(check())
+
+
+def test_a_try_is_told_once() -> None:
+    """The link told it of the place, and the session once more of the source."""
+
+    async def check() -> None:
+        async with stage("tcp://127.0.0.1:1") as there:
+            await until(lambda: there.info.next_try, "it was tried")
+            assert [one.what for one in there.info.tries] == ["127.0.0.1:1"]
+
+    asyncio.run(check())

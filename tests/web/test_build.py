@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -84,3 +85,22 @@ def test_first_load_keeps_its_budget() -> None:
         min(path.stat().st_size for path in pair if path.is_file()) for pair in zip(packed, shipped, strict=True)
     )
     assert weight <= 250_000, "bytes of the whole page, compressed"
+
+
+def test_licences_of_what_is_bundled_stand_beside_the_page(build: ModuleType) -> None:
+    """What only builds or tests is not in the page; what is in it and has no terms may not be handed on."""
+    packages = {
+        "": {"name": "page"},
+        "node_modules/preact": {"version": "10.0.0", "license": "MIT"},
+        "node_modules/vite": {"version": "8.0.0", "license": "MIT", "dev": True},
+    }
+    (build.WEB / "package-lock.json").write_text(json.dumps({"packages": packages}))
+    with pytest.raises(build.BuildError, match="preact has no licence text"):
+        build.notices()
+    folder = build.WEB / "node_modules" / "preact"
+    folder.mkdir(parents=True)
+    (folder / "LICENSE").write_text("Permission is hereby granted")
+    told = build.notices()
+    assert "preact 10.0.0 (MIT)" in told
+    assert "Permission is hereby granted" in told
+    assert "vite" not in told
