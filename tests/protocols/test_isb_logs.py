@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import lzma
+import math
 import struct
 from collections.abc import Iterator
 from typing import Any
@@ -62,7 +63,11 @@ def same(said: dict[str, Any], expected: dict[str, Any], where: object) -> None:
             assert said[name] == value, where
             continue
         got = said[name] if not isinstance(said[name], list) else said[name][: len(np.atleast_1d(value))]
-        np.testing.assert_allclose(got, value, rtol=2e-7, err_msg=f"{name} of {where}")
+        pairs = zip(np.ravel(got).tolist(), np.ravel(value).tolist(), strict=True)
+        assert all(math.isclose(one, other, rel_tol=2e-7) or (one != one and other != other) for one, other in pairs), (
+            name,
+            where,
+        )
 
 
 def test_every_record_of_a_dat_log() -> None:
