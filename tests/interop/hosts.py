@@ -8,11 +8,9 @@ import time
 from pathlib import Path
 
 from recordings.importers import open_file
-from tests.interop.running import HERE, STARTS_S, Checkout, DiffersError, expect, owned, run, simulated
+from tests.interop.running import HERE, Checkout, DiffersError, expect, owned, run, simulated
 
 MTDEVICE = Checkout("ethzasl", "https://github.com/ethz-asl/ethzasl_xsens_driver", "master")
-XDA = Checkout("xsens", "https://github.com/xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client", "main")
-SDK = Checkout("inertial-sense-sdk", "https://github.com/inertialsense/inertial-sense-sdk", "2.7.1")
 
 
 def mtdevice(folder: Path, scratch: Path) -> str:
@@ -28,18 +26,12 @@ def mtdevice(folder: Path, scratch: Path) -> str:
 
 def xda(folder: Path, scratch: Path) -> str:
     """Scan, identity, outputs, measurement and a log by Xsens' own library, for each series of MTi."""
-    library = XDA.fetched(folder) / "src/xsens_ros_mti_driver/lib/xspublic"
-    if not (library / "xscontroller/libxscontroller.a").exists():
-        run(["make", "-s"], library, limit_s=STARTS_S)
-    program = scratch / "xda_host"
-    names = ("xscontroller", "xscommon", "xstypes")
-    objects = [str(library / name / f"lib{name}.a") for name in names]
-    build = ["g++", "-std=c++11", f"-I{library}", str(HERE / "xda_host.cpp"), "-o", str(program), *objects]
-    run([*build, "-lpthread", "-ldl"], scratch, limit_s=STARTS_S)
+    library = "xspublic of xsenssupport/Xsens_MTi_ROS_Driver_and_Ntrip_Client, built as that says"
+    program = owned("xda_host", f"tests/interop/xda_host.cpp, compiled against {library}")
     for number, product in enumerate(("MTi-630", "MTi-680G", "MTi-3", "MTi-7", "MTi-300", "MTi-G-710")):
         log = scratch / f"{product}.mtb"
         with simulated(f"xbus?product={product}&baud=115200", scratch / f"imu{number}") as port:
-            printed = run([str(program), port, "115200", str(log)], scratch)
+            printed = run([program, port, "115200", str(log)], scratch)
         expect(printed, "accelerations 200 or more")
         (device,) = open_file(log).devices.values()
         told = next(line for line in printed.splitlines() if line.startswith("id ")).removeprefix("id ")
@@ -49,15 +41,11 @@ def xda(folder: Path, scratch: Path) -> str:
 
 def cltool(folder: Path, scratch: Path) -> str:
     """A log of an IMX-5 by CLTool holds what the simulator sent."""
-    source = SDK.fetched(folder) / "cltool"
-    build = source / "build"
-    if not (build / "cltool").exists():
-        run(["cmake", "-S", str(source), "-B", str(build), "-DCMAKE_BUILD_TYPE=Release"], source, limit_s=STARTS_S)
-        run(["cmake", "--build", str(build), "-j", "2"], source, limit_s=STARTS_S)
+    program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1")
     with simulated("isb?baud=921600", scratch / "imx") as port:
         place = str(Path(port).resolve())  # it opens what the system calls the port, not a link to it
         words = ["-c", place, "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
-        run([str(build / "cltool"), *words, "-lp", str(scratch / "log")], scratch)
+        run([program, *words, "-lp", str(scratch / "log")], scratch)
     logs = sorted((scratch / "log").rglob("*.raw"))
     if not logs or not any(log.stat().st_size > 10_000 for log in logs):
         raise DiffersError("CLTool wrote no log of the device")

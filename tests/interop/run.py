@@ -1,19 +1,20 @@
 """Other people's programs against imuscope's simulators, files and streams, one command each, for whoever has them.
 
     python -m tests.interop.run mtdevice          ethzasl's mtdevice.py (Python)
-    python -m tests.interop.run xda               Xsens' own library, xspublic of its ROS driver (make, g++)
-    python -m tests.interop.run cltool            Inertial Sense SDK, CLTool 2.7.1 (cmake, g++, libudev, libusb)
+    python -m tests.interop.run xda               Xsens' own library, by xda_host, which must be on PATH: xda_host.cpp,
+                                                  compiled against xspublic of its ROS driver
+    python -m tests.interop.run cltool            Inertial Sense SDK's CLTool 2.7.1, which must be on PATH
     python -m tests.interop.run xsens-go          the `xsens` command of einride/xsens-go, which must be on PATH
     python -m tests.interop.run mcap              pymcap-cli 0.34.0 (pip), on recordings and exports of ours
     python -m tests.interop.run rerun             the rerun command that is installed with imuscope, on an .rrd export
     python -m tests.interop.run pygnssutils       pygnssutils 1.3.1 (pip) as the NTRIP caster of a device
     python -m tests.interop.run                   all of them
 
-Each takes a fixed version, fetched into --folder if it does not lie there already, starts what of ours it is for, runs
-the program unchanged, and compares what it printed with what must come out. Exit status 1 when one differs. A program
-that cannot be had is told and fails too. CLTool needs libudev-dev and libusb-1.0-0-dev, whose header it looks for in
-another folder: CPATH=/usr/include/libusb-1.0. None of this is part of the tests that everybody runs, and nothing of
-theirs is part of the project.
+Each starts what of ours it is for, runs the program unchanged, and compares what it printed with what must come out.
+Exit status 1 when one differs. mtdevice.py and what pip has are fetched into --folder, in a fixed version, if they do
+not lie there already. The others are for whoever has them: one that is not there is told, with where it comes from, and
+fails too. How it is built is in its own README (CLTool needs libudev-dev and libusb-1.0-0-dev). None of this is part of
+the tests that everybody runs, and nothing of theirs is part of the project.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent
-STARTS_S = 3600.0  # building one of them, on a small machine
+STARTS_S = 600.0  # installing one of them, on a small machine
 LASTS_S = 300.0
 
 
@@ -104,5 +104,5 @@ def owned(program: str, where: str) -> str:
     """
     found = shutil.which(program)
     if found is None:
-        raise DiffersError(f"there is no {program!r} on PATH. It is {where}; install it as its README says.")
+        raise DiffersError(f"there is no {program!r} on PATH. It is {where}; build or install it as its README says.")
     return found
