@@ -76,7 +76,7 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
 
 def _tests(name: str, workers: int, *arguments: str) -> Part:
     own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # what failed is noted by each for itself
-    beside = ("--numprocesses", str(workers), "--dist", "loadfile")
+    beside = ("--numprocesses", str(workers), "--dist", "loadfile", "--no-loadscope-reorder")
     return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
 

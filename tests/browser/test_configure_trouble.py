@@ -62,6 +62,7 @@ def test_a_device_in_the_config_state_could_not_be_configured(serve: Serve, open
     page.locator(f"{ACCELERATION} select").first.select_option("50")
     page.get_by_role("button", name="Apply", exact=True).click()
     until(page, APPLIED)
+    run(server, "GoToMeasurement")  # it stays in the state that it was sent to
     until(page, f"{STATUS} === 'live'")
 
 

@@ -33,9 +33,8 @@ from server.control.correction_desk import CorrectionDesk
 from server.control.corrections import file_of
 from server.library import windows
 from server.links import open_link
-from server.links.base import LinkError, LinkSettings
+from server.links.base import LinkSettings
 from server.links.replay import expanded
-from tests.links.bench import fails
 from tests.patience import PATIENCE_S
 from tests.server.fakes import FakeLink
 from tests.server.running import Running
@@ -127,18 +126,32 @@ def test_a_table_is_made_in_small_pieces() -> None:
         assert max(map(len, pieces)) < 4_000_000
 
 
-def test_a_pipe_as_a_source_is_refused_and_waits_for_nobody(tmp_path: Path) -> None:
+def test_a_pipe_that_nobody_writes_to_holds_up_nobody(tmp_path: Path) -> None:
     """It was opened in the event loop, which then waited for a writer."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     assert expanded(str(pipe)) == [str(pipe)]
 
     async def check() -> None:
-        error = await fails(open_link(str(pipe), LinkSettings(lambda: 0)).open())
-        assert isinstance(error, LinkError)
-        assert error.kind == "bad-source"
+        link = open_link(str(pipe), LinkSettings(lambda: 0))
+        async with asyncio.timeout(PATIENCE_S):
+            await link.open()
+            reading = asyncio.create_task(link.read())
+            for _ in range(20):  # the loop goes on
+                await asyncio.sleep(0.001)
+            assert not reading.done()
+            reading.cancel()
+            await link.close()
 
     asyncio.run(check())
+
+
+def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with Running(Config(sources=("/dev/one",), data=tmp_path / "data"), FakeLink) as running:
+        answer = running.client.post("/api/devices", json={"source": str(pipe)})
+    assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
 
 def test_files_are_sources_only_where_that_is_meant(tmp_path: Path) -> None:

@@ -343,6 +343,4 @@ def test_a_table_is_one_message_a_time() -> None:
     rows = [clock, clock, np.array([5, 6, 7], "u1")]
     found = [json.loads(body) for _, body in Encoder(info).messages(rows)]
     assert found == [{"rows": [{"svId": 5}, {"svId": 6}]}, {"rows": [{"svId": 7}]}]
-    assert schema_of(info)["properties"]["rows"]["items"]["properties"] == {
-        "svId": {"type": "integer", "description": ""}
-    }
+    assert schema_of(info)["properties"]["rows"]["items"]["properties"] == {"svId": {"type": "integer"}}

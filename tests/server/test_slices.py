@@ -246,7 +246,7 @@ def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.Monk
 
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=isb") as there:
-            intake = there.session._senders.own
+            intake = there.session.senders.own
             await until(lambda: there.info.is_open, "the port is open")
             for at in range(0, len(names), 100):
                 lines = b"".join(sentence(f"{name},1,2") for name in names[at : at + 100])

@@ -147,16 +147,17 @@ def test_what_a_command_alters(protocol: str, name: str, values: dict[str, objec
 
 
 @pytest.mark.parametrize(
-    ("source", "silence", "change"),
+    ("source", "silence", "change", "speech"),
     [
-        (IMX, "STOP_BROADCASTS_CURRENT_PORT", {"streams": {"streams": [{"did": 4, "period": 2}]}}),
-        (MTI, "GoToConfig", {"OutputConfiguration": outputs(50)}),
+        (IMX, "STOP_BROADCASTS_CURRENT_PORT", {"streams": {"streams": [{"did": 4, "period": 2}]}}, ""),
+        (MTI, "GoToConfig", {"OutputConfiguration": outputs(50)}, "GoToMeasurement"),
     ],
 )
 def test_a_silent_device_was_taken_for_an_unreachable_one(
-    tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]]
+    tmp_path: Path, source: str, silence: str, change: dict[str, dict[str, object]], speech: str
 ) -> None:
-    """Its link is open all the while, it answers, and what is written makes it speak again."""
+    """Its link is open all the while, and it answers. Streams that are written make it speak again; a device that was
+    sent to the config state stays there until it is sent back."""
 
     async def check() -> None:
         async with house(tmp_path) as here:
@@ -168,6 +169,8 @@ def test_a_silent_device_was_taken_for_an_unreachable_one(
             assert (await here.read(desk)).state == "done"
             job = await here.apply(desk, change)
             assert (job.state, job.outcomes) == ("done", []), job.message
+            if speech:
+                await command(here, desk, speech)
             await until(lambda: desk.session.info.status == "live", "it streams again")
 
     run(check())
