@@ -76,7 +76,7 @@ def _pytest(*arguments: str) -> Callable[[argparse.Namespace], list[str]]:
 
 def _tests(name: str, workers: int, *arguments: str) -> Part:
     own = ("-o", f"cache_dir=.pytest_cache/{name}", *arguments)  # what failed is noted by each for itself
-    beside = ("--numprocesses", str(workers), "--dist", "loadfile", "--no-loadscope-reorder")
+    beside = ("--numprocesses", str(workers), "--dist", "loadfile")
     return Part(name, _pytest(*own, *beside), alone=_pytest(*own, "--last-failed"))
 
 
@@ -88,7 +88,7 @@ PARTS = (
     Part("audit", lambda _: [PYTHON, "-m", "tests.audit"], is_narrow=True),
     Part("tsc", lambda _: _web("typescript/bin/tsc", "--noEmit", "--project", "web"), is_narrow=True),
     Part("vitest", lambda _: _web("vitest/vitest.mjs", "run", "--root", "web", "--no-color"), "Tests ", is_narrow=True),
-    _tests("pytest", 4, "--ignore=tests/browser"),
+    _tests("pytest", 4, "--ignore=tests/browser", "--no-loadscope-reorder"),  # its longest file has few tests
     _tests("browser", 3, "tests/browser"),
 )
 
