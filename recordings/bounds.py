@@ -45,12 +45,12 @@ def bounded(memory: int | None = None, cpu_s: int = CPU_S) -> None:
 
 
 def bounded_by(path: Path) -> None:
-    """The same of the time, once it is known which file is read."""
+    """The same of the time from here on, once it is known which file is read."""
     with contextlib.suppress(OSError):
         if sys.platform == "linux":
             import resource
 
-            _limit(resource.RLIMIT_CPU, seconds_for(path.stat().st_size))
+            _limit(resource.RLIMIT_CPU, _used_s() + seconds_for(path.stat().st_size))
 
 
 def seconds_for(size: int) -> int:
@@ -86,6 +86,13 @@ def _limit(what: int, most: int) -> None:
 def _over(number: int, frame: object) -> NoReturn:
     import resource
 
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    _limit(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime) + TO_END_S)  # else it is told every second
+    _limit(resource.RLIMIT_CPU, _used_s() + TO_END_S)  # else it is told every second
     raise TooLong
+
+
+def _used_s() -> int:
+    """The time of the processor that this process has taken."""
+    import resource
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return int(used.ru_utime + used.ru_stime)

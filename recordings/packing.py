@@ -10,7 +10,9 @@ that is damaged anywhere but at its torn end: what stands behind a damage must n
 from __future__ import annotations
 
 import contextlib
+import json
 import os
+import shutil
 import sys
 import zlib
 from collections import Counter
@@ -192,23 +194,39 @@ def _sync_folder(folder: Path) -> None:
 
 
 def main() -> int:
-    """`python -m recordings.packing FILE …`: pack each, with what priority is left over by others."""
+    """`python -m recordings.packing FILE …`: pack each, with what priority is left over by others.
+
+    Each is told of in a line of JSON: path, packed, and the message of what went wrong. One that takes more memory or
+    time than it may have is the last.
+    """
     end_with_parent()
     with contextlib.suppress(OSError, AttributeError):
         os.nice(10)
     bounded(MEMORY)
     for name in sys.argv[1:]:
+        has_room, message, is_over = False, "", False
         try:
             bounded_by(Path(name))
-            pack(Path(name))
+            has_room = _has_room(Path(name))
+            if has_room:
+                pack(Path(name))
         except RecordingError as error:
-            print(f"{error} {error.hint}".rstrip(), file=sys.stderr)
-            return 1
+            message = f"{error} {error.hint}".rstrip()
         except (MemoryError, TooLong) as error:
-            what = "memory" if isinstance(error, MemoryError) else "time"
-            print(f"{name} stays as it is: packing it takes more {what} than it may have.", file=sys.stderr)
+            what, is_over = "memory" if isinstance(error, MemoryError) else "time", True
+            message = f"It stays as it is: packing it takes more {what} than it may have."
+        print(json.dumps({"path": name, "packed": has_room and not message, "message": message}), flush=True)
+        if is_over:
             return 1
     return 0
+
+
+def _has_room(path: Path) -> bool:
+    """The packed file stands beside the other for a moment; it is smaller, and nobody knows how much."""
+    try:
+        return shutil.disk_usage(path.parent).free > path.stat().st_size
+    except OSError:
+        return False
 
 
 if __name__ == "__main__":

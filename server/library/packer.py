@@ -1,17 +1,19 @@
 """Who rewrites finished recordings (recordings/packing.py) without a live device noticing? A process of low priority.
 
-One recording after the other. A thread would take turns with the event loop; a process of its own does not. What the
-server before this one left behind, closed or killed, is found at the start.
+One recording after the other. A thread would take turns with the event loop; a process of its own does not. One process
+takes what is waiting, since it takes a second to start. What the server before this one left behind, closed or killed,
+is found at the start.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
-import shutil
 import sys
 from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 from recordings import file_lock, packing
@@ -19,6 +21,7 @@ from recordings.container import SUFFIX
 
 log = logging.getLogger("imuscope.packer")
 ROOT = Path(packing.__file__).resolve().parents[1]
+BATCH = 32  # recordings for one process
 
 
 class Packer:
@@ -67,30 +70,37 @@ class Packer:
 
     async def _work(self) -> None:
         while self._waiting:
-            path = self._waiting.popleft()
+            before = len(self._waiting)
             try:
-                if await asyncio.to_thread(_has_room, path):
-                    await self._pack(path)
-                    self._packed(path)
+                await self._pack(list(islice(self._waiting, BATCH)))
             except OSError as error:
-                log.warning("%s could not be packed: %s", path.name, error)
+                log.warning("Recordings could not be packed: %s", error)
+            if self._waiting and len(self._waiting) >= before:  # the process fell over the first one, and said nothing
+                log.warning("%s could not be packed.", self._waiting.popleft().name)
 
-    async def _pack(self, path: Path) -> None:
+    async def _pack(self, paths: list[Path]) -> None:
+        """Have these packed, each leaving the queue when it is told of; the process may end before it has done all."""
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "recordings.packing", str(path)),
+            *(sys.executable, "-m", "recordings.packing", *map(str, paths)),
             cwd=ROOT,
             stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.DEVNULL,
-            stderr=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
         )
+        assert process.stdout is not None
         try:
-            _, said = await process.communicate()
-        except asyncio.CancelledError:
-            process.kill()
+            async for line in process.stdout:
+                told = json.loads(line)
+                path = Path(told["path"])
+                self._waiting.remove(path)
+                if told["message"]:
+                    log.warning("%s could not be packed: %s", path.name, told["message"])
+                elif told["packed"]:
+                    self._packed(path)
             await process.wait()
-            raise
-        if process.returncode:
-            log.warning("%s could not be packed: %s", path.name, said.decode(errors="replace").strip())
+        finally:
+            if process.returncode is None:
+                process.kill()
+                await process.wait()
 
 
 def left_behind(folder: Path) -> list[Path]:
@@ -102,11 +112,3 @@ def left_behind(folder: Path) -> list[Path]:
         if not file_lock.is_in_use(aside):
             aside.unlink(missing_ok=True)
     return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if packing.is_loose(path)]
-
-
-def _has_room(path: Path) -> bool:
-    """The packed file stands beside the other for a moment; it is smaller, and nobody knows how much."""
-    try:
-        return shutil.disk_usage(path.parent).free > path.stat().st_size
-    except OSError:
-        return False

@@ -192,11 +192,11 @@ class TcpListenLink(_Connection):
         who = place_of(*address[:2])
         if self._device is not None:
             if self.settings.now_ns() - self._last_ns < SILENT_NS:
-                newcomer.close()
                 self.notices = [
                     f"{self.peer} is connected.",
                     f"{who} was turned away: one device at a time. Give the other one a port of its own.",
                 ]
+                newcomer.close()  # after the notice: who is turned away may look for it at once
                 return
             before = self.peer
             self._drop()

@@ -25,6 +25,7 @@ from protocols.idtp.device import IdtpDevice
 from protocols.idtp.frames import build as idtp_frame
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_frame
+from tests.browser.test_capture import number
 from tests.browser.test_page import TARGETS, serious
 from tests.chromium import until
 from tests.conftest import READY
@@ -129,9 +130,14 @@ def test_the_attitude_is_right_in_every_form(
     page = open_page(serve(f"{path}?loop=1").url)
     until(page, READY)
     until(page, "/\\d/.test(document.querySelector('[data-numeral=heading]')?.innerText)")
-    page.wait_for_timeout(300)
-    shown = {name: float(text.replace("\u2212", "-").rstrip("°")) for name, text in page.evaluate(SHOWN).items()}
-    assert shown == pytest.approx({"heading": HEADING, "roll": RIGHT_DOWN, "pitch": pitch}, abs=0.06)
+    expected = pytest.approx({"heading": HEADING, "roll": RIGHT_DOWN, "pitch": pitch}, abs=0.06)
+    shown: dict[str, str] = {}
+
+    def is_right() -> bool:
+        shown.update(page.evaluate(SHOWN))
+        return all(map(str.strip, shown.values())) and {n: number(text) for n, text in shown.items()} == expected
+
+    eventually(page, is_right, shown)
     assert page.locator(".nums .seg [aria-pressed=true]").inner_text() == frame
     assert page.locator(".nums .from").inner_text() == source
 
@@ -162,11 +168,11 @@ SKY = """() => {
 }"""
 
 
-def eventually(page: Page, true: Callable[[], object]) -> None:
-    """Wait for what is asked of the page in several steps."""
+def eventually(page: Page, true: Callable[[], object], last: object = None) -> None:
+    """Wait for what is asked of the page in several steps; `last` tells what it was when it does not come."""
     deadline = time.monotonic() + PATIENCE_S
     while not true():
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, last
         page.wait_for_timeout(100)
 
 
@@ -277,8 +283,8 @@ def test_without_a_tile_server_none_is_asked(families: ServerProcess, open_page:
     looking_at(page, "1")
     until(page, "/3D/.test(document.querySelector('.gnss .cap')?.innerText)")
     page.get_by_role("button", name="Track within the window").click()
+    eventually(page, lambda: [url for url in asked if "/api/map" in url])
     page.wait_for_timeout(1500)
-    assert [url for url in asked if "/api/map" in url]
     assert not [url for url in asked if "/tiles/" in url]
     assert page.get_by_role("button", name="Map", exact=True).count() == 0
 

@@ -58,13 +58,18 @@ def running(tmp_path: Path, links: Links) -> Iterator[Running]:
 
 @contextlib.contextmanager
 def files_of_at_most(size: int) -> Iterator[None]:
-    """The kernel refuses whatever would make a file larger (EFBIG), as at a quota or on a small file system."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    """The kernel refuses whatever would make a file larger (EFBIG), as at a quota or on a small file system.
+
+    Modules that are imported meanwhile leave no bytecode: Python 3.11 would cut that too, and trip over it ever after.
+    """
+    before = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[0][1]))
+    sys.dont_write_bytecode = True
     try:
         yield
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        resource.setrlimit(resource.RLIMIT_FSIZE, before[0])
+        sys.dont_write_bytecode = before[1]
 
 
 def ended(running: Running) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def test_many_steps_take_no_longer() -> None:
     raw = np.tile(np.arange(0, 10_000, 100), 5000)
     clock = Unwrap(FULL, tick_ns=100_000)
     clock.ticks(raw[:10])
-    start = time.perf_counter()
+    start = time.process_time()
     clock.ticks(raw)
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5  # it was a hundred times that
     assert len(clock.steps) >= 4999

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import resource
 import socket
@@ -207,7 +208,9 @@ raise SystemExit(packing.main())
         command = [sys.executable, "-c", program, str(tmp_path / name)]
         run = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
         assert run.returncode == 1
-        assert f"takes more {what} than it may have" in run.stderr
+        told = json.loads(run.stdout)
+        assert told["packed"] is False
+        assert f"takes more {what} than it may have" in told["message"]
 
 
 def test_bounds_go_by_the_file_and_the_machine() -> None:

