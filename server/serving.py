@@ -4,7 +4,8 @@ permessage-deflate off     samples hardly compress, and it costs five times the 
 proxy headers off          who asks is the peer itself; a forwarded request needs a token (server/auth.py)
 little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken waits in its outbox, where the oldest
                            is dropped, and not in megabytes of kernel buffer, where it would only grow old
-TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart
+TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart; each
+                           handshake is ours (server/handshakes.py), so that it is counted and has an end
 the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
 frames go out as they are  where they were made once for all browsers, and the socket takes them at once
 """
@@ -22,6 +23,7 @@ import socket
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import h11
@@ -29,6 +31,7 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from uvicorn.server import ServerState
 from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
@@ -36,6 +39,7 @@ from websockets.protocol import State
 from server import ending
 from server.config import Config
 from server.connections import connections_of
+from server.handshakes import Handshake
 from server.kinds import status_of
 from server.wire import Problem
 
@@ -65,17 +69,9 @@ class BoundedHttp(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         self._room = connections_of(self.server_state)
-        if len(self.connections) > most_connections():
-            idle: BoundedHttp | None = self._room.idlest()
-            peer = ((idle or self).client or ("", 0))[0]
-            text = f"Closed an idle connection of {peer}: {most_connections()} are open, and that is the most."
-            log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
-            if idle is None:
-                transport.abort()
-                return
-            idle.transport.abort()
-        self._room.moved(self)
-        self._expect()
+        if admitted(self, self.server_state):
+            self._room.moved(self)
+            self._expect()
 
     def resume_writing(self) -> None:
         self._room.moved(self)
@@ -132,6 +128,30 @@ class BoundedHttp(H11Protocol):
         self._room.gone(self)
         self._expect_no_more()
         super().connection_lost(exc)
+
+
+def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
+    """Is there room for one more, or was some made? If not, it is closed."""
+    room = connections_of(state)
+    if len(state.connections) + len(room.shaking) <= most_connections():
+        return True
+    idle: BoundedHttp | Handshake = room.idlest() or one
+    peer = (idle.client or ("", 0))[0]
+    text = f"Closed an idle connection of {peer}: {most_connections()} are open, and that is the most."
+    log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
+    idle.transport.abort()
+    return idle is not one
+
+
+def _over_tls(keeper: Keeper) -> type[asyncio.Protocol]:
+    """What uvicorn makes of each connection that it accepts: our HTTP, once the handshake is over."""
+
+    def made(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
+        room = connections_of(server_state)
+        http = partial(BoundedHttp, config, server_state, **others)
+        return Handshake(keeper.context, room, http, lambda one: admitted(one, server_state))
+
+    return cast(type[asyncio.Protocol], made)
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
@@ -240,6 +260,8 @@ class Server(uvicorn.Server):
         timers = [loop.call_later(ending.GRACE_S, self._cut_off), loop.call_later(ending.CUT_S, self._cancel)]
         if self._looking is not None:
             self._looking.cancel()
+        for one in connections_of(self.server_state).shaking:
+            one.transport.abort()
         try:
             await super().shutdown(sockets)
         finally:
@@ -311,7 +333,7 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
     """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
     config = uvicorn.Config(
         app,
-        http=BoundedHttp,
+        http=BoundedHttp if keeper is None else _over_tls(keeper),
         ws=LiveProtocol,
         ws_per_message_deflate=False,
         ws_max_size=MOST_FROM_BROWSER,
@@ -324,7 +346,6 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
         log_level="warning",
         lifespan="on",
         timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
-        ssl_context_factory=None if keeper is None else lambda *_: keeper.context,
     )
     logging.getLogger("uvicorn.error").addFilter(_is_ours)
     return Server(config, on_ready, keeper)

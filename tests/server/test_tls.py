@@ -21,7 +21,7 @@ import viser
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from server import serving, tls
+from server import handshakes, serving, tls
 from server.config import Config, ConfigError, load
 from tests.patience import PATIENCE_S, connecting
 from tests.process import ServerProcess, imuscope
@@ -291,3 +291,73 @@ async def _talk(server: ServerProcess) -> None:
     assert json.loads(said[0])["op"] == "hello"
     assert all(said[1:3])
     assert json.loads(said[3])["op"] == "serverInfo"
+
+
+# ── a handshake that does not end ──
+
+
+async def closed(reader: asyncio.StreamReader) -> bool:
+    """Wait until the other side has closed a connection."""
+    with contextlib.suppress(ConnectionError):
+        async with asyncio.timeout(PATIENCE_S):
+            assert await reader.read(100) == b""
+    return True
+
+
+def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who said nothing, or half a hello, was kept for a minute."""
+    monkeypatch.setattr(handshakes, "HANDSHAKE_S", 0.3)
+
+    async def play() -> None:
+        keeper = tls.Keeper(Config(data=tmp_path, tls=True))
+        async with serving_with(keeper) as port:
+            for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(said)
+                assert await closed(reader)
+                writer.close()
+            monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
+            assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
+
+    asyncio.run(play())
+
+
+def test_handshakes_that_do_not_end_leave_room_for_one_that_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were counted nowhere: about a thousand, without a token, took every descriptor of a server with TLS."""
+    monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
+    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 10)
+
+    async def play() -> None:
+        keeper = tls.Keeper(Config(data=tmp_path, tls=True))
+        async with serving_with(keeper) as port:
+            silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
+            assert all([await closed(reader) for reader, _ in silent[:20]])
+            assert await shown(port, keeper.tls.cert) == keeper.tls.fingerprint
+            assert not any(reader.at_eof() for reader, _ in silent[-5:])
+            for _, writer in silent:
+                writer.close()
+
+    asyncio.run(play())
+
+
+def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
+
+    def shaking() -> bool:
+        return any(task.get_name() == "TLS handshake" for task in asyncio.all_tasks())
+
+    async def play() -> None:
+        async with serving_with(tls.Keeper(Config(data=tmp_path, tls=True))) as port:
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(b"\x16\x03\x01\x02\x00")
+            async with asyncio.timeout(PATIENCE_S):
+                while not shaking():
+                    await asyncio.sleep(0.01)
+        assert await closed(reader)
+        writer.close()
+        await asyncio.sleep(0)
+        assert not shaking()
+
+    asyncio.run(play())
