@@ -250,6 +250,8 @@ class Driver(Protocol):
     """Message → the state that a device is in when it has sent it ("Config"); empty where there are no states."""
     begins: Collection[str]
     """Messages with which a device begins anew: what a command left unfinished is discarded."""
+    ends_rest: str
+    """The command that ends the state in which settings are read (`AT_REST`); "" where there is no such state."""
 
     def commands(self, known: Known) -> Sequence[Command]:
         """Every command of the document that this product has; all of the protocol while it is not known."""

@@ -36,6 +36,7 @@ class IdtpDriver:
     name = "idtp"
     states: Mapping[str, str] = NO_STATES
     begins: Collection[str] = ()
+    ends_rest = ""
 
     def __init__(self, schema: Schema | None = None) -> None:
         self._schema: Schema = schema or {}

@@ -175,6 +175,7 @@ class IsbDriver:
     name = "isb"
     states: Mapping[str, str] = NO_STATES
     begins: Collection[str] = ()
+    ends_rest = ""
 
     # -- tables --------------------------------------------------------------------------------------------------------
 

@@ -76,6 +76,7 @@ class XbusDriver:
         "MTData2": "Measurement",
     }
     begins: Collection[str] = ("GoToMeasurementAck", "WakeUp")
+    ends_rest = "GoToMeasurement"
 
     # -- tables
 

@@ -58,7 +58,7 @@ def run(
             raise
         desk.doubt(stale, NOT_SINCE.format(task.job.title))
         if isinstance(body, InState) and body.state == "any" and not restarts:
-            desk.at_rest = desk.state == AT_REST
+            desk.rest(desk.state == AT_REST)
         if restarts:
             await _follow(desk, task)
         desk.leave(command, driver.unfinished(command, values))

@@ -32,7 +32,7 @@ from server.control.preview import Line, Present
 from server.control.runner import Runner
 from server.links.base import LinkError
 from server.live.hub import Hub
-from server.live.member import AnyDevice, address_of
+from server.live.member import AnyDevice, address_of, explain_silence
 from server.wire import ControlState, Job, Trial
 
 log = logging.getLogger("imuscope.control")
@@ -40,6 +40,7 @@ T = TypeVar("T")
 
 MOST_WAITING = 16
 DONE_KEPT = 5
+REST_HINT = "It was sent to the state {state}, in which it sends no data: send {command} to have it measure again."
 SILENT_HINT = "Check its power, its cable and the rate, then read its settings again."
 
 
@@ -308,6 +309,13 @@ class Desk:
         """The whole, as browsers are told."""
         return ControlState(
             device=self.device,
+    def rest(self, on: bool) -> None:
+        """A person sent it to the state in which settings are read, or that is over; its silence is explained by it."""
+        if on != self.at_rest:
+            self.at_rest = on
+            hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
+            explain_silence(self.session, hint)
+
             state=self.state,
             running=replace(self._running.job) if self._running is not None else None,
             queue=[replace(task.job) for task in self._queue],
@@ -329,14 +337,14 @@ class Desk:
                 return
             states = driver.states
             if event.message.name in driver.begins:
-                self.at_rest = False
+                self.rest(False)
                 if self.unfinished:
                     self.unfinished = {}
                     self.tell()
             state = states.get(event.message.name, self.state)
             if state != self.state:
                 self.state = state
-                self.at_rest = self.at_rest and state == AT_REST
+                self.rest(self.at_rest and state == AT_REST)
                 self.tell()
 
     def _name_of(self, frame: bytes) -> str:

@@ -6,6 +6,8 @@ So it is told by what is missing: for `DEAF_S` no frame, sentence or answer, amo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from server.links.base import Link, LinkError
 from server.live.health import Figures
 
@@ -14,16 +16,22 @@ LEAST_BYTES = 100  # fewer may be one long frame that is still on its way
 
 
 class Deafness:
-    """Of one device."""
+    """Of one link."""
 
     def __init__(self) -> None:
         self._read = -1  # frames so far
         self._since = 0.0  # when there was one last
         self._bytes = 0  # so far, then
 
-    def look(self, now: float, figures: Figures, *, meant: bool) -> bool:
-        """Is it so now? To be asked a few times a second; `meant`: it is being configured."""
-        read, heard = sum(meter.total for meter in figures.messages.values()), figures.bytes.total
+    def look(self, now: float, figures: Sequence[Figures], meant: bool) -> bool:
+        """Is it so now? To be asked a few times a second.
+
+        Args:
+            figures: of each device of the link: while one of them can be read, another is silent.
+            meant: one is being configured.
+        """
+        read = sum(meter.total for one in figures for meter in one.messages.values())
+        heard = figures[0].bytes.total  # the link's
         if read != self._read or meant:
             self._read, self._since, self._bytes = read, now, heard
             return False

@@ -114,6 +114,14 @@ def address_of(device: AnyDevice) -> int | None:
     return session.senders.addresses.get(name_of(device))
 
 
+def explain_silence(device: AnyDevice, hint: str) -> None:
+    """What a person is to do about its silence, where a reason for that is known; "" where there is none."""
+    session = device.session if isinstance(device, Member) else device
+    sender = session.senders.of(name_of(device))
+    if sender is not None:
+        sender.silence_hint = hint
+
+
 def shares(device: AnyDevice) -> bool:
     """Are there other devices on its link?"""
     session = device.session if isinstance(device, Member) else device

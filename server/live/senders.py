@@ -57,6 +57,7 @@ class Sender:
         self.raws = Raws(device, hub.keep_payloads if hub.keeps_clocks else None)
         self.intake: Intake | None = None
         self.heard_at = 0.0  # unix s of the last sample
+        self.silence_hint = ""  # what to do about its silence, where the reason for that is known
         self._hushed = False
         self._interval = 0.0  # the usual time between its samples, s
 
@@ -98,6 +99,11 @@ class Senders:
     @property
     def all(self) -> list[Sender]:
         return [self.own, *self.others.values()]
+
+    @property
+    def figures(self) -> list[Figures]:
+        """Of every device of the link, its own first."""
+        return [sender.figures for sender in self.all]
 
     @property
     def infos(self) -> list[wire.DeviceInfo]:
@@ -192,8 +198,9 @@ class Senders:
                 }
                 sender.portrait.set(**state)
         if down is None:
+            waiting = ("live",) if all(one.is_silent(now) for one in self.all) else ("live", "connecting")
             for sender in self.all:
-                if sender.portrait.info.status == "live" and sender.is_silent(now):
+                if sender.portrait.info.status in waiting and sender.is_silent(now):
                     self._fell_silent(sender, now)
 
     def _fell_silent(self, sender: Sender, now: float) -> None:
@@ -204,7 +211,8 @@ class Senders:
             )
         sender.incidents.say("link", "fault", text, data={"kind": "silent"})
         last = sender.figures.last_arrival
-        sender.portrait.set(status="lost", message=text, hint=SILENT_HINT, next_try=None, last_arrival=last)
+        hint = sender.silence_hint or SILENT_HINT
+        sender.portrait.set(status="lost", message=text, hint=hint, next_try=None, last_arrival=last)
         if sender.intake is not None:
             sender.intake.samples = 0  # the next sample makes it live again
 

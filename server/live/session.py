@@ -32,7 +32,7 @@ from server.live.greeting import Greeting
 from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.left_out import LeftOut
-from server.live.patience import SILENT_S, Patience
+from server.live.patience import SILENT_HINT, SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
 from server.live.recognition import Speech, Unknown, unknown_hint
@@ -180,8 +180,8 @@ class Session(Audience):
                 if not opened:
                     self._set(next_try=None)  # what went wrong before stays readable while it is tried again
                     await self._link.open(self._portrait.tried)
+                self._connected(same=opened)
                 opened = False
-                self._connected()
                 while True:
                     self._take(await self._link.read())
                     await self._slices.room()
@@ -194,14 +194,15 @@ class Session(Audience):
                 wait = self._explain(LinkError("gone", "A fault in imuscope ended this link.", "The log has details."))
             await self._pause(wait)
 
-    def _connected(self) -> None:
+    def _connected(self, *, same: bool) -> None:
+        """Begin anew. The same devices are read as before: what they speak would not be told from others' noise."""
         self._opened_at = self._hub.now()
         self._unknown = Unknown(self._speech.guess)
         self._link.flow.whole = True  # until it is known whether ends of datagrams matter
         self._intake = None
         self._greeting.anew()
-        if self._reading.protocol:
-            self._begin(self._reading.protocol)
+        if protocol := self._reading.protocol or (self.info.protocol if same and self.senders.others else ""):
+            self._begin(protocol)
         message = f"{self._link.source} is open, no byte yet."
         self._set(is_open=True, message=message, hint="", baud=self._link.baud, notices=self._notices)
 
@@ -469,9 +470,9 @@ class Session(Audience):
                 self._dirty = True
                 self._drain(final=True)
             if self.info.status == "live" and looked and quiet > self._patience.limit:
-                hint = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
+                hint = self.senders.own.silence_hint or SILENT_HINT
                 self._fell_silent(f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
-            elif self.info.status == "live" and self._deafness.look(now, self._figures, meant=self._patience.hushed):
+            elif self.info.status == "live" and self._deafness.look(now, self.senders.figures, self._patience.hushed):
                 self._fell_silent(*(self._advice.refusal(self._figures) or not_understood(self._link)))
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"

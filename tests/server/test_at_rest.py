@@ -15,6 +15,7 @@ from server.control.desk import Desk
 from server.wire import Job
 from tests.dialogues import Wire, play
 from tests.server.desk import House, bench, house, over, until
+from tests.server.test_shared_line import both
 
 DRIVER = XbusDriver()
 
@@ -43,6 +44,39 @@ def test_a_question_by_hand_leaves_the_device_in_the_state_it_was_in(tmp_path: P
             await until(lambda: desk.state == "Measurement" and not desk.at_rest, "it measures")
             assert (await told(here, desk, "ReqDID")).state == "done"
             await until(lambda: desk.state == "Measurement", "it measures again")
+
+    asyncio.run(check())
+
+
+def test_the_silence_of_a_device_at_rest_is_explained_by_it(tmp_path: Path) -> None:
+    """It was called lost, with its power and cable to be checked."""
+
+    async def check() -> None:
+        async with bench() as there, house(tmp_path) as here:
+            desk = await here.add(f"{there.slave}?baud=115200")
+            await told(here, desk, "GoToConfig")
+            await until(lambda: desk.session.info.status == "lost", "it is silent")
+            assert "sent to the state Config, in which it sends no data" in desk.session.info.hint
+            assert "send GoToMeasurement" in desk.session.info.hint
+            await told(here, desk, "GoToMeasurement")
+            await until(lambda: desk.session.info.status == "live", "it measures")
+            assert not desk.session.info.hint
+            there.unplug()
+            await until(lambda: desk.session.info.status == "lost", "it is unplugged")
+            assert "GoToMeasurement" not in desk.session.info.hint
+
+    asyncio.run(check())
+
+
+def test_a_device_at_rest_beside_others_is_explained_too(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            for desk in await both(here):
+                await told(here, desk, "GoToConfig")
+                await until(lambda info=desk.session: info.info.status == "lost", "it is silent")
+                assert "send GoToMeasurement" in desk.session.info.hint
+                await told(here, desk, "GoToMeasurement")
+                await until(lambda info=desk.session: info.info.status == "live", "it measures")
 
     asyncio.run(check())
 
