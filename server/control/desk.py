@@ -19,7 +19,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Collection, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -28,7 +28,7 @@ from protocols.events import Batch, Event, Reply
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
 from server.control.exchange import ExchangeLog
-from server.control.preview import Line, Present
+from server.control.preview import Line, Present, load_of
 from server.control.runner import Runner
 from server.links.base import LinkError
 from server.live.hub import Hub
@@ -81,6 +81,7 @@ class Desk:
     Args:
         session: its link and decoder; of one that shares a link, its part in it.
         driver_of: the driver of a protocol, None where it has none.
+        beside: the desks of the other devices of its link.
         listing_of: makes what turns bytes of a protocol into lines of plain values.
     """
 
@@ -90,8 +91,10 @@ class Desk:
         hub: Hub,
         driver_of: Callable[[str], Driver | None],
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
+        beside: Callable[[str], Sequence[Desk]] = lambda device: (),
     ) -> None:
         self.session = session
+        self.beside = beside
         self.hub = hub
         self._driver_of = driver_of
         self.log = ExchangeLog(
@@ -157,8 +160,17 @@ class Desk:
     def present(self) -> Present:
         """What is known when something is looked at before it is sent."""
         health = self.hub.health.get(self.device)
-        line = Line(self.session.baud, self.session.capacity, health.bytes_per_s if health is not None else None)
+        measured = health.bytes_per_s if health is not None else None
+        others = [(one.session.info.name, sent) for one in self.beside(self.device) if (sent := one.sends)]
+        line = Line(self.session.baud, self.session.capacity, measured, others)
         return Present(self.driver, self.known, line, self.values)
+
+    @property
+    def sends(self) -> float:
+        """Bytes/s of its outputs by its settings; 0 where they were not read."""
+        alone = Present(self.driver, self.known, Line(), self.values)
+        load = load_of(alone, self.values, None)
+        return load.total if load is not None else 0.0
 
     @property
     def rows(self) -> dict[str, Setting]:
@@ -297,6 +309,13 @@ class Desk:
         """Carry out a dialogue; see server/control/runner.py."""
         return await self.runner.run(dialogue)
 
+    def rest(self, on: bool) -> None:
+        """A person sent it to the state in which settings are read, or that is over; its silence is explained by it."""
+        if on != self.at_rest:
+            self.at_rest = on
+            hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
+            explain_silence(self.session, hint)
+
     def step(self, task: Task, words: str) -> None:
         """What a job is at."""
         task.job.step = words
@@ -309,13 +328,6 @@ class Desk:
         """The whole, as browsers are told."""
         return ControlState(
             device=self.device,
-    def rest(self, on: bool) -> None:
-        """A person sent it to the state in which settings are read, or that is over; its silence is explained by it."""
-        if on != self.at_rest:
-            self.at_rest = on
-            hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
-            explain_silence(self.session, hint)
-
             state=self.state,
             running=replace(self._running.job) if self._running is not None else None,
             queue=[replace(task.job) for task in self._queue],

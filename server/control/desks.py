@@ -78,7 +78,7 @@ class Desks:
 
     def _added(self, session: AnyDevice) -> None:
         device = session.info.id
-        desk = self._desks[device] = Desk(session, self._hub, self._drivers, decode)
+        desk = self._desks[device] = Desk(session, self._hub, self._drivers, decode, self._beside)
 
         async def left() -> None:
             self._desks.pop(device, None)
@@ -92,6 +92,9 @@ class Desks:
         """The desks of a device and of those that share its link."""
         own = device.partition(".")[0]
         return [desk for name, desk in self._desks.items() if name.partition(".")[0] == own]
+
+    def _beside(self, device: str) -> list[Desk]:
+        return [desk for desk in self.on_link_of(device) if desk.device != device]
 
     def get(self, device: str) -> Desk:
         """KeyError when there is no such device."""

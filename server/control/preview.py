@@ -10,7 +10,7 @@ Nothing is sent. What the device has now (as far as it has been read) fills in w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,11 +34,13 @@ class Line:
         baud: now; None where it has no rate.
         capacity: bytes/s at that rate; None where it is not known.
         measured: bytes/s now.
+        others: what other devices that share it send, title and bytes/s, as far as their settings have been read.
     """
 
     baud: int | None = None
     capacity: float | None = None
     measured: float | None = None
+    others: Sequence[tuple[str, float]] = ()
 
     def at(self, baud: int | None) -> float | None:
         """Bytes/s at another rate: bits a byte stay as they are."""
@@ -159,7 +161,8 @@ def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None
     if capacity is None:
         raise ValueError("This link has no rate that could be too small.")
     before = {**present.values, name: {**present.values.get(name, {}), **values}}
-    after = {**before, **present.driver.fit(before, capacity, present.known)}
+    left = max(capacity - sum(sent for _, sent in present.line.others), 0.0)
+    after = {**before, **present.driver.fit(before, left, present.known)}
     load = present.driver.load(after, present.known)
     words = _lowered(present, row, before[name], after[name])
     return FitAnswer(plain(after[name]), _info(load, present.line, rate), words)
@@ -174,4 +177,6 @@ def _lowered(present: Present, row: Setting, before: Values, after: Values) -> l
 
 def _info(load: Load, line: Line, baud: int | None) -> LoadInfo:
     parts = [PartInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
-    return LoadInfo(parts, load.total, line.at(baud), baud, list(load.limits), line.measured)
+    parts += [PartInfo("", title, sent) for title, sent in line.others]
+    total = load.total + sum(sent for _, sent in line.others)
+    return LoadInfo(parts, total, line.at(baud), baud, list(load.limits), line.measured)

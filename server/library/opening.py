@@ -306,7 +306,7 @@ def _manifest(
         elif channel == NOTES:
             markers.append({"time": time_ns / 1e9, "id": len(markers) + 1, **_note(body)})
         elif channel.startswith(SNAPSHOT):
-            snapshots[channel.removeprefix(SNAPSHOT)] = dict(body)
+            snapshots[_sender(channel.removeprefix(SNAPSHOT), body, devices)] = dict(body)
     events.sort(key=lambda event: event.time)
     for number, event in enumerate(events):
         event.seq = number
@@ -341,6 +341,14 @@ def _manifest(
             for device, sender in figures.items()
         },
     }
+
+
+def _sender(device: str, body: Mapping[str, Any], devices: Mapping[str, _Device]) -> str:
+    """Whose settings they are, of those that share a line: who was heard first live may be another here."""
+    own = device.partition(".")[0]
+    addresses = devices[own].senders.addresses if own in devices else {}
+    name = next((name for name, address in addresses.items() if address == body.get("address")), None)
+    return device if name is None else f"{own}.{name}" if name else own
 
 
 def _is_outage(body: Mapping[str, Any]) -> bool:

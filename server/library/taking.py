@@ -7,7 +7,8 @@
     desk: settings            as they were read, whenever they change      snapshot/<device>
     head                      Configuration of an Xsens device             metadata, and among the bytes
 
-A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), as its bytes came.
+A device that shares a link with others (id "1.102") is recorded with the link's first ("1"), as its bytes came; its
+settings are its own, with the address under which it sends, as another of them may be the first when it is opened.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from server.control.desks import Desks
 from server.library.head import Head
 from server.library.recorded import Mark
 from server.live.hub import Hub
+from server.live.member import address_of
 from server.live.reading import schema_words
 from server.live.session import Session
 
@@ -82,9 +84,10 @@ class Taking:
             self._off.pop(device, lambda: None)()
 
         session.before_close(left)
+        for one in self._desks.on_link_of(device) if self._desks is not None else ():
+            self._settings(one)
         desk = self._desk(device)
         if desk is not None:
-            self._settings(desk)
             self._heads[device] = Head(desk, lambda told: tape.device(device, told))
             self._ask(session.info)
 
@@ -139,6 +142,7 @@ class Taking:
             "product": known.product,
             "serial_number": known.serial_number,
             "firmware": known.firmware,
+            "address": address_of(desk.session),
         }
         self.tape.snapshot(desk.device, codec.plain(body), round(self._hub.now() * 1e9))
 
@@ -155,7 +159,7 @@ class Taking:
 
     def _control(self, state: wire.ControlState) -> None:
         desk = self._desk(state.device)
-        if desk is not None and state.device in self._off and state.running is None:
+        if desk is not None and state.device.partition(".")[0] in self._off and state.running is None:
             self._settings(desk)
 
     def _exchange(self, entry: wire.ExchangeEntry) -> None:

@@ -17,14 +17,25 @@ from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device import XbusDevice
 from protocols.xbus.dialogues import XbusDriver
 from protocols.xbus.frames import build
+from recordings.blocks import Recording, json_messages
+from recordings.container import Writer
+from recordings.parts import McapSource
+from server.api.errors import ApiError
 from server.cli import main
+from server.control.budget import overload
+from server.control.correction_desk import CorrectionDesk
 from server.control.desk import Desk
+from server.control.preview import fit, preview_setting
 from server.control.wishes import SHARED, changes_of
+from server.library.opening import decode
+from server.library.recorder import Plan, Recorder
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, TwinOptions, make_device
 from server.links.sources import Source
+from server.live.speech import speech
 from tests.dialogues import Wire, play
-from tests.server.desk import House, house, over, until
+from tests.server.desk import House, house, outputs, over, until
+from tests.server.test_corrections import NUMBERS, STREAM
 
 SOURCE = "twin:xbus?bus_ids=1,2&rate=20&baud=115200"
 DRIVER = XbusDriver()
@@ -256,3 +267,142 @@ def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
                 assert SHARED in [danger.consequence for danger in wish.dangers]
 
     run(check())
+
+
+def uart_at_921600(desk: Desk) -> dict[str, dict[str, object]]:
+    host, uart, gnss = desk.values["PortConfig"]["words"]
+    return {"PortConfig": {"words": [host, uart & ~0xFF | 0x80, gnss]}}
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_the_rate_of_a_further_device_is_on_trial(keep: bool, tmp_path: Path) -> None:
+    """At its new rate the others are noise, in which no protocol was recognised: it answered, was not heard, and was
+    lost at a rate that nobody had kept."""
+
+    async def check() -> None:
+        async with house(tmp_path, trial_s=60.0) as here:
+            first, desk = await both(here, f"{SOURCE}&port=uart")
+            await here.read(desk)
+            task = desk.add("Ports", here.desks.jobs.apply(desk, uart_at_921600(desk), ""))
+            await until(lambda: desk.trial is not None or task.over.is_set(), "it begins")
+            await until(lambda: (desk.trial and desk.trial.state == "asking") or task.over.is_set(), "it asks")
+            assert not task.over.is_set(), task.job.message
+            assert {one.session.baud for one in (first, desk)} == {921_600}
+            (record,) = here.desks.trials.all()
+            assert (record.device, record.address) == (desk.known.device, int(desk.known.device))
+            desk.decide(keep=keep)
+            job = await over(task)
+            assert job.state == ("done" if keep else "failed"), job.message
+            assert desk.trial is not None
+            assert desk.trial.state == ("kept" if keep else "reverted")
+            assert {one.session.baud for one in (first, desk)} == {921_600 if keep else 115_200}
+            await until(lambda: desk.session.info.status == "live", "it is heard again")
+            if keep:
+                await until(lambda: first.session.info.status == "lost", "the other speaks at another rate")
+                assert "others on its link go on" in first.session.info.message
+            else:
+                await until(lambda: first.session.info.status == "live", "the other is heard again")
+                assert (await here.read(first)).state == "done"
+
+    run(check())
+
+
+def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            first, further = await both(here, f"{SOURCE}&product=MTi-680G")
+            for desk in (first, further):
+                assert (await here.read(desk)).state == "done"
+            sent: list[bytes] = []
+            first.session.on_sent(lambda data, time: sent.append(data))
+            heard: list[tuple[Desk, str]] = []
+            for desk in (first, further):
+                desk.session.listen(
+                    lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
+                )
+            corrections = CorrectionDesk(here.sessions)
+            assert corrections.takes(further.session)
+            tasks = len(asyncio.all_tasks())
+            base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
+            source = f"tcp://127.0.0.1:{base.sockets[0].getsockname()[1]}"
+            await corrections.begin(further.session, source, further.log.streamed)
+            await until(lambda: len(heard) == len(sent) == len(NUMBERS), "each is acknowledged")
+            assert corrections.state(further.session).refused == 0
+            assert {(data[1], data[2]) for data in sent} == {(int(further.known.device), 0xE2)}
+            assert set(heard) == {(further, "ForwardGnssDataAck")}
+            assert any("Corrections from" in entry.text for entry in further.log.tail())
+            assert not any("Corrections from" in entry.text for entry in first.log.tail())
+            await corrections.close()
+            base.close()
+            await until(lambda: len(asyncio.all_tasks()) <= tasks, "it has ended")
+
+    run(check())
+
+
+async def _corrections(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    writer.write(STREAM)
+    await reader.read()  # until the other side goes
+    writer.close()
+
+
+def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
+    """What one alone could send was allowed to each."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desks = await both(here)
+            for desk in desks:
+                await here.read(desk)
+            first, further = desks
+            wish = outputs(100, 0x2010, 0x4020, 0x8020)
+            assert not overload(first.present, {"OutputConfiguration": wish})
+            job = await here.apply(further, {"OutputConfiguration": wish})
+            assert job.state == "done", job.message
+            words = {"OutputConfiguration": wish}
+            assert "of the link (115 200 Bd)" in overload(first.present, words)
+            with pytest.raises(ApiError, match="of the link"):
+                changes_of(first, words)
+            load = preview_setting(first.present, "OutputConfiguration", wish).load
+            assert load is not None
+            assert load.parts[-1].title == further.session.info.name
+            assert load.total == pytest.approx(sum(part.bytes_per_s for part in load.parts))
+            fitting = fit(first.present, "OutputConfiguration", wish, None)
+            assert not overload(first.present, {"OutputConfiguration": fitting.values})
+
+    run(check())
+
+
+def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path) -> None:
+    async def check() -> None:
+        async with house(tmp_path / "data") as here:
+            desks = await both(here)
+            await here.read(desks[0])
+            tape = Recorder(here.hub, here.sessions, here.desks, Plan(tmp_path / "recordings", ask_head=False), None)
+            state = await tape.start()
+            await here.read(desks[1])
+            await tape.stop()
+            with Recording(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
+                for desk in desks:
+                    _, body = list(json_messages(recording, f"snapshot/{desk.device}"))[-1]
+                    assert body["serial_number"] == desk.known.serial_number
+                    assert body["address"] == int(desk.known.device)
+
+    run(check())
+
+
+def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) -> None:
+    """The first to be heard in a file may be another than the first live: it would have had the other's settings."""
+    path = tmp_path / "a.mcap"
+    writer = Writer(path, {})
+    writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
+    for bid in (1, 2):
+        body = {"values": {"LocationID": {"location_id": bid}}, "address": bid}
+        writer.snapshot("1" if bid == 1 else "1.2", body, 1)
+    for k in range(8):
+        for bid in (2, 1):
+            frame = build(0x36, bytes.fromhex(f"102002{k:04x}106004{100 * k:08x}"), bid)
+            writer.chunk("1", "rx", frame, 1_760_000_000_000_000_000 + k * 10_000_000)
+    writer.close()
+    store = decode(McapSource(path), tmp_path / "store", speech())
+    told = {device: body["values"]["LocationID"]["location_id"] for device, body in store.manifest["snapshots"].items()}
+    assert told == {"1": 2, "1.1": 1}
