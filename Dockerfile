@@ -12,10 +12,11 @@
 # /data          recordings; without a volume there they end with the container.
 # /tmp           for a while, while a file is uploaded, exported or opened.
 
-FROM python:3.13-slim-bookworm AS build
+# Versions are named in full, so that two builds of one commit are of the same parts; raise them when Python does.
+FROM python:3.13.12-slim-bookworm AS build
 ENV UV_COMPILE_BYTECODE=1 UV_LINK_MODE=copy UV_PYTHON_DOWNLOADS=never UV_PROJECT_ENVIRONMENT=/app \
     PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
-RUN pip install uv
+RUN pip install uv==0.13.9
 WORKDIR /source
 # What we build on changes seldom: a layer of its own.
 COPY pyproject.toml uv.lock ./
@@ -26,7 +27,7 @@ RUN uv sync --frozen --no-dev --no-editable
 ENV NUMBA_CACHE_DIR=/app/numba NUMBA_CPU_NAME=generic
 RUN cd / && /app/bin/python -c "from server.commands.common import warm; warm(None)" && ls /app/numba/kept.bin
 
-FROM python:3.13-slim-bookworm
+FROM python:3.13.12-slim-bookworm
 COPY --from=build /app /app
 RUN install -d -o 10001 -g 10001 /data
 ENV PATH=/app/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 \

@@ -114,6 +114,8 @@ def test_the_dockerfile_keeps_its_promises() -> None:
     stages = re.findall(r"^FROM (\S+)", text, re.MULTILINE)
     assert len(stages) == 2, "what builds is not what runs"
     assert len(set(stages)) == 1, "the environment that was built links to this very Python"
+    assert re.fullmatch(r"python:\d+\.\d+\.\d+-slim-[a-z]+", stages[0]), "a tag that moves is another image tomorrow"
+    assert re.search(r"^RUN pip install uv==\d+\.\d+\.\d+$", text, re.MULTILINE), "so is a tool without a version"
     last = text[text.rindex("FROM ") :]
     user = re.search(r"^USER (\d+):(\d+)$", last, re.MULTILINE)
     assert user, "a number, so that a cluster can see that it is not root"
