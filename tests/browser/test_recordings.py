@@ -476,3 +476,25 @@ def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
     until(page, DRAWN)
     until(page, "document.querySelector('.band.caution')?.innerText.includes('torn off')")
     ask(recorded, "DELETE", "/api/recordings/battery%20pulled")
+
+
+def test_long_names_are_cut_and_cover_nothing(tmp_path: Path, open_page: Callable[..., Page]) -> None:
+    """A long serial number squeezed the name beside it to nothing, and lay over the plots."""
+    path, name = tmp_path / "recordings" / "long.mcap", "MTi-" + "long-" * 30
+    path.parent.mkdir()
+    writer, device = Writer(path, {"title": name}), XbusDevice(start_ns=0, rate=RATE, measuring=True, baud=921_600)
+    writer.device("1", {"protocol": "xbus", "product": name, "serial_number": "0080" * 20})
+    for step in range(1, 200):
+        writer.chunk("1", "rx", device.advance(step * 10_000_000), START + step * 10_000_000)
+    writer.close()
+    pack(path)
+    with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
+        page = opened(server, open_page)
+        widths = page.evaluate(
+            """['.ell', '.c'].map(part => {
+                const [row, box] = ['.cats button', `.cats button ${part}`].map(
+                    (name) => document.querySelector(name).getBoundingClientRect());
+                return [box.width / row.width, box.right <= row.right];
+            })"""
+        )
+        assert all(0.2 < width < 0.7 and inside for width, inside in widths)

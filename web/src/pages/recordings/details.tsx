@@ -121,7 +121,7 @@ function Facts({ info }: { readonly info: RecordingInfo }) {
       <ul class="recdevs">
         {info.devices.map((device) => (
           <li key={device.id}>
-            <b>{deviceName(device)}</b>
+            <b title={deviceName(device)}>{deviceName(device)}</b>
             <span class="mid">
               {number(device.messages ?? undefined, 0)}
               <span class="u">messages</span>

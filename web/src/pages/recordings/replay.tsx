@@ -189,7 +189,13 @@ function About({ replay }: { readonly replay: Replay }) {
       <HandOn replay={replay} />
       <div class="cats" role="group" aria-label="Device">
         {devices.map((device) => (
-          <button type="button" key={device.id} aria-pressed={view.value.device === device.id} onClick={() => replay.choose(device.id)}>
+          <button
+            type="button"
+            key={device.id}
+            title={`${device.name} ${device.serial_number}`.trim()}
+            aria-pressed={view.value.device === device.id}
+            onClick={() => replay.choose(device.id)}
+          >
             <span class="ell">{device.name}</span>
             <span class="c">{device.serial_number}</span>
           </button>

@@ -83,7 +83,7 @@ export function SettingsDialog({ replay, app }: { readonly replay: Replay; reado
         {present ? (
           <button type="button" class="btn main" title="They are kept as a snapshot of the device, and shown beside what it has now" onClick={() => void compare(present)}>
             <Icon name="sliders" />
-            Compare with {present.name} now
+            <span class="ell">Compare with {present.name} now</span>
           </button>
         ) : (
           <p class="hint">The device is not connected: with it they can be compared with what it has now, and written to it again.</p>
