@@ -8,12 +8,13 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 
+from recordings.container import RecordingError
 from server import wire
 from server.api.errors import ApiError, bytes_of, responses
 from server.api.library import unknown
 from server.kinds import status_of
 from server.library.exports import Exports, ExportsError
-from server.library.recorded import Export
+from server.library.recorded import Export, ExportSizes, ExportSizesWish
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 
@@ -31,6 +32,29 @@ TheExports = Annotated[Exports, Depends(exports_of)]
 @router.post("/{recording}/exports", status_code=202, responses=responses(404, 409, 422))
 async def add_export(recording: str, body: Export, exports: TheExports) -> wire.ExportJob:
     """Begin an export; the op `exports` tells how it goes."""
+    _check(body)
+    try:
+        return exports.add(recording, body)
+    except KeyError:
+        raise unknown(recording) from None
+    except ExportsError as error:
+        raise ApiError(status_of(error.kind), error.kind, error.message, error.hint) from None
+
+
+@router.post("/{recording}/export-sizes", responses=responses(404, 422))
+async def measure_exports(recording: str, body: ExportSizesWish, exports: TheExports) -> ExportSizes:
+    """About how large exports would be, found by writing a sample of each."""
+    _check(body)
+    try:
+        return await exports.sizes(recording, body)
+    except (KeyError, FileNotFoundError):
+        raise unknown(recording) from None
+    except RecordingError as error:
+        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+
+
+def _check(body: Export | ExportSizesWish) -> None:
+    """Refuse a stretch that is none, and too many channels."""
     for name, value in (("t0", body.t0), ("t1", body.t1)):
         if value is not None and not math.isfinite(value):
             raise ApiError(422, "bad-span", f"{name} is no time.", "Unix seconds, or null for all.")
@@ -38,12 +62,6 @@ async def add_export(recording: str, body: Export, exports: TheExports) -> wire.
         raise ApiError(422, "bad-span", "The stretch ends before it begins.", "Unix seconds, t0 ≤ t1.")
     if len(body.channels or ()) > MOST_CHANNELS:
         raise ApiError(422, "bad-request", f"At most {MOST_CHANNELS} channels can be named.", "null for all.")
-    try:
-        return exports.add(recording, body)
-    except KeyError:
-        raise unknown(recording) from None
-    except ExportsError as error:
-        raise ApiError(status_of(error.kind), error.kind, error.message, error.hint) from None
 
 
 @router.get("/exports")

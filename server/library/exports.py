@@ -17,9 +17,8 @@ import logging
 import shutil
 import sys
 import time
-import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,8 @@ from recordings.container import RecordingError
 from recordings.exporters import FORMATS
 from server import wire
 from server.library.catalogue import Catalogue
-from server.library.recorded import Export
+from server.library.one_file import one_file
+from server.library.recorded import Export, ExportSizes, ExportSizesWish
 from server.library.shelf import Shelf
 from server.live.hub import Hub
 
@@ -72,6 +72,7 @@ class Exports:
         self._jobs: dict[int, _Job] = {}
         self._next = 1
         self._turn = asyncio.Lock()
+        self._measuring = asyncio.Lock()
         self._told_at = 0.0
 
     @property
@@ -118,6 +119,29 @@ class Exports:
             raise ExportsError("not-now", "This export has no file.", job.told.message or "Wait until it is done.")
         return job.file
 
+    async def sizes(self, recording: str, wish: ExportSizesWish) -> ExportSizes:
+        """About how large exports of a stretch would be: samples are written, in a process of its own.
+
+        Raises:
+            KeyError: there is no such recording.
+            RecordingError: it cannot be opened.
+        """
+        async with self._measuring:
+            await self._shelf.opened(recording)
+            self._folder.mkdir(parents=True, exist_ok=True)
+            told = {"store": str(self._shelf.store_of(recording)), "title": recording, "folder": str(self._folder)}
+            process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", "server.library.export_sizes"),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                cwd=Path(__file__).parents[2],
+            )
+            try:
+                said, _ = await process.communicate(json.dumps({**told, **asdict(wish)}).encode())
+            finally:
+                await _ended(process)
+        return ExportSizes(**json.loads(said)) if process.returncode == 0 else ExportSizes()
+
     async def drop(self, number: int) -> None:
         """Cancel it, or forget it and what it made. KeyError: there is no such job."""
         job = self._jobs[number]
@@ -148,7 +172,7 @@ class Exports:
                 await self._shelf.opened(told.recording)
                 files = await self._run(job, title)
                 job.file = await asyncio.to_thread(
-                    _one_file, files, job.folder, f"{_stem(title, job.wish)}-{told.format}"
+                    one_file, files, job.folder, f"{_stem(title, job.wish)}-{told.format}"
                 )
                 told.state, told.progress, told.size = "done", 1.0, job.file.stat().st_size
                 told.file = job.file.name
@@ -242,19 +266,6 @@ async def _ended(process: asyncio.subprocess.Process) -> None:
         except TimeoutError:
             process.kill()
             await process.wait()
-
-
-def _one_file(files: Sequence[Path], folder: Path, stem: str) -> Path:
-    """The file; of several a zip."""
-    if len(files) == 1:
-        return files[0]
-    path = folder / f"{stem}.zip"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for file in files:
-            kept = file.suffix == ".parquet"  # compressed already
-            archive.write(file, file.name, zipfile.ZIP_STORED if kept else zipfile.ZIP_DEFLATED)
-            file.unlink()
-    return path
 
 
 def _stem(title: str, wish: Export) -> str:

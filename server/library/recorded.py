@@ -170,6 +170,24 @@ class Export:
 
 
 @dataclass(slots=True)
+class ExportSizesWish:
+    """Which part of a recording; as in Export."""
+
+    t0: float | None = None
+    t1: float | None = None
+    channels: list[int] | None = None
+    base: Literal["device", "arrival"] = "device"
+
+
+@dataclass(slots=True)
+class ExportSizes:
+    """About how large exports would be, bytes; what could not be measured is left out."""
+
+    sizes: dict[str, int] = field(default_factory=dict)  # format → size
+    devices: dict[str, int] = field(default_factory=dict)  # device → its bytes as they came
+
+
+@dataclass(slots=True)
 class Play:
     speed: float = 1.0
     loop: bool = False

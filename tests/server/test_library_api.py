@@ -245,6 +245,19 @@ def test_an_export_is_a_job_whose_file_is_fetched(running: Running, folder: Path
     assert not [path for path in (folder.parent / "exports").rglob("*") if path.is_file()]
 
 
+def test_sizes_of_exports_are_measured_before_anything_is_exported(running: Running, folder: Path) -> None:
+    drive(folder / "a.mcap", seconds=1.0)
+    told = running.client.post(f"{URL}/a/export-sizes", json={}).json()
+    done = finished(running, running.client.post(f"{URL}/a/exports", json={"format": "csv"}).json()["id"])
+    assert told["sizes"]["csv"] == pytest.approx(done["size"], rel=0.02)
+    assert list(told["devices"]) == ["1"]
+    part = running.client.post(f"{URL}/a/export-sizes", json={"t0": 1.76e9, "t1": 1.76e9 + 0.5}).json()
+    assert 0.3 < part["sizes"]["csv"] / done["size"] < 0.7
+    assert not [path for path in (folder.parent / "exports").rglob("*sample*")]
+    assert_problem(running.client.post(f"{URL}/none/export-sizes", json={}), 404)
+    assert_problem(running.client.post(f"{URL}/a/export-sizes", json={"t0": 2.0, "t1": 1.0}), 422)
+
+
 def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: Running, folder: Path) -> None:
     (folder / "t.csv").write_text("time,x\n1760000000,1\n1760000001,2\n")
     drive(folder / "a.mcap", seconds=1.0)

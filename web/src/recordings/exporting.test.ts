@@ -1,5 +1,4 @@
 import { expect, it } from "vitest";
-import type { ColumnInfo } from "../wire/types";
 import { FORMATS, formatsOf, sizeOf } from "./exporting";
 import type { ExportFormat } from "./types";
 
@@ -18,12 +17,12 @@ it("offers every format that the server writes", () => {
   expect(FORMATS.map(({ name }) => name).sort()).toEqual(Object.keys(all).sort());
 });
 
-it("says about how large, by range and channels", () => {
-  const columns = [1, 2, 3].map(() => ({ dtype: "f4" })) as unknown as readonly ColumnInfo[];
-  const detail = { longest_s: { 1: 0.01, 2: 0.01 }, channels: [{ id: 1, kind: "vector" as const, columns }, { id: 2, kind: "vector" as const, columns }] };
-  const whole = sizeOf("csv", { size: 1, duration: 100 }, detail, 100, undefined);
-  expect(whole).toBeGreaterThan(1e6);
-  expect(sizeOf("csv", { size: 1, duration: 100 }, detail, 50, [1])).toBeCloseTo(whole / 4, -3);
-  expect(sizeOf("parquet", { size: 1, duration: 100 }, detail, 100, undefined)).toBeLessThan(whole);
-  expect(sizeOf("bytes", { size: 1000, duration: 100 }, detail, 50, [1])).toBe(500);
+it("says the size that was measured, and before that a rough one", () => {
+  const [info, measured] = [{ size: 1000, duration: 100 }, { sizes: { csv: 420, parquet: 300 }, devices: { 1: 700, 2: 90 } }];
+  const of = (name: ExportFormat, from: typeof measured | undefined) => sizeOf(FORMATS.find((format) => format.name === name)!, info, 50, "2", from);
+  expect(of("csv", measured)).toEqual({ bytes: 420, measured: true });
+  expect(of("bytes", measured)).toEqual({ bytes: 90, measured: true });
+  expect(of("rrd", measured).measured).toBe(false);
+  expect(of("bytes", undefined)).toEqual({ bytes: 500, measured: false });
+  expect(of("csv", undefined).bytes).toBeGreaterThan(of("parquet", undefined).bytes);
 });

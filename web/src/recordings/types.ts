@@ -141,6 +141,16 @@ export interface Export {
   readonly base: "device" | "arrival";
 }
 
+/** Which part of a recording; as in Export. */
+export type ExportSizesWish = Pick<Export, "t0" | "t1" | "channels" | "base">;
+
+/** About how large exports would be, bytes; what could not be measured is left out. */
+export interface ExportSizes {
+  readonly sizes: Readonly<Partial<Record<ExportFormat, number>>>;
+  /** device id → its bytes as they came */
+  readonly devices: Readonly<Record<string, number>>;
+}
+
 export interface Play {
   readonly speed: number;
   readonly loop: boolean;

@@ -1,9 +1,10 @@
 /** Export: which part, in which form, of which channels; how long and how large it will be is said before anything is written. */
 import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { bytes, length, titleOf } from "../../recordings/listing";
 import { devicesFor, type FormatInfo, formatsOf, sizeOf } from "../../recordings/exporting";
 import { server } from "../../recordings/server";
-import type { RecordingDetail, RecordingInfo } from "../../recordings/types";
+import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../recordings/types";
 import { Dialog } from "../../ui/dialog";
 import { count, span } from "../../ui/format";
 import { Icon } from "../../ui/icons";
@@ -41,7 +42,13 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
   const only = chosen.single ? devices.find(({ id }) => id === device.value) ?? devices[0] : undefined;
   const channels = chosen.single || left.value.size === 0 ? undefined : (detail?.channels.map(({ id }) => id).filter((id) => !left.value.has(id)) ?? undefined);
   const seconds = range.value ? range.value.t1 - range.value.t0 : (info.duration ?? 0);
-  const size = (one: FormatInfo) => bytes(sizeOf(one.name, info, detail, seconds, one.single ? undefined : channels));
+  const measured = useMeasured(of, range.value, chosen.single ? undefined : channels);
+  const size = (one: FormatInfo): string => {
+    const device = devicesFor(info, one).find(({ id }) => id === only?.id) ?? devicesFor(info, one)[0];
+    const { bytes: found, measured: isMeasured } = sizeOf(one, info, seconds, device?.id, measured);
+    const { value, unit } = bytes(found);
+    return `${isMeasured ? "about" : "roughly"} ${value} ${unit}`;
+  };
   const go = async (): Promise<void> => {
     busy.value = true;
     const job = await run(server.export(info.id, { format: chosen.name, t0: range.value?.t0 ?? null, t1: range.value?.t1 ?? null, channels: channels ?? null, device: only?.id ?? "", base }));
@@ -49,7 +56,6 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
     if (job && !exports.peek().some(({ id }) => id === job.id)) exports.value = [...exports.peek(), job];
     busy.value = false;
   };
-  const about = size(chosen);
   const n = channels?.length ?? detail?.channels.length;
   return (
     <Dialog title={`Export ${titleOf(info)}`} onClose={() => (exporting.value = undefined)}>
@@ -78,8 +84,7 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
               <b>{one.title}</b>
               <small>{one.words}</small>
               <span class="num">
-                about {size(one).value}
-                <span class="u">{size(one).unit}</span>
+                {size(one)}
               </span>
             </label>
           ))}
@@ -100,12 +105,36 @@ export function ExportDialog({ app, of }: { readonly app: App; readonly of: Expo
         {!chosen.single && detail && <Channels detail={detail} left={left} />}
         <button type="button" class="btn main go" disabled={busy.value || channels?.length === 0} onClick={() => void go()}>
           <Icon name="download" />
-          Export {chosen.title}, about {about.value} {about.unit}
+          Export {chosen.title}, {size(chosen)}
         </button>
         <Jobs app={app} recording={info.id} />
       </div>
     </Dialog>
   );
+}
+
+/** A person who chooses channels is not asked after each of them. */
+const MEASURE_AFTER_MS = 300;
+
+/** What the server measured of that stretch and those channels; undefined until it has. One that would have to be decoded first is not. */
+function useMeasured({ info, detail, base }: Exporting, range: Range | undefined, channels: readonly number[] | undefined): ExportSizes | undefined {
+  const found = useSignal<{ readonly key: string; readonly sizes: ExportSizes } | undefined>(undefined);
+  const wish = { t0: range?.t0 ?? null, t1: range?.t1 ?? null, channels: channels ?? null, base };
+  const key = JSON.stringify(wish);
+  useEffect(() => {
+    if ((!info.opened && detail === undefined) || channels?.length === 0) return;
+    let over = false;
+    const timer = setTimeout(() => {
+      void server.exportSizes(info.id, wish).then((answer) => {
+        if (!over && answer.ok) found.value = { key, sizes: answer.value };
+      });
+    }, found.peek() === undefined ? 0 : MEASURE_AFTER_MS);
+    return () => {
+      over = true;
+      clearTimeout(timer);
+    };
+  }, [info.id, info.opened, key]);
+  return found.value?.key === key ? found.value.sizes : undefined;
 }
 
 function lengthWords(seconds: number): string {

@@ -1,0 +1,58 @@
+"""The size said before an export is about that of the file that comes, for every family and every format of columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.xbus.device import XbusDevice
+from recordings.container import Writer
+from recordings.exporters import FORMATS, Wish, export
+from recordings.importers import open_file
+from server.library import export_sizes
+from server.library.one_file import one_file
+from server.library.opening import decode
+from server.live import speech
+from tests.server.test_opening import START
+
+SECONDS = 20
+STEP_NS = 50_000_000
+
+
+def recorded(folder: Path, device: Any, protocol: str) -> Wish:
+    """A device that streams, recorded and decoded."""
+    writer = Writer(folder / "drive.mcap", {"title": "A drive"})
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": protocol})
+    for now in range(STEP_NS, SECONDS * 1_000_000_000, STEP_NS):
+        if data := device.advance(now):
+            writer.chunk("1", "rx", data, START + now)
+    writer.close()
+    source = open_file(folder / "drive.mcap")
+    return Wish(decode(source, folder / "store", speech.speech()), folder / "drive.mcap", "drive")
+
+
+@pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
+def test_the_size_that_is_said_is_that_of_the_file_within_30_percent(
+    protocol: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device: Any = {"xbus": XbusDevice(measuring=True), "isb": IsbDevice(), "idtp": IdtpDevice()}[protocol]
+    wish = recorded(tmp_path, device, protocol)
+    monkeypatch.setattr(export_sizes, "WHOLE", 3000)
+    monkeypatch.setattr(export_sizes, "SAMPLE", 1500)
+    first, _ = wish.columns.span() or (0.0, 0.0)
+    for part in (wish, replace(wish, t0=first + 3, t1=first + 13)):
+        said = export_sizes.sizes(part, tmp_path)
+        assert set(said) == {"csv", "csv-aligned", "parquet", "mcap", "rrd"}
+        for format, size in said.items():
+            out = tmp_path / format
+            out.mkdir(exist_ok=True)
+            made = export(format, part, out / f"drive{FORMATS[format].suffix}")
+            assert size == pytest.approx(one_file(made, out, "zip").stat().st_size, rel=0.3), format
+    (came,) = export_sizes.came(wish).values()
+    (bytes_,) = export("bytes", wish, tmp_path / "drive.bin")
+    assert came == pytest.approx(bytes_.stat().st_size, rel=0.02)
