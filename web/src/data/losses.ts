@@ -9,8 +9,8 @@ export interface Loss {
   readonly t0: number;
   readonly t1: number;
   readonly samples: number;
-  /** Who lost it: on the way to the host, or between the server and this browser. */
-  readonly by: "device" | "browser";
+  /** Who lost it: on the way to the host, between the server and this browser, or a server that was not there. */
+  readonly by: "device" | "browser" | "server";
   readonly text: string;
 }
 
@@ -41,8 +41,18 @@ export class LossBook {
     this.#add(info.device, { t0: from, t1: to, samples: most, by: "browser", text: "Dropped for this browser: it did not keep up." });
   }
 
-  clear(): void {
-    this.#of.clear();
+  /** What an earlier run of the server knew of a device. */
+  addAll(device: string, losses: readonly Loss[]): void {
+    for (const loss of losses) this.#add(device, loss);
+  }
+
+  /** There was no server between `t0` and `t1`: what a device sent meanwhile nobody knows. */
+  addRestart(device: string, t0: number, t1: number): void {
+    if (t0 < t1) this.#add(device, { t0, t1, samples: 0, by: "server", text: "The imuscope server was restarted; what was sent meanwhile is not here." });
+  }
+
+  forget(device: string): void {
+    this.#of.delete(device);
   }
 
   #list(device: string): Loss[] {

@@ -90,6 +90,8 @@ export class Ring {
   readonly #rowBytes: number;
   #nextSequence = -1;
   #firstSequence = -1;
+  /** What is held comes in part from a server before this one: nothing goes before it. */
+  #continued = false;
   readonly #gaps: Gaps;
   #newestArrival = NaN;
 
@@ -190,9 +192,18 @@ export class Ring {
   /** Take in a frame: history goes before what is held, everything else after it; what is held already is skipped. */
   take(frame: SampleFrame): void {
     if (frame.n === 0) return;
+    if (this.#continued && this.#nextSequence < 0 && frame.arrival[0]! < this.#newestArrival) this.clear(); // the host's clock was set back
+    if (this.#continued && frame.history && this.#nextSequence >= 0 && frame.sequence < this.#nextSequence) return;
     if (this.length === 0 || !frame.history || frame.sequence >= this.#nextSequence) this.#append(frame);
     else this.#prepend(frame);
     this.revision += 1;
+  }
+
+  /** What comes next is of another run of the server, which counts samples anew: it goes behind what is held, and no line joins them. */
+  continueAnew(): void {
+    if (this.length > 0) this.cut(this.time(this.length - 1) + 1e-6); // one step of a unix time is 0.24 µs
+    this.#nextSequence = this.#firstSequence = -1;
+    this.#continued = this.length > 0;
   }
 
   /** The device's clock did not go on at `time`: no line is drawn over it. */
@@ -219,6 +230,7 @@ export class Ring {
     this.#gaps.longest = longest;
     this.#nextSequence = this.#firstSequence = -1;
     this.#newestArrival = NaN;
+    this.#continued = false;
     this.clocked = false;
     this.revision += 1;
     this.generation += 1;

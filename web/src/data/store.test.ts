@@ -1,6 +1,6 @@
 import { beforeEach, describe, expect, it, vi } from "vitest";
 import type { SampleFrame } from "../wire/codec";
-import type { ChannelInfo, ColumnInfo, EventInfo } from "../wire/types";
+import type { ChannelInfo, ColumnInfo, DeviceInfo, EventInfo } from "../wire/types";
 import { Store } from "./store";
 
 const column = (name: string, axis: ColumnInfo["axis"] = "", unit = ""): ColumnInfo => ({
@@ -82,11 +82,74 @@ describe("a connection that was lost", () => {
     expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
   });
 
-  it("to a server that was restarted forgets everything", () => {
-    send(store, frame(1, 0, 20, [0, 0, 1]));
+});
+
+describe("a server that was restarted", () => {
+  const device = (id: string, more: Partial<DeviceInfo> = {}) => ({ id, name: "MTi", source: "/dev/ttyUSB0", protocol: "xbus", serial_number: "7", parent: "", status: "live", ...more }) as DeviceInfo;
+  const devices = (...list: readonly DeviceInfo[]): void => store.receive({ kind: "text", text: { op: "devices", devices: list } });
+  const channels = (...list: readonly ChannelInfo[]): void => store.receive({ kind: "text", text: { op: "channels", channels: list } });
+  /** A second later another run has sent 10 samples already, and goes on. */
+  const later = (sequence: number, n: number, value: number, history = false) => {
+    const made = frame(5, sequence, n, [0, 0, value], { history });
+    return { ...made, arrival: made.arrival.map((t) => t + 1.2), time: made.time.map((t) => t + 1.2) };
+  };
+  const restart = (now: DeviceInfo): void => {
     store.receive({ kind: "subscribed", fresh: true });
-    expect(store.channels.value).toEqual([]);
+    devices({ ...now, serial_number: "" }); // it is not known yet
+    channels({ ...acceleration, id: 5, device: now.id });
+    send(store, later(10, 2, 3), later(5, 5, 2, true), later(0, 5, 2, true));
+    store.receive({ kind: "text", text: { op: "backfilled" } });
+    devices(now);
+    send(store, later(12, 2, 4));
+  };
+  beforeEach(() => {
+    devices(device("1"));
+    store.receive({ kind: "text", text: { op: "events", events: [event(3), event(4, { kind: "gap", t0: 1000.02, t1: 1000.05, samples: 2 })] } });
+    send(store, frame(1, 0, 20, [0, 0, 1]), frame(2, 0, 20, [HALF, 0, 0, HALF]));
+  });
+  const z = (id: string): readonly number[] => {
+    const { ring } = store.channel(id, "Acceleration")!;
+    return Array.from({ length: ring.length }, (_, i) => ring.value(2, i));
+  };
+
+  it("leaves what came before on the page, and a gap between", () => {
+    restart(device("2")); // by another id
+    expect(z("2")).toEqual([...Array<number>(20).fill(1), ...Array<number>(10).fill(2), 3, 3, 4, 4]);
+    const { ring } = store.channel("2", "Acceleration")!;
+    expect(ring.breaks.map((row) => row - ring.first)).toEqual([20]);
+    const losses = store.losses("2");
+    expect(losses.map(({ by, samples }) => [by, samples])).toEqual([["device", 2], ["server", 0]]);
+    expect([losses[1]!.t0, losses[1]!.t1]).toEqual([frame(1, 19, 1, [0]).arrival[0], later(0, 1, 0).arrival[0]]);
+    store.receive({ kind: "text", text: { op: "events", events: [event(0, { device: "2", text: "new" })] } });
+    expect(store.events.value.map(({ seq, device: id }) => [seq, id])).toEqual([[-2, "2"], [-1, "2"], [0, "2"]]);
+  });
+
+  it("keeps what is derived and the frame that was chosen", () => {
+    store.showIn("NED");
+    const before = store.channel("1", "EulerAngles")!.ring.value(2, 0);
+    store.receive({ kind: "subscribed", fresh: true });
+    devices(device("1"));
+    channels({ ...quaternion, id: 1 });
+    const euler = store.channel("1", "EulerAngles")!;
+    expect(euler.info.frame).toBe("NED from body");
+    expect([euler.ring.length, euler.ring.value(2, 0)]).toEqual([20, expect.closeTo(before, 4)]);
+  });
+
+  it("shows nothing of another device at the same port", () => {
+    restart(device("1", { serial_number: "8" }));
+    expect(z("1")).toEqual([4, 4]);
+    expect(store.losses("1")).toEqual([]);
     expect(store.events.value).toEqual([]);
+  });
+
+  it("begins again where the clock of the host was set back", () => {
+    store.receive({ kind: "subscribed", fresh: true });
+    devices(device("1"));
+    channels({ ...acceleration, id: 5 });
+    store.receive({ kind: "text", text: { op: "backfilled" } });
+    const early = frame(5, 0, 3, [0, 0, 9]);
+    send(store, { ...early, arrival: early.arrival.map((t) => t - 60), time: early.time.map((t) => t - 60) });
+    expect(z("1")).toEqual([9, 9, 9]);
   });
 });
 

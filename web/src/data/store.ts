@@ -7,7 +7,8 @@
  *                           └──Euler angles──▶ Ring of the derived channel (negative id)
  *
  * After a lost connection the worker asks only for the seconds missed. What comes then is held back (`Refill`) until the
- * server says `backfilled`, and goes into the rings in its order: sample numbers skip what is already there.
+ * server says `backfilled`, and goes into the rings in its order: sample numbers skip what is already there. A server that was
+ * restarted counts anew: what is held of devices that come back stays (`Past`), and what the new one sends goes behind it.
  */
 import { signal, type Signal } from "@preact/signals";
 import { localNow } from "../wire/clock";
@@ -18,6 +19,7 @@ import type { WorldFrame } from "./derive";
 import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
 import { type Change, changeOf, infoIn, worldOf } from "./frames";
 import { LossBook, type Loss } from "./losses";
+import { Past } from "./past";
 import { Budget, Ring } from "./ring";
 
 /** One quantity of one device and its samples. */
@@ -41,6 +43,8 @@ interface Source extends Channel {
 const HISTORY_S = 3600;
 /** A refill is not waited for longer than this: a plot that stands still says less than one with a gap. */
 const REFILL_S = 3;
+/** So long may a device be away after the server was restarted, and what was held of it is there again. */
+const PAST_S = 120;
 const EVENTS_KEPT = 10_000;
 const EXCHANGE_KEPT = 2000;
 const LATENCIES_KEPT = 4096;
@@ -102,7 +106,12 @@ export class Store {
   readonly #derived = new Map<number, Channel>();
   /** Frame in which everything is shown; undefined: as each device sends it. */
   #frame: WorldFrame | undefined;
-  readonly #losses = new LossBook();
+  #losses = new LossBook();
+  /** What was held when the server began another run, until its devices come back. */
+  #past: Past | undefined;
+  #pastEnds: ReturnType<typeof setTimeout> | undefined;
+  /** Devices that came back with another run of the server, and have sent nothing yet: when they sent last, unix s. */
+  readonly #away = new Map<string, number>();
   readonly #latencies = new Float64Array(LATENCIES_KEPT);
   #measured = 0;
   #budget = new Budget();
@@ -215,20 +224,55 @@ export class Store {
   #onSubscribed(fresh: boolean): void {
     this.#endRefill(); // one that never ended: its frames are older than what comes now
     this.filling.value = true;
-    if (!fresh) {
-      this.#refill = { history: [], live: [], timer: setTimeout(() => this.#endRefill(), 1000 * REFILL_S) };
-      return;
-    }
+    if (!fresh || this.#sources.size > 0) this.#refill = { history: [], live: [], timer: setTimeout(() => this.#endRefill(), 1000 * REFILL_S) };
+    if (fresh) this.#beginRun();
+  }
+
+  /** The server was restarted. What is held is put aside for devices that come back; everything else is as when the page was opened. */
+  #beginRun(): void {
+    const frame = this.#frame;
+    this.showIn(undefined); // rings are kept as their devices send
+    this.#frame = frame;
+    this.#forgetPast();
+    const held = [...this.#sources.values()].map(({ sent, ring }) => ({ info: sent, ring }));
+    const derived = [...this.#derived.values()].map(({ info, ring }) => ({ info, ring }));
+    if (held.length > 0) {
+      this.#past = new Past(this.devices.peek(), [...held, ...derived], this.#losses, this.events.peek());
+      this.#pastEnds = setTimeout(() => this.#forgetPast(), 1000 * PAST_S);
+    } else this.#budget = new Budget();
     this.#sources.clear();
     this.#derived.clear();
-    this.#losses.clear();
-    this.#budget = new Budget();
+    this.#losses = new LossBook();
+    this.#away.clear();
     this.channels.value = [];
     this.events.value = [];
     this.health.value = new Map();
     this.raws.value = [];
     this.control.value = new Map();
     this.exchange.value = [];
+  }
+
+  #forgetPast(): void {
+    clearTimeout(this.#pastEnds);
+    this.#past?.release();
+    this.#past = undefined;
+  }
+
+  /** Hand over what was held of devices that have come back; take it away again where it was another's. */
+  #meetPast(devices: readonly DeviceInfo[]): void {
+    const past = this.#past;
+    if (past === undefined) return;
+    for (const device of past.mistaken(devices)) {
+      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) if (info.device === device) ring.clear();
+      this.#losses.forget(device);
+      this.#away.delete(device);
+      this.events.value = this.events.peek().filter((event) => event.device !== device || event.seq >= 0);
+    }
+    for (const device of past.meet(devices)) {
+      this.#losses.addAll(device, past.lossesOf(device));
+      this.#away.set(device, past.lastOf(device));
+      this.events.value = [...past.eventsOf(device), ...this.events.peek()].sort((a, b) => a.seq - b.seq);
+    }
   }
 
   #onText(text: ServerText): void {
@@ -238,6 +282,7 @@ export class Store {
         this.problem.value = undefined;
         return;
       case "devices":
+        this.#meetPast(text.devices);
         this.devices.value = text.devices;
         return;
       case "channels":
@@ -343,6 +388,9 @@ export class Store {
   }
 
   #ring(info: ChannelInfo): Ring {
+    const held = this.#past?.ringFor(info);
+    held?.continueAnew();
+    if (held) return held;
     const status = info.kind === "status";
     const ring = new Ring(info.columns.map(({ dtype, period, bits }) => ({ dtype, period, status: status && bits.length > 0 })), this.#budget);
     for (const { device, time } of this.events.peek().filter(isStep)) if (device === info.device) ring.cut(time);
@@ -374,10 +422,20 @@ export class Store {
         this.#derived.delete(id);
       }
       if (source === undefined) continue;
-      const info = eulerInfo(source.info);
-      if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, { info, ring: this.#ring(info) });
+      if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, this.#euler(source.info.id));
     }
     this.channels.value = verifiedFirst([...kept, ...this.#derived.values()]);
+  }
+
+  /** The Euler angles of a source: nothing yet, or what came of them before the server was restarted. */
+  #euler(id: number): Channel {
+    const { info, sent, world } = this.#sources.get(id)!;
+    const native = eulerInfo(sent);
+    const ring = this.#ring(native);
+    const from = worldOf(sent);
+    const change = from && world ? changeOf(native, from, world) : undefined;
+    if (change && ring.length > 0) ring.transform(change);
+    return { info: eulerInfo(info), ring };
   }
 
   #rotation(channels: readonly Channel[]): Channel | undefined {
@@ -399,6 +457,11 @@ export class Store {
     const source = this.#sources.get(frame.channel);
     if (source === undefined) return;
     const before = source.ring.newest;
+    const { device } = source.info;
+    if (this.#away.has(device)) {
+      this.#losses.addRestart(device, this.#away.get(device)!, frame.arrival[0]!);
+      this.#away.delete(device);
+    }
     const sent = source.norm === undefined ? frame : addNorm(frame, source.norm, bounds);
     const shown = source.change === undefined ? sent : changedFrame(sent, source.change, source.info.columns);
     source.ring.take(shown);

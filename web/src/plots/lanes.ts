@@ -293,5 +293,5 @@ export class Lanes {
 export function lossWords({ samples, t0, t1, by }: Loss): string {
   const count = samples > 0 ? `${number(samples, 0)} ${samples === 1 ? "sample" : "samples"}, ` : "";
   const { value, unit } = t1 - t0 < 10 && t1 - t0 >= 1 ? { value: number(t1 - t0, 2), unit: "s" } : age(t1 - t0);
-  return `${count}${value} ${unit}${by === "browser" ? ", this browser" : ""}`;
+  return `${count}${value} ${unit}${{ device: "", browser: ", this browser", server: ", server restarted" }[by]}`;
 }
