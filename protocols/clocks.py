@@ -120,13 +120,21 @@ class Counter:
     def __init__(self, modulus: int) -> None:
         self.modulus = modulus
         self.restarts: list[int] = []
+        self.first: int | None = None  # the number that was seen first
+        self.passed = 0  # how far it has gone since, late rows and restarts aside
         self._last: int | None = None
+
+    @property
+    def last(self) -> int | None:
+        """The newest number, None before any."""
+        return self._last
 
     def follows(self, number: int) -> bool:
         """Is this the number after the last one? Then it is taken, and nothing is missing; otherwise ask `missing`."""
         if self._last is None or (number - self._last) % self.modulus != 1:
             return False
         self._last = number
+        self.passed += 1
         self.restarts = []
         return True
 
@@ -136,13 +144,17 @@ class Counter:
         self.restarts = []
         if len(values) == 0:
             return values
+        if self._last is None:
+            self.first, self.passed = int(values[0]), -1
         last = values[0] - 1 if self._last is None else self._last
         lost: Times = np.diff(values, prepend=last) - 1
         lost %= self.modulus
         odd = np.flatnonzero(lost >= min(256, self.modulus // 8)).tolist()
         if odd:
-            return self._judge(values, lost, odd, int(last))
-        self._last = int(values[-1])
+            lost = self._judge(values, lost, odd, int(last))
+        else:
+            self._last = int(values[-1])
+        self.passed += len(values) + int(lost.sum())
         return lost
 
     def _judge(self, values: Times, lost: Times, odd: list[int], last: int) -> Times:

@@ -192,6 +192,27 @@ class Remembers(Protocol):
         """Accept whatever number comes next, of one device or ("") of all. For an operator to ask for."""
 
 
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How far the counter of a device has gone: which number came first and which last, modulo `modulus`, and how many
+    it has gone on in between."""
+
+    counter: str
+    first: int
+    last: int
+    passed: int
+    modulus: int
+
+
+@runtime_checkable
+class Counts(Protocol):
+    """A decoder of a protocol whose frames are counted by the device, so that a later decoder of the same device can
+    tell how many there were between the two."""
+
+    def count_of(self, device: str = "") -> Count | None:
+        """Of one device of the stream ("": the line's own); None while nothing of it was counted."""
+
+
 @runtime_checkable
 class Shared(Protocol):
     """A decoder of a line on which several devices may speak, each under an address of its own.

@@ -31,10 +31,10 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from protocols.clocks import Unwrap
-from protocols.events import Batch, Doubt, Event, Gap, Late, Reply, Step
+from protocols.events import Batch, Count, Doubt, Event, Gap, Late, Reply, Step
 from protocols.framing import BAD_VERSION, BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
-from protocols.idtp.frames import SECURE, TIMESTAMP_AT, VERSION_AT, version_at
+from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from protocols.idtp.payloads import Payload, Rotation, Shown
 from protocols.idtp.sequence import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream import Cut, IdtpStream
@@ -123,6 +123,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see sequence.py
         self._kinds: dict[int, _Kind] = {}  # by KEY
         self._clocks: dict[int, Unwrap] = {}  # by source
+        self._firsts: dict[int, int] = {}  # by source, its first sequence number
         self._said: set[tuple[int, str]] = set()
 
     def rearm(self, device: str = "") -> None:
@@ -153,7 +154,26 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
                 events += self._other_protocols(cut)
             if cut.table.shape[1]:
                 self._data(cut, events)
+                if len(self._firsts) < len(self._clocks):
+                    self._note_firsts(cut)
         return sorted(events, key=_offset) if len(events) > 1 else events
+
+    def _note_firsts(self, cut: Cut) -> None:
+        """The numbers that devices began with."""
+        senders = cut.table[SENDER]
+        for source in self._clocks.keys() - self._firsts.keys():
+            device, _ = source_of(source)
+            row = int(np.argmax(senders == device))
+            at = int(cut.table[OFFSET, row]) + SEQUENCE_AT
+            self._firsts[source] = int.from_bytes(bytes(cut.data[at : at + 4]), "little")
+
+    def count_of(self, device: str = "") -> Count | None:
+        """See events.Counts."""
+        verified = {str(source_of(source)[0]): source for source in self._firsts if not source_of(source)[1]}
+        if device not in verified:
+            return None
+        first, last = self._firsts[verified[device]], self._stream.sequences.last_of(int(device), LITE)
+        return Count("sequence", first, last, (last - first) % (1 << 32), 1 << 32)
 
     # -- batches -------------------------------------------------------------------------------------------------------
 

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from protocols.clocks import Counter, Unwrap
 from protocols.dates import utc_ns
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, Count, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
@@ -264,6 +264,15 @@ class XbusDecoder(StreamDecoder[Stream]):
             self._clocks = own
             events += [replace(one, device=name) if isinstance(one, Batch | Gap | Step) else one for one in found]
         return events
+
+    def count_of(self, device: str = "") -> Count | None:
+        """See events.Counts."""
+        if device:
+            return None  # only the line's own: the others of a shared line have no link to lose
+        counter = self._clocks.counter
+        if counter.first is None or counter.last is None:
+            return None
+        return Count("PacketCounter", counter.first, counter.last, counter.passed, counter.modulus)
 
     # -- data ----------------------------------------------------------------------------------------------------------
 

@@ -84,6 +84,15 @@ class Incidents:
         held.parts[blame.by] += 1
         held.span(t0, t1)
 
+    def outage(self, span: tuple[float, float], known: tuple[str, int] | None) -> None:
+        """The link was down; `known`: which counter says how many samples passed meanwhile."""
+        counter, missing = known or ("", 0)
+        duration = _duration(span[1] - span[0])
+        text = f"Nothing came for {duration}: the link was down. How many samples is not known."
+        if known is not None:
+            text = f"{_samples(missing)} lost ({duration}): the link was down."
+        self.say("gap", "fault", text, span=span, samples=missing, data={"counter": counter, "by": "link"})
+
     def rejects(self, rejects: list[Reject]) -> None:
         """Candidates that failed their checks: always summed up, one event a period."""
         if not rejects:

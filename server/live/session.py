@@ -32,6 +32,7 @@ from server.live.greeting import Greeting
 from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.left_out import LeftOut
+from server.live.outage import Outage
 from server.live.patience import SILENT_HINT, SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
@@ -94,7 +95,7 @@ class Session(Audience):
         self.restarts = Restarts(link.kind, sequences)
         self._unknown = Unknown(speech.guess)
         self._opened_at: float | None = None
-        self._died_at: float | None = None  # last arrival before the link went while it was live
+        self._outage = Outage()
         self._patience, self._deafness = Patience(), Deafness()
         self._slices = Slices()
         link.flow.at_once = self._slices.size
@@ -211,8 +212,8 @@ class Session(Audience):
         self._drain(final=True)
         was_live = self.info.status == "live"
         self._opened_at = None
-        if self.info.status in ("live", "lost") and self._died_at is None:
-            self._died_at = self._figures.last_arrival
+        if self.info.status in ("live", "lost"):
+            self._outage.begin(self._decoder, self.senders.own)
         if error.kind in ("ended", "bad-source"):
             status: wire.DeviceStatus = "ended" if error.kind == "ended" else "idle"
             self._set(is_open=False, status=status, message=error.message, hint=error.hint, next_try=None)
@@ -408,12 +409,7 @@ class Session(Audience):
             self._greeting.ask(self._speech.about(self.info.protocol).greeting)
         text = f"{self.info.source} is back." if back else f"{self.info.name} is sending."
         self._incidents.say("link", "info", text, data={"kind": "back" if back else "live"})
-        if self._died_at is not None and back and self._figures.last_arrival is not None:
-            # A new connection has a new decoder, which cannot know what its predecessor missed.
-            span = (self._died_at, self._figures.last_arrival)
-            text = f"Nothing came for {span[1] - span[0]:.1f} s: the link was down. How many samples is not known."
-            self._incidents.say("gap", "fault", text, span=span, data={"counter": "", "by": "link"})
-        self._died_at = None
+        self._outage.over(self._decoder, self.senders.own, last if back else None)
 
     def _advise(self, *, at_once: bool = False) -> None:
         """Say what is to be done about a stream of which something is refused, or not read."""

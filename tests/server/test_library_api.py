@@ -253,7 +253,7 @@ def test_sizes_of_exports_are_measured_before_anything_is_exported(running: Runn
     assert list(told["devices"]) == ["1"]
     part = running.client.post(f"{URL}/a/export-sizes", json={"t0": 1.76e9, "t1": 1.76e9 + 0.5}).json()
     assert 0.3 < part["sizes"]["csv"] / done["size"] < 0.7
-    assert not [path for path in (folder.parent / "exports").rglob("*sample*")]
+    assert not list((folder.parent / "exports").rglob("*sample*"))
     assert_problem(running.client.post(f"{URL}/none/export-sizes", json={}), 404)
     assert_problem(running.client.post(f"{URL}/a/export-sizes", json={"t0": 2.0, "t1": 1.0}), 422)
 

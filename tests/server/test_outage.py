@@ -1,0 +1,71 @@
+"""What a lost connection missed is counted where the device counts, and not known where it does not."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from protocols.idtp.device import IdtpDevice
+from protocols.isb.device import IsbDevice
+from protocols.xbus.device import XbusDevice
+from server.links.base import LinkError, LinkSettings
+from server.live.hub import Hub
+from server.live.reading import Reading
+from server.live.session import Session
+from server.live.speech import speech
+from tests.server.fakes import NOW_NS, Clock, FakeLink
+
+
+def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -> tuple[Any, Any]:
+    """A device streams, its link goes for a while, and it streams on; the gap that is told, and what health says."""
+    device: Any = {"xbus": XbusDevice(measuring=True), "idtp": IdtpDevice(), "isb": IsbDevice()}[protocol]
+    found: list[Any] = []
+
+    async def run() -> None:
+        clock = Clock()
+        hub, link = Hub(clock), FakeLink("tcp://robot:4000", LinkSettings(now_ns=clock.now_ns))
+        link.kind = "tcp"
+        session = Session("1", link, hub, speech(), Reading(protocol))
+        session.start()
+
+        async def stream(device: Any, seconds: float) -> None:
+            for _ in range(round(seconds / 0.05)):
+                clock.move(0.05)
+                if data := device.advance(clock.ns - NOW_NS):
+                    link.send(data)
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+                hub.flush()
+
+        await stream(device, 3)
+        link.die(LinkError("gone", "It closed the connection.", ""))
+        await asyncio.sleep(0.001)
+        device.advance(clock.ns - NOW_NS + int(away_s * 1e9))  # nobody hears it
+        clock.move(away_s)
+        session.retry()
+        await asyncio.sleep(0.001)
+        await stream(XbusDevice(measuring=True, start_ns=clock.ns - NOW_NS) if restarted else device, 1)
+        found.append(next(event for event in hub.log if event.kind == "gap"))
+        found.append(session.health(clock()))
+        await session.close()
+
+    asyncio.run(run())
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize(("protocol", "counter"), [("xbus", "PacketCounter"), ("idtp", "sequence")])
+def test_what_a_reconnect_missed_is_counted_by_the_device(protocol: str, counter: str) -> None:
+    gap, health = dropout(4.0, protocol=protocol)
+    assert (gap.data["counter"], gap.data["by"]) == (counter, "link")
+    sent = {"xbus": 100, "idtp": 200}[protocol]  # frames a second
+    assert gap.samples == pytest.approx(4 * sent, rel=0.03)
+    assert gap.text == f"{gap.samples} samples lost ({1e3 * (gap.t1 - gap.t0):.0f} ms): the link was down."
+    assert (health.gaps, health.lost) == (1, gap.samples)
+
+
+def test_what_a_reconnect_missed_is_not_known_where_no_counter_goes_on() -> None:
+    for gap, health in (dropout(4.0, restarted=True), dropout(4.0, protocol="isb")):
+        assert (gap.samples, gap.data["counter"], health.lost) == (0, "", 0)
+        assert gap.text.endswith("the link was down. How many samples is not known.")
