@@ -1,4 +1,4 @@
-"""How does the viewer open? Bodies and track on the left, curves on the right, what happened below.
+"""How does the viewer open? Bodies and track on the left, curves on the right, what happened below (live: behind them).
 
 The track is drawn in metres, and a tab beside it has the same on a map. That tab is not the one in front, because the
 viewer asks a tile server of others for the pictures under a map that is seen, and would tell it thereby where a robot
@@ -46,14 +46,17 @@ def blueprint(
         left[-1] = rrb.Tabs(left[-1], on_map, active_tab=0)
     plots = [_plots(device, infos, live_s) for device in devices]
     right = [one for one in plots if one is not None]
+    log = rrb.TextLogView(origin="/", contents=[f"+ {log}" for log in logs], name="What happened") if logs else None
+    if live_s and log is not None and right:
+        right, log = [*right, log], None  # a row of its own would take the height of a plot
     columns: list[Any] = []
     if left:
         columns.append(left[0] if len(left) == 1 else rrb.Vertical(*left, row_shares=[3, 2]))
     if right:
         columns.append(right[0] if len(right) == 1 else rrb.Tabs(*right))
     parts: list[Any] = [rrb.Horizontal(*columns, column_shares=[1, 1][: len(columns)])] if columns else []
-    if logs:
-        parts.append(rrb.TextLogView(origin="/", contents=[f"+ {log}" for log in logs], name="What happened"))
+    if log is not None:
+        parts.append(log)
     root = rrb.Vertical(*parts, row_shares=[4, 1][: len(parts)]) if parts else rrb.Vertical()
     play: Literal["following", "paused"] = "following" if live_s else "paused"
     panel = rrb.TimePanel(timeline=DEVICE_TIME, state="collapsed", play_state=play)
@@ -93,7 +96,10 @@ def _plots(device: Device, infos: Mapping[int, Info], live_s: float) -> Any:
                 time_ranges=_lately(live_s),
             )
         )
-    return rrb.Vertical(*views, name=device.title) if views else None
+    if not views:
+        return None
+    # Live the viewer has 420 px of our page, most of them taken by its bars: below each other plots had 30 px each.
+    return rrb.Grid(*views, grid_columns=2, name=device.title) if live_s else rrb.Vertical(*views, name=device.title)
 
 
 def _lately(live_s: float) -> Any:

@@ -95,7 +95,8 @@ def send_style(stream: rr.RecordingStream, curve: Curve, columns: Sequence[Mappi
     names = [str(columns[i]["label"] or columns[i]["name"]) for i in curve.columns]
     names = [curve.path[-1] if name == "value" else name for name in names]
     colors = [
-        AXES[columns[i]["axis"]] if columns[i]["axis"] else OTHERS[k % len(OTHERS)] for k, i in enumerate(curve.columns)
+        AXES[columns[i]["axis"]] if columns[i]["axis"] else OTHERS[i % len(OTHERS)]
+        for i in curve.columns  # by its place in the message: those with units of their own share a plot all the same
     ]
     stream.log(name_of(curve.path), rr.SeriesLines(names=names, colors=colors, widths=1.2), static=True)
     frame = frame or ("body" if any(columns[i]["axis"] in ("x", "y", "z") for i in curve.columns) else "")

@@ -45,6 +45,18 @@ AXES = ((213, 94, 0), (0, 158, 115), (0, 114, 178))  # x, y, z: told apart by th
 FRAME = (120, 120, 125)
 GRAVITY, FIELD, TRACK = (90, 90, 100), (170, 80, 190), (0, 114, 178)
 FRAME_LABELS = {"ENU": ("east", "north", "up"), "NED": ("north", "east", "down"), "NWU": ("north", "west", "up")}
+# A grid stands out equally little on the page's dark ground and on its light one: greys between both, thin, and gone
+# before the horizon. viser's own is made for a white one.
+GRID: dict[str, Any] = {
+    "cell_size": 0.5,
+    "section_size": 2.5,
+    "cell_color": (118, 124, 132),
+    "section_color": (118, 124, 132),
+    "cell_thickness": 0.4,
+    "section_thickness": 0.8,
+    "fade_distance": 14.0,
+    "fade_strength": 1.5,
+}
 ALL = "All, side by side"
 BOX = "Sensor"
 
@@ -168,7 +180,7 @@ class Scene:
         scene.set_up_direction("+z")
         self._stands = {}
         shown = [look for look in self._looks if self._which.value in (ALL, look.title)]
-        scene.add_grid("/ground", infinite_grid=True, cell_size=0.5, section_size=2.5, position=(0.0, 0.0, -0.9))
+        scene.add_grid("/ground", infinite_grid=True, position=(0.0, 0.0, -0.9), **GRID)
         for i, look in enumerate(shown):
             stand = self._stands[look.id] = self._stand(f"/d{i}", look, (APART * (i - (len(shown) - 1) / 2), 0.0, 0.0))
             stand.heading, stand.start = headings.get(look.id, (0.0, None))

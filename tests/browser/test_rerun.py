@@ -88,6 +88,8 @@ def test_a_recording_opens_in_the_viewer_and_the_body_turns(
 ) -> None:
     """`open_page` fails when another host is asked, or when the console has an error."""
     page = open_page(f"{running.url}/rerun/?recording=drive&theme=light", width=900, height=600)
+    chatter: list[str] = []  # of the viewer, a line or more for every frame
+    page.on("console", lambda message: chatter.append(message.text) if message.type == "debug" else None)
     first = seen(page)
     until(page, "document.getElementById('words').textContent === ''")
     page.screenshot(path=str(ARTIFACTS / "rerun-recording.png"), timeout=120_000)
@@ -97,6 +99,7 @@ def test_a_recording_opens_in_the_viewer_and_the_body_turns(
     second = seen(page)
     moved = nose(first) != nose(second)
     assert moved.sum() > 30, "both attitudes look the same"
+    assert chatter == []
 
 
 def test_of_a_long_recording_it_says_how_much_is_shown_and_where_the_rest_is(

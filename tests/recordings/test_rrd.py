@@ -219,6 +219,39 @@ def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pi
     assert tabs.active_tab == 0
 
 
+def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(store: Columns) -> None:
+    import rerun.blueprint as rrb
+
+    from recordings.rrd.blueprint import blueprint
+
+    infos = store.manifest["channels"]
+    devices = devices_of(store.manifest["devices"], infos)
+    root: Any = blueprint(devices, infos, ["/events/1"], live_s=20.0).root_container
+    [row] = root.contents  # no row of texts below
+    tabs = row.contents[-1]
+    *plots, log = tabs.contents
+    assert isinstance(log, rrb.TextLogView)
+    assert all(isinstance(one, rrb.Grid) and one.grid_columns == 2 for one in plots)
+    still: Any = blueprint(devices, infos, ["/events/1"]).root_container
+    assert isinstance(still.contents[-1], rrb.TextLogView)
+
+
+def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own() -> None:
+    import rerun as rr
+
+    from recordings.rrd.layout import Curve
+    from recordings.rrd.still import send_style
+
+    columns = [{"name": name, "label": "", "axis": ""} for name in ("lat", "lon", "alt")]
+    stream = rr.RecordingStream("imuscope")
+    logged: list[Any] = []
+    stream.log = lambda name, what, static: logged.append(what)  # type: ignore[method-assign, misc, assignment]
+    for i in range(3):
+        send_style(stream, Curve(("device", columns[i]["name"]), (i,)), columns, "")
+    colors = [one.colors.as_arrow_array().to_pylist()[0] for one in logged]
+    assert len(set(colors)) == 3
+
+
 def test_what_changed_and_what_was_marked_can_be_read(read: dict[str, list[pa.RecordBatch]]) -> None:
     said = [word for name, batches in read.items() if "changes" in name for word in texts(batches)]
     assert any("set" in word for word in said)

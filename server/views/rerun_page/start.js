@@ -18,6 +18,8 @@ const theme = query.get("theme") ?? (matchMedia("(prefers-color-scheme: light)")
 document.documentElement.dataset.theme = theme;
 /** A module of one function that uses a 128-bit instruction: the viewer is made of such. */
 const SIMD = new Uint8Array([0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253, 98, 11]);
+/** The viewer tells its console of every frame it draws, thousands of lines a minute: warnings and errors are then not to be found. */
+console.debug = () => undefined;
 const AGAIN_MS = 1000;
 const LATE_MS = 500;
 const HIDDEN_MS = 250;

@@ -91,6 +91,8 @@ describe("verdict", () => {
     expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/Nothing was lost/);
   });
   it("does not say of a recording that nothing was lost where it is only further on", () => {
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toContain("this session");
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("Nothing was lost in this recording.");
     expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe("Nothing was lost up to here; 165 samples are missing further on.");
   });
   it("tells the cause of a lost device before anything else", () => {

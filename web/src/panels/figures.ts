@@ -119,13 +119,13 @@ function agoOf(old: number | undefined): Quantity {
   return { value, unit: unit ? `${unit} ago` : "" };
 }
 
-/** One sentence: who lost it last, or that nothing was lost. `later`: samples of a recording that are missing after where it is read. */
+/** One sentence: who lost it last, or that nothing was lost. `later`: of a recording, samples that are missing after where it is read. */
 export function verdict(
   device: DeviceInfo | undefined,
   events: readonly EventInfo[],
   health: DeviceHealth | undefined,
   dropped: number,
-  later = 0,
+  later?: number,
 ): string {
   if (!device) return "";
   if (device.status === "lost" || device.status === "denied") return [device.message, device.hint].filter(Boolean).join(" ");
@@ -135,8 +135,9 @@ export function verdict(
   const gap = events.findLast((event) => event.device === device.id && event.kind === "gap");
   if (gap) return `Gap ${clock(gap.t0 ?? gap.time)}: ${sentence(gap.text)}`;
   if (health && health.rejects > 0) return `${count(health.rejects, "frame")} failed the check and ${health.rejects === 1 ? "was" : "were"} left out; no counter says that samples are missing.`;
-  if (later > 0) return `Nothing was lost up to here; ${count(later, "sample is", "samples are")} missing further on.`;
-  return health ? "Nothing was lost since this session began." : "";
+  if (later !== undefined && later > 0) return `Nothing was lost up to here; ${count(later, "sample is", "samples are")} missing further on.`;
+  if (!health) return "";
+  return later === undefined ? "Nothing was lost since this session began." : "Nothing was lost in this recording.";
 }
 
 function sentence(text: string): string {

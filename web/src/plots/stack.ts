@@ -96,6 +96,11 @@ class Stack {
     this.#names = new LaneNames(this.#lanesBox, () => this.#slowly());
     this.#lanesBox.append(this.#lanesSheet.canvas);
     this.#lanesHost.append(this.#lanesBox, this.#names.say);
+    this.#more.addEventListener("wheel", (event) => {
+      if (event.deltaX !== 0 || this.#more.scrollWidth <= this.#more.clientWidth) return;
+      event.preventDefault(); // a wheel goes along the row: it has no bar to be drawn by
+      this.#more.scrollLeft += event.deltaY;
+    });
     const axis = el("div", { class: "axis" }, this.#axis.canvas);
     const over = el("div", { class: "over" }, this.#over.canvas);
     this.#root.append(this.#more, this.#lanesHost, axis, over, this.#glass.canvas);

@@ -56,3 +56,9 @@ it("a device that never sent anything names no recording, and stands in no filte
   const detail = { info, devices: [{ id: "1" }, { id: "2" }], channels: [{ device: "1" }] } as unknown as RecordingDetail;
   expect(heardIn(detail).devices.map(({ id }) => id)).toEqual(["1"]);
 });
+
+it("says the serial number of a device once", () => {
+  const device = { id: "1", name: "IDTP device 102", protocol: "idtp", product: "", serial_number: "102", messages: 0, lost: 0, rejects: 0 };
+  expect(deviceName(device)).toBe("IDTP device 102");
+  expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");
+});

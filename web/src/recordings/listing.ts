@@ -60,7 +60,11 @@ export interface Choice {
   readonly query: string;
 }
 
-export const deviceName = ({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string => [name || product, serial].filter(Boolean).join(" ");
+/** With its serial number, which some are named by already. */
+export function deviceName({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string {
+  const called = name || product;
+  return called.endsWith(serial) ? called : `${called} ${serial}`.trim();
+}
 
 /** What a recording is called: one that nobody named, by its devices; when it was made stands beside it. */
 export function titleOf({ title, id, devices }: Pick<RecordingInfo, "title" | "id" | "devices">): string {

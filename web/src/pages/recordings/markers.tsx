@@ -26,7 +26,7 @@ export function Markers({ replay }: { readonly replay: Replay }) {
           <Icon name="plus" />
         </button>
       </div>
-      {markers.length === 0 && <p class="foot-note dim">No markers yet. Press M to add one at the cursor.</p>}
+      {markers.length === 0 && <p class="foot-note dim">No markers yet. Press M, or +, to add one at the cursor.</p>}
       <ol>
         {markers.map(({ id, time, kind, text }) => (
           <li key={id}>
