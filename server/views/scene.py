@@ -50,8 +50,8 @@ FRAME_LABELS = {"ENU": ("east", "north", "up"), "NED": ("north", "east", "down")
 GRID: dict[str, Any] = {
     "cell_size": 0.5,
     "section_size": 2.5,
-    "cell_color": (118, 124, 132),
-    "section_color": (118, 124, 132),
+    "cell_color": (100, 106, 114),
+    "section_color": (100, 106, 114),
     "cell_thickness": 0.4,
     "section_thickness": 0.8,
     "fade_distance": 14.0,

@@ -19,6 +19,7 @@ from recordings.library import Library
 from recordings.parts import McapSource
 from recordings.tables import TableSource
 from server.config import Config
+from server.library.one_file import one_file
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
 from tests.server.running import Running
@@ -281,12 +282,10 @@ def test_a_cancelled_export_leaves_nothing(running: Running, folder: Path) -> No
 
 
 def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
-    from server.library.exports import _one_file
-
     files = [tmp_path / name for name in ("run_A.csv", "run_B.csv")]
     for file in files:
         file.write_text(file.name)
-    made = _one_file(files, tmp_path, "run")
+    made = one_file(files, tmp_path, "run")
     with zipfile.ZipFile(made) as archive:
         assert {name: archive.read(name).decode() for name in archive.namelist()} == {
             "run_A.csv": "run_A.csv",

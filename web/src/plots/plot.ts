@@ -66,7 +66,7 @@ export class Plot {
     const canvas = el("canvas", { role: "img", "aria-label": `${spec.title}${unit} over time` });
     this.root = el("div", { class: spec.weight < 0.7 ? "plot low" : "plot" }, this.legend.root, canvas);
     this.root.style.setProperty("--weight", String(spec.weight));
-    this.root.style.setProperty("--least", `${Math.round(36 + 32 * spec.weight)}px`);
+    this.root.style.setProperty("--least", `${Math.round(40 + 32 * spec.weight)}px`);
     this.sheet = new Sheet(canvas);
     const periods = spec.series.map(({ channel, column }) => channel.info.columns[column]!.period);
     this.#scale = new Scale(20 * 10 ** -spec.decimals, Math.min(...periods));
