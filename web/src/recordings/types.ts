@@ -142,12 +142,18 @@ export interface Export {
 }
 
 /** Which part of a recording; as in Export. */
-export type ExportSizesWish = Pick<Export, "t0" | "t1" | "channels" | "base">;
+export interface ExportSizesWish {
+  readonly t0: number | null;
+  readonly t1: number | null;
+  readonly channels: readonly number[] | null;
+  readonly base: "device" | "arrival";
+}
 
 /** About how large exports would be, bytes; what could not be measured is left out. */
 export interface ExportSizes {
-  readonly sizes: Readonly<Partial<Record<ExportFormat, number>>>;
-  /** device id → its bytes as they came */
+  /** format → size */
+  readonly sizes: Readonly<Record<string, number>>;
+  /** device → its bytes as they came */
   readonly devices: Readonly<Record<string, number>>;
 }
 
