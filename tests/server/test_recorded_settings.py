@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from recordings.blocks import Recording, json_messages
+from server import codec
+from server.library.recorder import Plan
 from server.library.settings import settings_of
+from tests.server.desk import outputs, until
+from tests.server.test_recorder import chunks, in_a_loop, recorder
 
 OUTPUTS = [
     {"data_identifier": 0x4020, "output_frequency": 400},
@@ -72,3 +79,39 @@ def test_what_the_tables_do_not_know_is_told_as_it_stands(protocol: str, values:
 @pytest.mark.parametrize("body", [{}, {"values": 3}, {"values": {"a": 1}}, {"values": None, "missing": [1]}])
 def test_a_strangers_snapshot_tells_nothing(body: dict[str, Any]) -> None:
     assert settings_of(body).settings == []
+
+
+@in_a_loop
+async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
+    async with recorder(tmp_path) as (made, one):
+        desk = await made.add("twin:xbus")
+
+        async def refuse(data: bytes) -> None:
+            return  # nothing reaches the device
+
+        desk.session._link.write = refuse  # type: ignore[method-assign]
+        state = await one.start()
+        await until(lambda: desk.control.done, "it has been given up")
+        assert desk.control.done[0].state == "failed"
+        assert any("no Configuration of" in event.text for event in made.hub.log)
+        await one.stop()
+        assert len(chunks(tmp_path / "recordings" / f"{state.id}.mcap", "rx/1")) > 1000
+
+
+@in_a_loop
+async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
+    async with recorder(tmp_path, Plan(tmp_path / "recordings", ask_head=False)) as (made, one):
+        desk = await made.add("twin:xbus")
+        await made.read(desk)
+        state = await one.start()
+        path = tmp_path / "recordings" / f"{state.id}.mcap"
+        await until(lambda: one.state.behind_s == 0, "it is written")
+        with Recording(path) as recording:
+            ((_, body),) = json_messages(recording, "snapshot/1")
+        assert body["values"] == json.loads(json.dumps(codec.plain(desk.values)))
+        assert body["serial_number"] == "0080800001"
+        await made.apply(desk, {"OutputConfiguration": outputs(200)})
+        await one.stop()
+        with Recording(path) as recording:
+            bodies = [body for _, body in json_messages(recording, "snapshot/1")]
+        assert bodies[-1]["values"]["OutputConfiguration"] == outputs(200)

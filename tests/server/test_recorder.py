@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import json
 import os
 import shutil
 import signal
@@ -26,7 +25,6 @@ from recordings.names import free_path, slug
 from recordings.packing import is_loose, pack
 from recordings.parts import McapSource
 from recordings.tape import Limits
-from server import codec
 from server.config import Config
 from server.library.packer import Packer, left_behind
 from server.library.recorded import Mark
@@ -37,7 +35,7 @@ from tests.faults.stage import frames
 from tests.faults.test_kill import recording
 from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
-from tests.server.desk import House, house, outputs, until
+from tests.server.desk import House, house, until
 from tests.server.fakes import FakeLink, sample
 from tests.server.line import Line
 from tests.server.running import Running
@@ -341,42 +339,6 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         with Recording(path) as recording:
             commands = [body["text"] for _, body in json_messages(recording, "events") if body["kind"] == "command"]
         assert commands == ["GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
-
-
-@in_a_loop
-async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: Path) -> None:
-    async with recorder(tmp_path) as (made, one):
-        desk = await made.add("twin:xbus")
-
-        async def refuse(data: bytes) -> None:
-            return  # nothing reaches the device
-
-        desk.session._link.write = refuse  # type: ignore[method-assign]
-        state = await one.start()
-        await until(lambda: desk.control.done, "it has been given up")
-        assert desk.control.done[0].state == "failed"
-        assert any("no Configuration of" in event.text for event in made.hub.log)
-        await one.stop()
-        assert len(chunks(tmp_path / "recordings" / f"{state.id}.mcap", "rx/1")) > 1000
-
-
-@in_a_loop
-async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
-    async with recorder(tmp_path, Plan(tmp_path / "recordings", ask_head=False)) as (made, one):
-        desk = await made.add("twin:xbus")
-        await made.read(desk)
-        state = await one.start()
-        path = tmp_path / "recordings" / f"{state.id}.mcap"
-        await until(lambda: one.state.behind_s == 0, "it is written")
-        with Recording(path) as recording:
-            ((_, body),) = json_messages(recording, "snapshot/1")
-        assert body["values"] == json.loads(json.dumps(codec.plain(desk.values)))
-        assert body["serial_number"] == "0080800001"
-        await made.apply(desk, {"OutputConfiguration": outputs(200)})
-        await one.stop()
-        with Recording(path) as recording:
-            bodies = [body for _, body in json_messages(recording, "snapshot/1")]
-        assert bodies[-1]["values"]["OutputConfiguration"] == outputs(200)
 
 
 @in_a_loop
