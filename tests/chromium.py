@@ -37,6 +37,39 @@ MAC = "/Applications/{0}.app/Contents/MacOS/{0}"
 ARGUMENTS = ["--disable-dev-shm-usage", "--force-color-profile=srgb", "--font-render-hinting=none"]
 if hasattr(os, "geteuid") and os.geteuid() == 0:
     ARGUMENTS.append("--no-sandbox")
+# What a browser without a window does for its address bar takes a second of a core for every page. This replaces what
+# Playwright turns off, so that these are turned off here too.
+NOT_WANTED = (
+    *("WebUIOmniboxPopup", "WebUIOmniboxAimPopup", "WebUIOmniboxFullPopup"),
+    *("AvoidUnnecessaryBeforeUnloadCheckSync", "DestroyProfileOnBrowserClose", "HttpsUpgrades"),
+    *("HttpsFirstBalancedModeAutoEnable", "LensOverlay", "MediaRouter", "PaintHolding", "ThirdPartyStoragePartitioning"),
+    *("AvoidCorsURLLoaderRestartOnRedirect", "OptimizationHints", "NetworkTimeServiceQuerying", "AimEnabled"),
+    "PreconnectToSearch",
+)
+ARGUMENTS.append(f"--disable-features={','.join(NOT_WANTED)}")
+
+# A screen of ten frames a second. Without a graphics card the processor paints, 40 ms for a frame: at the sixty that
+# Chromium asks for, each page that a test opens takes a core and makes the others late.
+SLOW_SCREEN = """(() => {
+  const draw = window.requestAnimationFrame.bind(window);
+  const waiting = new Map();
+  let last = 0, isDue = false;
+  const all = now => {
+    isDue = false;
+    const painters = [...waiting.values()];
+    waiting.clear();
+    for (const paint of painters) paint(now);
+  };
+  window.requestAnimationFrame = paint => {
+    waiting.set(++last, paint);
+    if (!isDue) {
+      isDue = true;
+      setTimeout(() => draw(all), 100);
+    }
+    return last;
+  };
+  window.cancelAnimationFrame = id => { waiting.delete(id); };
+})()"""
 
 
 def find() -> Path | None:
@@ -89,7 +122,7 @@ def until(page: Page, expression: str, argument: Any = None, *, timeout_s: float
     while not (found := page.evaluate(expression, argument)):
         if time.monotonic() > deadline:
             raise TimeoutError(f"not within {timeout_s:g} s: {expression} (last: {found!r})")
-        time.sleep(0.01)
+        time.sleep(0.03)
     return found
 
 

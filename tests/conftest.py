@@ -144,6 +144,7 @@ def open_page(browser: Browser) -> Iterator[Callable[..., Page]]:
             reduced_motion="reduce" if still else "no-preference",
         )
         contexts.append(context)
+        context.add_init_script(chromium.SLOW_SCREEN)
         page = context.new_page()
         page.set_default_timeout(PATIENCE_S * 1000)
         watch(page, url, complaints)
