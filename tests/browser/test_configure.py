@@ -202,7 +202,7 @@ OPENED = """async forms => {
     const place = `[data-${kind}="${name}"]`, patience = performance.now() + 60000;
     location.hash = `#/configure/1/${encodeURIComponent(name)}`;
     const is_open = () => document.querySelector(place) && document.querySelector(".cform h1").innerText === title;
-    while (!is_open() && performance.now() < patience) await new Promise(requestAnimationFrame);
+    while (!is_open() && performance.now() < patience) await new Promise(done => setTimeout(done));
     const drawn = document.querySelectorAll(`${place} > .fields > .frow`).length;
     if (!is_open()) return [...wrong, `${name} does not open`];
     if (!editor && drawn !== fields) wrong.push(`${name}: ${drawn} of ${fields} fields`);
