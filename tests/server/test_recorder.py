@@ -31,8 +31,6 @@ from server.library.recorded import Mark
 from server.library.recorder import Plan, Recorder, RecorderError
 from server.links.base import Link, LinkSettings
 from server.wire import RecorderState
-from tests.faults.stage import frames
-from tests.faults.test_kill import recording
 from tests.patience import PATIENCE_S
 from tests.process import ServerProcess
 from tests.server.desk import House, house, until
@@ -374,33 +372,6 @@ async def test_a_finished_recording_is_packed_aside(tmp_path: Path) -> None:
         with Recording(path) as recording:
             assert recording.chunks
             assert not recording.damage
-
-
-@in_a_loop
-async def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Each had a process of its own, a second and a half of a core for a file of 40 kB."""
-    begun: list[int] = []
-    begin = asyncio.create_subprocess_exec
-
-    async def counted(*command: str, **options: Any) -> asyncio.subprocess.Process:
-        process = await begin(*command, **options)
-        begun.append(process.pid)
-        return process
-
-    monkeypatch.setattr(asyncio, "create_subprocess_exec", counted)
-    packed: list[Path] = []
-    packer = Packer(packed.append)
-    for name in "abcde":
-        recording(tmp_path / f"{name}.mcap", frames(0, 500))
-    whole = (tmp_path / "c.mcap").read_bytes()
-    (tmp_path / "c.mcap").write_bytes(whole[:4000] + bytes(3000) + whole[7000:])
-    await packer.resume(tmp_path)
-    await until(lambda: not packer.busy, "all are seen to")
-    assert [path.stem for path in packed] == ["a", "b", "d", "e"]
-    assert "c.mcap could not be packed" in caplog.text
-    assert len(begun) == 1
 
 
 @in_a_loop
