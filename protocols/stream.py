@@ -11,14 +11,28 @@ frame was found; one that is cut by the end of the data waits for its rest, and 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from protocols.events import Decoder, Reject, Text
-from protocols.framing import OFFSET, REASONS, SIZE, STATUS, Buffer, Bytes, Ints, Room, Scan, drop_failed, scan_all
+from protocols.framing import (
+    OFFSET,
+    REASONS,
+    SIZE,
+    STATUS,
+    Buffer,
+    Bytes,
+    Ints,
+    Room,
+    Scan,
+    Scanned,
+    drop_failed,
+    scan_all,
+)
 from protocols.nmea import Found
 
 Find = Callable[..., tuple[list[Found], int]]
@@ -86,11 +100,39 @@ class Stream:
 
     def drain(self, *, stalled: bool = False) -> Cut:
         """Everything that is complete; see events.Decoder.drain."""
-        buffer = self._buffer
-        data = buffer.data()
-        start = buffer.start
+        data = self._buffer.data()
         array = np.frombuffer(data, np.uint8)
-        scanned = scan_all(self._scan, array, self._scan_at - start, final=stalled, room=self._room)
+        at = self._scan_at - self._buffer.start
+        return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
+
+    def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> Cut | None:
+        """Everything in chunks of which each is full: frames one after the other, and the last ends where it ends.
+
+        What is found in them is then the same whether they are searched together, which costs less, or apart.
+
+        Args:
+            chunks: each with its arrival, ns. Nothing else is undecided.
+        Returns:
+            None when one of them is not full, and then none was taken.
+        """
+        data = b"".join(chunk for chunk, _ in chunks)
+        array = np.frombuffer(data, np.uint8)
+        ends = list(accumulate(len(chunk) for chunk, _ in chunks))
+        scanned = scan_all(self._scan, array, 0, final=True, room=self._room)
+        table = scanned.table
+        if (
+            scanned.failed
+            or scanned.framed != len(data)
+            or not set(ends) <= set((table[OFFSET] + table[SIZE]).tolist())
+        ):
+            return None
+        self.feed_many(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
+        return self._cut(data, array, scanned, True)
+
+    def _cut(self, data: bytes, array: Bytes, scanned: Scanned, stalled: bool) -> Cut:
+        """What was scanned, decided; `data` is all of the buffer."""
+        buffer = self._buffer
+        start = buffer.start
         table = scanned.table
         rejects: list[Reject] = []
         if scanned.failed:

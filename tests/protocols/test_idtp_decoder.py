@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
 from protocols.idtp.decoder import IdtpDecoder
@@ -306,6 +308,48 @@ def test_datagrams_are_searched_apart() -> None:
     assert reasons(events) == ["truncated"]
     assert decoder.buffered == 0
     assert [a for e in events if isinstance(e, Batch) for a in e.arrival_ns.tolist()] == [0, 0, 2]
+
+
+def test_datagrams_of_several_devices_make_as_few_batches_as_a_stream() -> None:
+    """Each datagram made batches of its own, and a server on a slow machine fell behind 350 of them a second."""
+    decoder = IdtpDecoder(datagrams=True)
+    for number in range(40):
+        decoder.feed(acc(number, device=7) + acc(number, device=8), number)
+    batches = [event for event in decoder.drain() if isinstance(event, Batch)]
+    assert [(batch.device, batch.arrival_ns.tolist()) for batch in batches] == [
+        ("7", [*range(40)]),
+        ("8", [*range(40)]),
+    ]
+
+
+_PIECES = st.sampled_from([acc(1), acc(2), acc(2, device=9), acc(5, device=9), acc(3)[:30], acc(3)[30:], bytes(8), b""])
+
+
+@given(st.lists(st.lists(_PIECES, max_size=3).map(b"".join), max_size=8))
+def test_datagrams_tell_the_same_together_and_one_by_one(datagrams: list[bytes]) -> None:
+    together, apart = IdtpDecoder(datagrams=True), IdtpDecoder(datagrams=True)
+    events: list[Event] = []
+    for number, datagram in enumerate(datagrams):
+        together.feed(datagram, number)
+        apart.feed(datagram, number)
+        events += apart.drain()
+    assert _rows(together.drain()) == _rows(events)
+    assert together.skipped == apart.skipped
+
+
+def _rows(events: Sequence[Event]) -> list[object]:
+    """What every frame and every trouble tells, in the order of the stream."""
+    found: list[tuple[int, object]] = []
+    for event in events:
+        if isinstance(event, Batch):
+            assert event.time_ns is not None
+            values = zip(
+                event.arrival_ns.tolist(), event.time_ns.tolist(), event.columns["Acceleration"].tolist(), strict=True
+            )
+            found += [(offset, (event.device, *one)) for offset, one in zip(event.offset.tolist(), values, strict=True)]
+        else:
+            found.append((event.offset, repr(event)))
+    return sorted(found, key=repr)
 
 
 # -- the vendor's own types --------------------------------------------------------------------------------------------
