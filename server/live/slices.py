@@ -8,7 +8,8 @@
 What a byte costs to decode differs a thousandfold: a good frame costs next to nothing, the beginnings of frames that
 never go on cost most. So the size of a slice follows from the time that was measured, not from what is in it. A slice
 costs something whatever its size, too; one that holds next to nothing would spend all of its time on that, and fall
-behind a stream that is cheap. Both costs are the line through the sizes and times of the last slices.
+behind a stream that is cheap. Both costs are the line through the sizes and times of the last slices. Under load all
+are full, and sizes of one kind tell no line; a shorter slice now and then does.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ LEAST, FIRST, MOST = 1 << 11, 1 << 12, 1 << 18  # bytes
 TURN_S = 0.012
 FORGETTING = 0.9  # of what is known, by each slice
 FLATTEST = 0.05  # of the mean cost of a byte is its own at the least, whatever noise says
+ALIKE = 0.01  # of the mean square of sizes that tell no line is their variance, at the most
+FEW = 4.0  # slices
+SHORTER = 0.6  # of a slice
 
 Drain = Callable[[], object]
 """Does a slice of work; true when more of it waits."""
@@ -51,13 +55,22 @@ class Costs:
         constant, byte_s = self._line()
         return int(max(SLICE_S, constant) / byte_s)
 
+    @property
+    def are_alike(self) -> bool:
+        """All of the last slices were of one size, and more than a few."""
+        return self._sums[0] > FEW and self._spread() <= ALIKE * self._sums[3]
+
+    def _spread(self) -> float:
+        n, sizes, _, squares, _ = self._sums
+        return squares - sizes * sizes / n
+
     def _line(self) -> tuple[float, float]:
         """What any slice costs, and what each byte, s."""
         n, sizes, times, squares, products = self._sums
         if not n:
             return 0.0, 0.0
-        byte_s, spread = times / sizes, squares - sizes * sizes / n
-        if spread > 0.01 * squares:  # sizes of one kind tell no line
+        byte_s, spread = times / sizes, self._spread()
+        if spread > ALIKE * squares:
             byte_s *= min(max((products - sizes * times / n) / spread / byte_s, FLATTEST), 1.0)
         return (times - byte_s * sizes) / n, byte_s
 
@@ -75,6 +88,7 @@ class Slices:
         self.size = FIRST
         self._clock = clock
         self._costs = Costs()
+        self._most = FIRST  # that is known to fit
         self._began = 0.0
         self._taken = 0
         self._room = asyncio.Event()
@@ -107,10 +121,12 @@ class Slices:
         spent = max(self._clock() - self._began, 1e-6)
         self._costs.add(size, spent)
         fitting = self._costs.fitting()
-        if fitting < self.size and spent > SLICE_S:
-            self.size = max(LEAST, fitting)
-        elif size > self.size // 2:  # fewer say little: most of it may be what any slice costs
-            self.size = min(MOST, 2 * self.size, max(self.size, fitting))
+        if fitting < self._most and spent > SLICE_S:
+            self._most = max(LEAST, fitting)
+        elif size > self._most // 2:  # fewer say little: most of it may be what any slice costs
+            self._most = min(MOST, 2 * self._most, max(self._most, fitting))
+        tells = self._most < MOST and self._costs.are_alike
+        self.size = int(SHORTER * self._most) if tells else self._most
 
 
 class Turns:
