@@ -123,7 +123,12 @@ STATUS = Field(
 
 def status_of(name: str) -> Field:
     """STATUS of one message, under a name of its own, because channels go by name."""
-    return replace(STATUS, name=f"{name}Status", title=f"{name} frame")
+    return replace(STATUS, name=status_name(name), title=f"{name} frame")
+
+
+def status_name(name: str) -> str:
+    """What the STATUS of a message is called."""
+    return f"{name}Status"
 
 
 def opaque(number: int, size: int, name: str = "") -> Message:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from protocols.events import Batch
 from protocols.idtp.frames import LITE, SECURE
-from protocols.idtp.messages import MODE_NAMES, status_of
+from protocols.idtp.messages import MODE_NAMES, status_name
 
 _CHECKS = {LITE: "CRC-8 of the header alone"}
 
@@ -16,7 +16,7 @@ def protection(batch: Batch) -> str:
     """What protects the frames of a batch, by the last of them; "" where that is not known (an opaque payload)."""
     if not batch.verified:
         return f"{MODE_NAMES[SECURE]}, unverified: no key"
-    status = batch.columns.get(status_of(batch.message.name).name)
+    status = batch.columns.get(status_name(batch.message.name))
     if status is None or not len(status):
         return ""
     mode = int(status[-1]) & 3
