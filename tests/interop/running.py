@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).parent
 STARTS_S = 600.0  # installing one of them, on a small machine
 LASTS_S = 300.0
+AWAKE_S = 1.0  # an MTi that has just got power takes WakeUpAck alone for half a second
 
 
 class DiffersError(Exception):
@@ -67,6 +69,7 @@ def simulated(device: str, path: Path) -> Iterator[str]:
             said = process.stdout.readline()
             if not path.exists():
                 raise DiffersError(f"the simulator did not start: {said}")
+            time.sleep(AWAKE_S)
             yield str(path)
         finally:
             process.terminate()
