@@ -1,6 +1,6 @@
 /** Markers and notes on the plots: a violet line through all of them, with a flag and its words at the top. */
 import type { EventInfo } from "../wire/types";
-import { type Palette, setFont } from "./paint";
+import { fitting, type Palette, setFont } from "./paint";
 import { xOf, type TimeWindow } from "./window";
 
 /** A marker as it is drawn. */
@@ -49,11 +49,4 @@ export function drawMarkers(x: CanvasRenderingContext2D, markers: readonly MarkL
     if (text === "" || room < LEAST_PX) continue;
     x.fillText(fitting(x, text, room), px + FLAG_PX + 3, top + 6);
   }
-}
-
-/** As much of a text as has room. */
-export function fitting(x: CanvasRenderingContext2D, text: string, room: number): string {
-  let cut = text;
-  while (cut.length > 1 && x.measureText(cut).width > room) cut = `${cut.slice(0, -2)}…`;
-  return cut;
 }

@@ -113,3 +113,10 @@ export function hatch(x: CanvasRenderingContext2D, colour: string, gap: number):
   }
   return pattern ?? colour;
 }
+
+/** As much of a text as has room. */
+export function fitting(x: CanvasRenderingContext2D, text: string, room: number): string {
+  let cut = text;
+  while (cut.length > 1 && x.measureText(cut).width > room) cut = `${cut.slice(0, -2)}…`;
+  return cut;
+}

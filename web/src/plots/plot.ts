@@ -15,7 +15,7 @@ import { el } from "../ui/dom";
 import { number } from "../ui/format";
 import { PixelColumns } from "./columns";
 import { Legend, valueAt } from "./legend";
-import { type Palette, setFont, Sheet } from "./paint";
+import { fitting, type Palette, setFont, Sheet } from "./paint";
 import { Scale, ticks } from "./scale";
 import type { PlotSpec, Series } from "./select";
 import { traceDots, traceSeries, type Vertical } from "./trace";
@@ -208,7 +208,8 @@ export class Plot {
     for (const { series, y } of letters) {
       x.fillStyle = look.colour[series.colour];
       const text = look.narrow && series.label.length > 3 ? series.label.charAt(0) : series.label; // whole, or a letter
-      x.fillText(text, w.left + w.width + 4, Math.min(this.sheet.height - 7, Math.max(this.inset(look) + 6, y)), look.tail - 5);
+      const at = Math.min(this.sheet.height - 7, Math.max(this.inset(look) + 6, y));
+      x.fillText(text.length > 3 ? fitting(x, text, look.tail - 5) : text, w.left + w.width + 4, at);
     }
   }
 }

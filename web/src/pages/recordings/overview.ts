@@ -4,8 +4,7 @@
  */
 import { effect } from "@preact/signals";
 import { view } from "../../data/view";
-import { fitting } from "../../plots/markers";
-import { hatch, palette, type Palette, setFont, Sheet } from "../../plots/paint";
+import { fitting, hatch, palette, type Palette, setFont, Sheet } from "../../plots/paint";
 import { plotsOf } from "../../plots/select";
 import { decode } from "../../wire/codec";
 import { length } from "../../recordings/listing";
