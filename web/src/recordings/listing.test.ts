@@ -61,4 +61,6 @@ it("says the serial number of a device once", () => {
   const device = { id: "1", name: "IDTP device 102", protocol: "idtp", product: "", serial_number: "102", messages: 0, lost: 0, rejects: 0 };
   expect(deviceName(device)).toBe("IDTP device 102");
   expect(deviceName({ ...device, name: "IMX-5" })).toBe("IMX-5 102");
+  expect(deviceName({ ...device, name: "IMX-5", serial_number: "5" })).toBe("IMX-5 5"); // the 5 of its name is its product's
+  expect(deviceName({ ...device, name: "102" })).toBe("102");
 });

@@ -63,7 +63,7 @@ export interface Choice {
 /** With its serial number, which some are named by already. */
 export function deviceName({ name, product, serial_number: serial }: RecordingInfo["devices"][number]): string {
   const called = name || product;
-  return called.endsWith(serial) ? called : `${called} ${serial}`.trim();
+  return ` ${called}`.endsWith(` ${serial}`) ? called : `${called} ${serial}`.trim();
 }
 
 /** What a recording is called: one that nobody named, by its devices; when it was made stands beside it. */
