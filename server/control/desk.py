@@ -41,7 +41,7 @@ T = TypeVar("T")
 MOST_WAITING = 16
 DONE_KEPT = 5
 REST_HINT = "It was sent to the state {state}, in which it sends no data: send {command} to have it measure again."
-SILENT_HINT = "Check its power, its cable and the rate, then read its settings again."
+UNANSWERED_HINT = "Check its power, its cable and the rate, then read its settings again."
 
 
 class JobError(Exception):
@@ -378,7 +378,7 @@ def explained(error: Exception) -> tuple[str, str]:
         case RefusedError():
             return f"The device refused {error.what}: {error.why}.", "What was there before is unchanged."
         case SilentError():
-            return str(error), SILENT_HINT
+            return str(error), UNANSWERED_HINT
         case EncodeError():
             return f"{error}.", "Nothing was sent."
     log.error("a job failed", exc_info=error)

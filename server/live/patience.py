@@ -12,7 +12,7 @@ SLOW_FACTOR = 3.0  # a device that speaks every 2 s is silent after 6 s
 FEW_CHUNKS = 3  # with fewer than these its usual interval is not known, and it has this long:
 FEW_CHUNKS_S = 3.0
 SLOWEST_S = 10.0
-SILENT_HINT = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
+LINK_SILENT_HINT = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
 
 
 class Patience:

@@ -33,7 +33,7 @@ from server.live.hub import Hub
 from server.live.intake import Line
 from server.live.left_out import LeftOut
 from server.live.outage import Outage
-from server.live.patience import SILENT_HINT, SILENT_S, Patience
+from server.live.patience import LINK_SILENT_HINT, SILENT_S, Patience
 from server.live.portrait import Portrait, short
 from server.live.reading import Reading
 from server.live.recognition import Speech, Unknown, unknown_hint
@@ -466,7 +466,7 @@ class Session(Audience):
                 self._dirty = True
                 self._drain(final=True)
             if self.info.status == "live" and looked and quiet > self._patience.limit:
-                hint = self.senders.own.silence_hint or SILENT_HINT
+                hint = self.senders.own.silence_hint or LINK_SILENT_HINT
                 self._fell_silent(f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
             elif self.info.status == "live" and self._deafness.look(now, self.senders.figures, self._patience.hushed):
                 self._fell_silent(*(self._advice.refusal(self._figures) or not_understood(self._link)))
