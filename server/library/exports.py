@@ -12,15 +12,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
 import shutil
-import sys
 import time
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from recordings.container import RecordingError
 from recordings.exporters import FORMATS
@@ -29,6 +26,7 @@ from server.library.catalogue import Catalogue
 from server.library.one_file import one_file
 from server.library.recorded import Export, ExportSizes, ExportSizesWish
 from server.library.shelf import Shelf
+from server.library.worker import Worker
 from server.live.hub import Hub
 
 log = logging.getLogger("imuscope.exports")
@@ -129,17 +127,14 @@ class Exports:
             await self._shelf.opened(recording)
             self._folder.mkdir(parents=True, exist_ok=True)
             told = {"store": str(self._shelf.store_of(recording)), "title": recording, "folder": str(self._folder)}
-            process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "server.library.export_sizes"),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                cwd=Path(__file__).parents[2],
-            )
+            worker = await Worker.start("server.library.export_sizes")
             try:
-                said, _ = await process.communicate(json.dumps({**told, **asdict(wish)}).encode())
+                worker.ask({**told, **asdict(wish)})
+                answers = [answer async for answer in worker]
+                is_done = await worker.wait() == 0
             finally:
-                await _ended(process)
-        return ExportSizes(**json.loads(said)) if process.returncode == 0 else ExportSizes()
+                await worker.end(PATIENCE_S)
+        return ExportSizes(**answers[0]) if is_done else ExportSizes()
 
     async def drop(self, number: int) -> None:
         """Cancel it, or forget it and what it made. KeyError: there is no such job."""
@@ -204,32 +199,21 @@ class Exports:
             **{name: getattr(wish, name) for name in ("t0", "t1", "channels", "device", "base")},
             "out": str(job.folder / f"{_stem(title, job.wish)}{FORMATS[wish.format].suffix}"),
         }
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "server.library.export_aside"),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            cwd=Path(__file__).parents[2],
-        )
+        worker = await Worker.start("server.library.export_aside")
         try:
-            return await self._follow(process, job, asked)
+            worker.ask(asked)
+            return await self._follow(worker, job)
         finally:
-            await _ended(process)
+            await worker.end(PATIENCE_S)
 
-    async def _follow(self, process: asyncio.subprocess.Process, job: _Job, asked: dict[str, Any]) -> list[Path]:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(json.dumps(asked).encode())
-        process.stdin.close()
+    async def _follow(self, worker: Worker, job: _Job) -> list[Path]:
         files: list[Path] | None = None
-        async for line in process.stdout:  # to its end: then the process has ended by itself
-            told = json.loads(line)
-            if "message" in told:
-                raise RecordingError(told["message"], told["hint"])
+        async for told in worker:  # to its end: then the process has ended by itself
             files = [Path(file) for file in told["files"]] if "files" in told else files
             job.told.progress = told.get("progress", job.told.progress)
             if time.monotonic() >= self._told_at + TELL_S:
                 self._tell()
-        if files is None or await process.wait() != 0:
+        if files is None or await worker.wait() != 0:
             raise RecordingError("The export failed.", "The log has details.")
         return files
 
@@ -253,18 +237,6 @@ class Exports:
         for job in over[: max(0, len(over) - KEPT)] + [job for job in over if job.ended < late]:
             if self._jobs.pop(job.told.id, None) is not None:
                 shutil.rmtree(job.folder, ignore_errors=True)
-
-
-async def _ended(process: asyncio.subprocess.Process) -> None:
-    """Let it end by itself, else tell it to, else end it."""
-    with contextlib.suppress(ProcessLookupError):
-        if process.returncode is None:
-            process.terminate()
-        try:
-            await asyncio.wait_for(process.wait(), PATIENCE_S)
-        except TimeoutError:
-            process.kill()
-            await process.wait()
 
 
 def _stem(title: str, wish: Export) -> str:

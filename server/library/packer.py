@@ -8,9 +8,7 @@ is found at the start.
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
-import sys
 from collections import deque
 from collections.abc import Callable
 from itertools import islice
@@ -18,9 +16,9 @@ from pathlib import Path
 
 from recordings import file_lock, packing
 from recordings.container import SUFFIX
+from server.library.worker import Worker
 
 log = logging.getLogger("imuscope.packer")
-ROOT = Path(packing.__file__).resolve().parents[1]
 BATCH = 32  # recordings for one process
 
 
@@ -80,27 +78,18 @@ class Packer:
 
     async def _pack(self, paths: list[Path]) -> None:
         """Have these packed, each leaving the queue when it is told of; the process may end before it has done all."""
-        process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "recordings.packing", *map(str, paths)),
-            cwd=ROOT,
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-        )
-        assert process.stdout is not None
+        worker = await Worker.start("recordings.packing", *map(str, paths))
         try:
-            async for line in process.stdout:
-                told = json.loads(line)
+            async for told in worker:
                 path = Path(told["path"])
                 self._waiting.remove(path)
                 if told["message"]:
                     log.warning("%s could not be packed: %s", path.name, told["message"])
                 elif told["packed"]:
                     self._packed(path)
-            await process.wait()
+            await worker.wait()
         finally:
-            if process.returncode is None:
-                process.kill()
-                await process.wait()
+            await worker.end()
 
 
 def left_behind(folder: Path) -> list[Path]:

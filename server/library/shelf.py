@@ -19,7 +19,6 @@ import json
 import logging
 import os
 import shutil
-import sys
 import time
 from collections import OrderedDict
 from collections.abc import Callable
@@ -29,6 +28,7 @@ from pathlib import Path
 from recordings.columns import VERSION, Columns
 from recordings.container import RecordingError
 from server.library.sources import decoding_mark
+from server.library.worker import Worker
 from server.live.reading import Reading, words_of
 
 log = logging.getLogger("imuscope.shelf")
@@ -40,6 +40,7 @@ TRIES = 3  # a file may be packed while it is opened: then it is another file
 SPARE_S = 120.0  # a process that was started ahead waits so long
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
 RECORDINGS, CACHE = "recordings", "cache"
+OPENER = "server.library.open_aside"
 
 
 @dataclass(slots=True)
@@ -74,7 +75,7 @@ class Shelf:
         self._open: OrderedDict[Path, Columns] = OrderedDict()
         self._opening: dict[Path, Opening] = {}
         self._turns = asyncio.Semaphore(AT_ONCE)
-        self._spare: asyncio.subprocess.Process | None = None
+        self._spare: Worker | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
         self._preparing = False
 
@@ -149,7 +150,7 @@ class Shelf:
         if self._spare is None and not self._preparing:
             self._preparing = True
             try:
-                self._spare = await _process()
+                self._spare = await Worker.start(OPENER)
             finally:
                 self._preparing = False
         if self._spare_ends is not None:
@@ -158,27 +159,26 @@ class Shelf:
 
     def _dismiss(self) -> None:
         """Let the process go that waits for nothing: it ends when there is no wish to come."""
-        if self._spare is not None and self._spare.stdin is not None:
-            self._spare.stdin.close()
+        if self._spare is not None:
+            self._spare.dismiss()
         self._spare = None
 
-    async def _taken(self) -> asyncio.subprocess.Process:
+    async def _taken(self) -> Worker:
         """A process that waits for a wish."""
         if self._spare_ends is not None:
             self._spare_ends.cancel()
         spare, self._spare = self._spare, None
-        if spare is not None and spare.returncode is None:
+        if spare is not None and spare.is_running:
             return spare
-        return await _process()
+        return await Worker.start(OPENER)
 
     async def close(self) -> None:
         """Stop what is being decoded."""
         if self._spare_ends is not None:
             self._spare_ends.cancel()
         spare, self._spare = self._spare, None
-        if spare is not None and spare.returncode is None:
-            spare.kill()
-            await spare.wait()
+        if spare is not None:
+            await spare.end()
         tasks = [opening.task for opening in self._opening.values() if opening.task is not None]
         for task in tasks:
             task.cancel()
@@ -217,37 +217,19 @@ class Shelf:
 
     async def _run(self, recording: str, store: Path, opening: Opening) -> None:
         wish = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
-        process = await self._taken()
-        assert process.stdin is not None
-        assert process.stdout is not None
+        worker = await self._taken()
         try:
-            process.stdin.write(json.dumps(wish).encode())
-            process.stdin.close()
-            async for line in process.stdout:
-                told = json.loads(line)
+            worker.ask(wish)
+            async for told in worker:
                 if "progress" in told:
                     opening.progress = told["progress"]
                 elif "shown" in told:
                     with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
                         opening.partial = Columns(Path(told["shown"]))
-                else:
-                    opening.error = RecordingError(told["message"], told["hint"])
-                    opening.failed_at = time.monotonic()
-            if await process.wait() != 0 and opening.error is None:
+            if await worker.wait() != 0:
                 raise RecordingError("Opening it failed.", "The log has details.")
         finally:
-            if process.returncode is None:
-                process.kill()
-                await process.wait()
-
-
-async def _process() -> asyncio.subprocess.Process:
-    return await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "server.library.open_aside"),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        cwd=Path(__file__).parents[2],
-    )
+            await worker.end()
 
 
 def _sweep(cache: Path, budget: int) -> None:
