@@ -10,6 +10,7 @@ These are the only places where a field is added. This file reads their *source*
     X = Literal["a", "b"]              into   export type X = "a" | "b";
     X = A | B                          into   export type X = A | B;
     @dataclass class X: a: int | None  into   export interface X { readonly a: number | null }
+    @dataclass class X(Y): a: int      into   export interface X extends Y { readonly a: number }
 
 The binary header becomes constants: the offset of each field, the size of each dtype. Anything that this small table of
 types does not know is an error here rather than a guess there.
@@ -106,7 +107,8 @@ def _is_dataclass(node: ast.ClassDef) -> bool:
 
 def _interface(node: ast.ClassDef, lines: list[str]) -> str:
     """One dataclass as an interface; the comment behind a field becomes its doc comment."""
-    out = [_doc(ast.get_docstring(node) or "") + f"export interface {node.name} {{\n"]
+    bases = f" extends {', '.join(map(typescript_type, node.bases))}" if node.bases else ""
+    out = [_doc(ast.get_docstring(node) or "") + f"export interface {node.name}{bases} {{\n"]
     for item in node.body:
         if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
             line = lines[(item.end_lineno or item.lineno) - 1]

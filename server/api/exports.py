@@ -14,7 +14,7 @@ from server.api.errors import ApiError, bytes_of, responses
 from server.api.library import unknown
 from server.kinds import status_of
 from server.library.exports import Exports, ExportsError
-from server.library.recorded import Export, ExportSizes, ExportSizesWish
+from server.library.recorded import Export, ExportPart, ExportSizes
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 
@@ -42,7 +42,7 @@ async def add_export(recording: str, body: Export, exports: TheExports) -> wire.
 
 
 @router.post("/{recording}/export-sizes", responses=responses(404, 422))
-async def measure_exports(recording: str, body: ExportSizesWish, exports: TheExports) -> ExportSizes:
+async def measure_exports(recording: str, body: ExportPart, exports: TheExports) -> ExportSizes:
     """About how large exports would be, found by writing a sample of each."""
     _check(body)
     try:
@@ -53,7 +53,7 @@ async def measure_exports(recording: str, body: ExportSizesWish, exports: TheExp
         raise ApiError(422, "cannot-open", error.message, error.hint) from None
 
 
-def _check(body: Export | ExportSizesWish) -> None:
+def _check(body: ExportPart) -> None:
     """Refuse a stretch that is none, and too many channels."""
     for name, value in (("t0", body.t0), ("t1", body.t1)):
         if value is not None and not math.isfinite(value):

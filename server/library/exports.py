@@ -24,7 +24,7 @@ from recordings.exporters import FORMATS
 from server import wire
 from server.library.catalogue import Catalogue
 from server.library.one_file import one_file
-from server.library.recorded import Export, ExportSizes, ExportSizesWish
+from server.library.recorded import Export, ExportPart, ExportSizes
 from server.library.shelf import Shelf
 from server.library.worker import Worker
 from server.live.hub import Hub
@@ -116,7 +116,7 @@ class Exports:
             raise ExportsError("not-now", "This export has no file.", job.told.message or "Wait until it is done.")
         return job.file
 
-    async def sizes(self, recording: str, wish: ExportSizesWish) -> ExportSizes:
+    async def sizes(self, recording: str, wish: ExportPart) -> ExportSizes:
         """About how large exports of a stretch would be: samples are written, in a process of its own.
 
         Raises:
@@ -190,14 +190,13 @@ class Exports:
     async def _run(self, job: _Job, title: str) -> list[Path]:
         """Have a process write it."""
         job.folder.mkdir(parents=True, exist_ok=True)
-        wish, recording = job.wish, job.told.recording
+        recording = job.told.recording
         asked = {
-            "format": wish.format,
+            **asdict(job.wish),
             "store": str(self._shelf.store_of(recording)),
             "source": str(self._catalogue.path(recording)),
             "title": title,
-            **{name: getattr(wish, name) for name in ("t0", "t1", "channels", "device", "base")},
-            "out": str(job.folder / f"{_stem(title, job.wish)}{FORMATS[wish.format].suffix}"),
+            "out": str(job.folder / f"{_stem(title, job.wish)}{FORMATS[job.wish.format].suffix}"),
         }
         worker = await Worker.start("server.library.export_aside")
         try:

@@ -22,6 +22,7 @@
     GET    /api/recordings/{id}/download          the file with everything in it (application/x-mcap)
     GET    /api/recordings/{id}/original?device   the bytes as they came, one device
     POST   /api/recordings/{id}/exports  Export   ExportJob, run in the background
+    POST   /api/recordings/{id}/export-sizes  ExportPart   ExportSizes, found by writing samples
     GET    /api/recordings/exports                list[ExportJob]
     GET    /api/recordings/exports/{job}/file     what it made (a zip where it is several files)
     DELETE /api/recordings/exports/{job}          cancels it, or forgets it
@@ -159,24 +160,20 @@ class Edit:
     file: str | None = None  # another name for its file, and so another id; the suffix stays
 
 
-@dataclass(slots=True)
-class Export:
-    format: ExportFormat
+@dataclass(slots=True, kw_only=True)
+class ExportPart:
+    """Which part of a recording is exported, or measured."""
+
     t0: float | None = None  # null: from the beginning
     t1: float | None = None
     channels: list[int] | None = None  # null: all
-    device: str = ""  # for formats that hold one device
     base: Literal["device", "arrival"] = "device"
 
 
 @dataclass(slots=True)
-class ExportSizesWish:
-    """Which part of a recording; as in Export."""
-
-    t0: float | None = None
-    t1: float | None = None
-    channels: list[int] | None = None
-    base: Literal["device", "arrival"] = "device"
+class Export(ExportPart):
+    format: ExportFormat
+    device: str = ""  # for formats that hold one device
 
 
 @dataclass(slots=True)

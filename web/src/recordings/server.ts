@@ -3,7 +3,7 @@ import { type Outcome, type Problem, request } from "../ui/api";
 import type { ExportJob, RecorderState } from "../wire/types";
 import type { Fared } from "./fared";
 import type { Asked, ColumnStatistics } from "./statistics-feed";
-import type { Edit, Export, ExportSizes, ExportSizesWish, Mark, Marker, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "./types";
+import type { Edit, Export, ExportPart, ExportSizes, Mark, Marker, OpeningState, Play, RecordedSettings, RecordingDetail, RecordingInfo, Start } from "./types";
 
 const ROOT = "/api/recordings";
 const of = (id: string, more = ""): string => `${ROOT}/${encodeURIComponent(id)}${more}`;
@@ -35,7 +35,7 @@ export const server = {
   settings: (id: string, device: string) => request<RecordedSettings>("GET", of(id, `/settings?device=${encodeURIComponent(device)}`)),
   export: (id: string, body: Export) => request<ExportJob>("POST", of(id, "/exports"), body),
   /** Measured on samples, which takes a second or some. */
-  exportSizes: (id: string, body: ExportSizesWish) => request<ExportSizes>("POST", of(id, "/export-sizes"), body),
+  exportSizes: (id: string, body: ExportPart) => request<ExportSizes>("POST", of(id, "/export-sizes"), body),
   exports: () => request<readonly ExportJob[]>("GET", `${ROOT}/exports`),
   cancelExport: (job: number) => request<unknown>("DELETE", `${ROOT}/exports/${job}`),
   play: (id: string, body: Play) => request<readonly { readonly id: string }[]>("POST", of(id, "/play"), body),

@@ -129,24 +129,20 @@ export interface Edit {
   readonly file: string | null;
 }
 
-export interface Export {
-  readonly format: ExportFormat;
+/** Which part of a recording is exported, or measured. */
+export interface ExportPart {
   /** null: from the beginning */
   readonly t0: number | null;
   readonly t1: number | null;
   /** null: all */
   readonly channels: readonly number[] | null;
-  /** for formats that hold one device */
-  readonly device: string;
   readonly base: "device" | "arrival";
 }
 
-/** Which part of a recording; as in Export. */
-export interface ExportSizesWish {
-  readonly t0: number | null;
-  readonly t1: number | null;
-  readonly channels: readonly number[] | null;
-  readonly base: "device" | "arrival";
+export interface Export extends ExportPart {
+  readonly format: ExportFormat;
+  /** for formats that hold one device */
+  readonly device: string;
 }
 
 /** About how large exports would be, bytes; what could not be measured is left out. */
