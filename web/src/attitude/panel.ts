@@ -6,7 +6,7 @@
 import { effect } from "@preact/signals";
 import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/derive";
 import { bodyOf, pairIn } from "../data/frames";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { frame as chosenFrame } from "../data/view";
 import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/deps";
 import { trustOf } from "../panels/trust";

@@ -1,6 +1,6 @@
 /** The track of a window as points on a local metric grid, thinned to what a picture shows; gaps in the samples are breaks. */
 import { lowerBound } from "../data/gaps";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { view } from "../data/view";
 import type { Reading } from "../panels/reading";
 import { metresFrom } from "./maths";

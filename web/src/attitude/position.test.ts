@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { BitsInfo, ChannelInfo } from "../wire/types";
 import { fixLine, metresOf, positionOf, qualityOf, wordsOf } from "./position";
 

@@ -3,7 +3,7 @@
  * what is known of it (fix, carrier solution, satellites, accuracy) by theirs or by bit groups, in the same channel or in those
  * of the same message, so that any family's message will do.
  */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { choiceWords } from "../ui/words";
 import type { BitsInfo } from "../wire/types";
 

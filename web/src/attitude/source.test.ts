@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { eulerOfMatrix, type Matrix3 } from "../data/derive";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { ChannelInfo } from "../wire/types";
 import { sourceOf } from "./source";
 

@@ -3,7 +3,7 @@
  * An attitude against the earth's axes (ECEF) is the last choice: it needs a position before it says which way is up.
  * A matrix is read through the Euler angles derived from it, so that the order of its elements is known in one place only.
  */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/derive";
 import { nedFromEcef, placeOf, product } from "./earth";
 import { FRAMES } from "./maths";

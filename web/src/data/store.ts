@@ -3,10 +3,10 @@
  * often, never reactive). Everything comes from the socket worker as `FromWorker` messages and goes through `receive`, which
  * a bench or a test can call as well.
  *
- *     worker ──frames──▶ receive ──norm──▶ Ring of the channel
- *                           └──Euler angles──▶ Ring of the derived channel (negative id)
+ *     worker ──frames──▶ receive ──▶ Refill, while a gap is filled ──▶ keep ──▶ Channels: rings of what is sent and derived
+ *                           └──text──▶ signals
  *
- * After a lost connection the worker asks only for the seconds missed. What comes then is held back (`Refill`) until the
+ * After a lost connection the worker asks only for the seconds missed. What comes then is held back (data/refill.ts) until the
  * server says `backfilled`, and goes into the rings in its order: sample numbers skip what is already there. A server that was
  * restarted counts anew: what is held of devices that come back stays (`Past`), and what the new one sends goes behind it.
  */
@@ -15,46 +15,21 @@ import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
 import type { FromWorker, ToWorker } from "../wire/messages";
 import type { ChannelInfo, ControlState, DeviceHealth, DeviceInfo, EventInfo, ExchangeEntry, ExportJob, RawPayload, RecorderState, ServerText } from "../wire/types";
+import { type Channel, Channels } from "./channels";
 import type { WorldFrame } from "./derive";
-import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
-import { type Change, changeOf, infoIn, worldOf } from "./frames";
+import type { Change } from "./frames";
 import { LossBook, type Loss } from "./losses";
 import { Past } from "./past";
+import { Refill } from "./refill";
 import { Budget, Ring } from "./ring";
-
-/** One quantity of one device and its samples. */
-export interface Channel {
-  readonly info: ChannelInfo;
-  readonly ring: Ring;
-}
-
-interface Source extends Channel {
-  /** Columns whose norm is added, if any. */
-  readonly norm: readonly number[] | undefined;
-  /** As it is sent; `info` is as it is shown. */
-  readonly sent: ChannelInfo;
-  /** The frame in which it is shown; undefined: as it is sent. */
-  readonly world: WorldFrame | undefined;
-  /** From what is sent to what is shown, where that is another frame. */
-  readonly change: Change | undefined;
-}
 
 /** Most seconds of history asked for. The server keeps what it keeps, the rings hold what their budget allows. */
 const HISTORY_S = 3600;
-/** A refill is not waited for longer than this: a plot that stands still says less than one with a gap. */
-const REFILL_S = 3;
 /** So long may a device be away after the server was restarted, and what was held of it is there again. */
 const PAST_S = 120;
 const EVENTS_KEPT = 10_000;
 const EXCHANGE_KEPT = 2000;
 const LATENCIES_KEPT = 4096;
-
-/** Frames after a reconnect, until the gap before them is filled. */
-interface Refill {
-  readonly history: SampleFrame[];
-  readonly live: SampleFrame[];
-  readonly timer: ReturnType<typeof setTimeout>;
-}
 
 /** Did the clock of a device start again or jump, so that a line must not go on? */
 function isStep({ kind, device }: EventInfo): boolean {
@@ -66,19 +41,10 @@ function isLoss({ kind, t0, t1 }: EventInfo): boolean {
   return kind === "gap" && t0 !== null && t1 !== null;
 }
 
-/**
- * Of a quantity that came both ways, the verified channel stands before the unverified one (its name with a "?"): a key that is
- * given later changes what is shown, and what came before stays to be looked at.
- */
-export function verifiedFirst(channels: readonly Channel[]): readonly Channel[] {
-  const verified = new Set(channels.filter(({ info }) => info.verified).map(({ info }) => `${info.device} ${info.name}`));
-  const isOld = ({ info }: Channel): boolean => !info.verified && verified.has(`${info.device} ${info.name.replace(/\?$/, "")}`);
-  return [...channels.filter((channel) => !isOld(channel)), ...channels.filter(isOld)];
-}
-
 export class Store {
+  readonly #channels = new Channels((info) => this.#ring(info));
+  readonly channels: Signal<readonly Channel[]> = this.#channels.living;
   readonly devices: Signal<readonly DeviceInfo[]> = signal([]);
-  readonly channels: Signal<readonly Channel[]> = signal([]);
   readonly health: Signal<ReadonlyMap<string, DeviceHealth>> = signal(new Map());
   readonly events: Signal<readonly EventInfo[]> = signal([]);
   /** The newest payload of every kind that nobody has described. */
@@ -102,10 +68,6 @@ export class Store {
   /** True from a subscription until all of its history is here. */
   readonly filling: Signal<boolean> = signal(false);
 
-  readonly #sources = new Map<number, Source>();
-  readonly #derived = new Map<number, Channel>();
-  /** Frame in which everything is shown; undefined: as each device sends it. */
-  #frame: WorldFrame | undefined;
   #losses = new LossBook();
   /** What was held when the server began another run, until its devices come back. */
   #past: Past | undefined;
@@ -116,7 +78,7 @@ export class Store {
   #measured = 0;
   #budget = new Budget();
   #worker: Worker | undefined;
-  #refill: Refill | undefined;
+  readonly #refill = new Refill((frame) => this.keep(frame));
   #offset = 0;
   #uncertainty = NaN;
 
@@ -173,9 +135,7 @@ export class Store {
 
   /** Samples dropped for this browser, all channels together. */
   dropped(): number {
-    let sum = 0;
-    for (const { ring } of this.#sources.values()) sum += ring.dropped;
-    return sum;
+    return this.#channels.dropped();
   }
 
   /** Everything known to be missing of a device, by its beginning. */
@@ -222,29 +182,23 @@ export class Store {
   }
 
   #onSubscribed(fresh: boolean): void {
-    this.#endRefill(); // one that never ended: its frames are older than what comes now
+    this.#refill.end(); // one that never ended: its frames are older than what comes now
     this.filling.value = true;
-    if (!fresh || this.#sources.size > 0) this.#refill = { history: [], live: [], timer: setTimeout(() => this.#endRefill(), 1000 * REFILL_S) };
+    if (!fresh || !this.#channels.isEmpty) this.#refill.begin();
     if (fresh) this.#beginRun();
   }
 
   /** The server was restarted. What is held is put aside for devices that come back; everything else is as when the page was opened. */
   #beginRun(): void {
-    const frame = this.#frame;
-    this.showIn(undefined); // rings are kept as their devices send
-    this.#frame = frame;
+    const held = this.#channels.held();
     this.#forgetPast();
-    const held = [...this.#sources.values()].map(({ sent, ring }) => ({ info: sent, ring }));
-    const derived = [...this.#derived.values()].map(({ info, ring }) => ({ info, ring }));
     if (held.length > 0) {
-      this.#past = new Past(this.devices.peek(), [...held, ...derived], this.#losses, this.events.peek());
+      this.#past = new Past(this.devices.peek(), held, this.#losses, this.events.peek());
       this.#pastEnds = setTimeout(() => this.#forgetPast(), 1000 * PAST_S);
     } else this.#budget = new Budget();
-    this.#sources.clear();
-    this.#derived.clear();
     this.#losses = new LossBook();
     this.#away.clear();
-    this.channels.value = [];
+    this.#channels.clear();
     this.events.value = [];
     this.health.value = new Map();
     this.raws.value = [];
@@ -263,7 +217,7 @@ export class Store {
     const past = this.#past;
     if (past === undefined) return;
     for (const device of past.mistaken(devices)) {
-      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) if (info.device === device) ring.clear();
+      for (const ring of this.#channels.ringsOf(device)) ring.clear();
       this.#losses.forget(device);
       this.#away.delete(device);
       this.events.value = this.events.peek().filter((event) => event.device !== device || event.seq >= 0);
@@ -286,7 +240,7 @@ export class Store {
         this.devices.value = text.devices;
         return;
       case "channels":
-        return this.#onChannels(text.channels);
+        return this.#channels.add(text.channels);
       case "health":
         this.health.value = new Map(text.devices.map((health) => [health.device, health]));
         return;
@@ -311,7 +265,7 @@ export class Store {
         this.exports.value = text.jobs;
         return;
       case "backfilled":
-        this.#endRefill();
+        this.#refill.end();
         this.filling.value = false;
         return;
       case "error":
@@ -327,66 +281,27 @@ export class Store {
     const fresh = events.filter(({ seq }) => seq > last); // a new subscription repeats what is known
     if (fresh.length === 0) return;
     this.#losses.addEvents(fresh);
-    for (const step of fresh.filter(isStep)) {
-      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) {
-        if (info.device === step.device) ring.cut(step.time);
-      }
-    }
-    for (const { device, t0, t1 } of fresh.filter(isLoss)) {
-      for (const { info, ring } of [...this.#sources.values(), ...this.#derived.values()]) if (info.device === device) ring.lose(t0!, t1!);
-    }
+    for (const { device, time } of fresh.filter(isStep)) for (const ring of this.#channels.ringsOf(device)) ring.cut(time);
+    for (const { device, t0, t1 } of fresh.filter(isLoss)) for (const ring of this.#channels.ringsOf(device)) ring.lose(t0!, t1!);
     this.events.value = [...this.events.peek(), ...fresh].slice(-EVENTS_KEPT);
-  }
-
-  #onChannels(infos: readonly ChannelInfo[]): void {
-    for (const plain of infos) {
-      if (this.#sources.has(plain.id)) continue;
-      const sent = withNorm(plain);
-      this.#sources.set(sent.id, { info: sent, sent, norm: normOf(plain), ring: this.#ring(sent), world: undefined, change: undefined });
-    }
-    this.#arrange();
   }
 
   /** The world that a device speaks: that of its attitude; undefined where it sends none. */
   nativeFrame(device: string): WorldFrame | undefined {
-    const own = [...this.#sources.values()].map(({ sent }) => sent).filter((sent) => sent.device === device && ["quaternion", "matrix", "euler"].includes(sent.kind));
-    const worlds = own.map(worldOf).filter((world) => world !== undefined);
-    return worlds[0] ?? (own.some(({ frame }) => frame.startsWith("ECEF")) ? "NED" : own.length > 0 ? "ENU" : undefined);
+    return this.#channels.nativeFrame(device);
   }
 
   /** Show everything in that frame, or as it is sent; what is held is told anew. */
   showIn(frame: WorldFrame | undefined): void {
-    if (frame === this.#frame) return;
-    this.#frame = frame;
-    this.#arrange();
+    this.#channels.showIn(frame);
   }
 
   /** What of a channel is another than it is sent; undefined where nothing is. */
   changeOf(channel: number): Change | undefined {
-    return this.#sources.get(channel)?.change;
+    return this.#channels.changeOf(channel);
   }
 
-  /** Have every channel in the frame that is chosen: its rows, what comes, and what it is called. */
-  #present(): void {
-    for (const [id, source] of this.#sources) {
-      const { sent, ring, world } = source;
-      const native = worldOf(sent) ?? this.nativeFrame(sent.device);
-      if (native === undefined) continue;
-      const to = this.#frame ?? native;
-      const now = world ?? native;
-      if (now === to) continue;
-      const back = changeOf(sent, now, to);
-      if (back) ring.transform(back);
-      const derived = this.#derived.get(id);
-      if (derived) {
-        const turn = changeOf(derived.info, now, to);
-        if (turn) derived.ring.transform(turn);
-        this.#derived.set(id, { ...derived, info: eulerInfo(infoIn(sent, native, to)) });
-      }
-      this.#sources.set(id, { ...source, info: infoIn(sent, native, to), world: to, change: changeOf(sent, native, to) });
-    }
-  }
-
+  /** The ring of a channel that is new: what was held of it before the server was restarted, or an empty one. */
   #ring(info: ChannelInfo): Ring {
     const held = this.#past?.ringFor(info);
     held?.continueAnew();
@@ -398,63 +313,17 @@ export class Store {
     return ring;
   }
 
-  /** Of channels with one name the newest lives, in the frame that is chosen; Euler angles are derived where a device sends none itself. */
-  #arrange(): void {
-    this.#present();
-    const living = new Map<string, Channel>();
-    for (const source of this.#sources.values()) {
-      const key = `${source.info.device} ${source.info.name}`;
-      const other = living.get(key);
-      if (other === undefined || other.info.id < source.info.id) living.set(key, source);
-    }
-    const kept = [...living.values()];
-    for (const [id, { ring }] of this.#sources) {
-      if (kept.some(({ info }) => info.id === id)) continue;
-      ring.release();
-      this.#sources.delete(id);
-    }
-    for (const device of new Set(kept.map(({ info }) => info.device))) {
-      const own = kept.filter(({ info }) => info.device === device);
-      const source = own.some(({ info }) => info.kind === "euler") ? undefined : this.#rotation(own);
-      for (const [id, { info, ring }] of this.#derived) {
-        if (info.device !== device || id === source?.info.id) continue;
-        ring.release();
-        this.#derived.delete(id);
-      }
-      if (source === undefined) continue;
-      if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, this.#euler(source.info.id));
-    }
-    this.channels.value = verifiedFirst([...kept, ...this.#derived.values()]);
-  }
-
-  /** The Euler angles of a source: nothing yet, or what came of them before the server was restarted. */
-  #euler(id: number): Channel {
-    const { info, sent, world } = this.#sources.get(id)!;
-    const native = eulerInfo(sent);
-    const ring = this.#ring(native);
-    const from = worldOf(sent);
-    const change = from && world ? changeOf(native, from, world) : undefined;
-    if (change && ring.length > 0) ring.transform(change);
-    return { info: eulerInfo(info), ring };
-  }
-
-  #rotation(channels: readonly Channel[]): Channel | undefined {
-    const rotations = verifiedFirst(channels).filter(({ info }) => isRotation(info));
-    return rotations.find(({ info }) => info.kind === "quaternion") ?? rotations[0];
-  }
-
   #onFrame(frame: SampleFrame, received: number): void {
     const last = frame.arrival[frame.n - 1];
     if (!frame.history && last !== undefined && received === received) {
       this.#latencies[this.#measured++ % LATENCIES_KEPT] = 1000 * (received - last);
     }
-    if (this.#refill !== undefined) (frame.history ? this.#refill.history : this.#refill.live).push(frame);
-    else this.keep(frame);
+    this.#refill.take(frame);
   }
 
   /** Put a frame into the rings of its channel. `bounds`: its rows are the least and the greatest of stretches, in turn. */
   protected keep(frame: SampleFrame, bounds = false): void {
-    const source = this.#sources.get(frame.channel);
+    const source = this.#channels.source(frame.channel);
     if (source === undefined) return;
     const before = source.ring.newest;
     const { device } = source.info;
@@ -462,20 +331,8 @@ export class Store {
       this.#losses.addRestart(device, this.#away.get(device)!, frame.arrival[0]!);
       this.#away.delete(device);
     }
-    const sent = source.norm === undefined ? frame : addNorm(frame, source.norm, bounds);
-    const shown = source.change === undefined ? sent : changedFrame(sent, source.change, source.info.columns);
-    source.ring.take(shown);
+    this.#channels.take(frame, bounds);
     if (frame.dropped > 0) this.#losses.addDrop(source.info, before, frame.arrival[0] ?? before, frame.dropped);
-    this.#derived.get(frame.channel)?.ring.take(eulerFrame(shown));
   }
 
-  /** Put what was held back into the rings: history came newest block first, so it goes in backwards. */
-  #endRefill(): void {
-    const refill = this.#refill;
-    if (refill === undefined) return;
-    this.#refill = undefined;
-    clearTimeout(refill.timer);
-    for (const frame of refill.history.reverse()) this.keep({ ...frame, history: false });
-    for (const frame of refill.live) this.keep(frame);
-  }
 }

@@ -1,7 +1,8 @@
 /** What a panel is given when it is mounted. */
 import { cursor, view } from "../data/view";
 import type { Stats } from "../data/statistics";
-import type { Channel, Store } from "../data/store";
+import type { Channel } from "../data/channels";
+import type { Store } from "../data/store";
 import type { DeviceInfo, EventInfo } from "../wire/types";
 import { type Recent, recentOf } from "./figures";
 import type { Minute } from "./minute";

@@ -1,5 +1,5 @@
 /** All rows of a table that came at one time (satellites, signals), as they stood where it is read. */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { el, every, type Panel } from "../ui/dom";
 import { decimalsOf, number } from "../ui/format";
 import { choiceWords } from "../ui/words";

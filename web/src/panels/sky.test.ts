@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { BitsInfo } from "../wire/types";
 import { skyAt, skyTables, tally } from "./sky";
 

@@ -3,7 +3,7 @@
  * constellation. A table is known by its columns: a signal strength (C/N0), a satellite number, a constellation, and the bits
  * that say whether it is used and healthy, whatever family they come from.
  */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { BitsInfo } from "../wire/types";
 
 /** "used" in the solution · "healthy", tracked and not used · "unhealthy" · "not used", nothing better known. */

@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { Ring } from "../data/ring";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { staleness } from "./values";
 
 /** A channel with a sample every `step` seconds up to 100 s. */

@@ -3,7 +3,7 @@
  * the window. Text nodes are written in the frame loop, numbers 12 times a second; statistics in turn, a little in every frame,
  * because a long window of a fast device is millions of samples. Nothing moves when digits do.
  */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { cursorBeside } from "../data/actions";
 import { view } from "../data/view";
 import { every, el, Live, type Panel, unit } from "../ui/dom";

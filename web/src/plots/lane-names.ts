@@ -1,6 +1,6 @@
 /** The names of the lanes in the gutter, and one line under them that says what a lane means: by pointer, finger or keyboard. */
 import type { Loss } from "../data/losses";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
 import { count } from "../ui/format";
 import { el } from "../ui/dom";

@@ -10,7 +10,7 @@ import { OrAnd } from "../data/buckets";
 import type { Loss } from "../data/losses";
 import { lowerBound } from "../data/gaps";
 import type { Ring } from "../data/ring";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
 import { age, number } from "../ui/format";
 import { choiceWords, words } from "../ui/words";

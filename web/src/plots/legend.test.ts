@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { Ring } from "../data/ring";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { changeOf } from "./legend";
 import type { Series } from "./select";
 import { CHANNELS, frameOf } from "./synthetic";

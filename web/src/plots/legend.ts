@@ -5,7 +5,7 @@
 import { toggleKey } from "../data/actions";
 import { lowerBound } from "../data/gaps";
 import { wrapped } from "../data/statistics";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
 import { number } from "../ui/format";
 import { el, Live, unit } from "../ui/dom";

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Ring } from "../data/ring";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
 import { PixelColumns } from "./columns";

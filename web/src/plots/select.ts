@@ -6,7 +6,7 @@
  * that is a number with a unit is offered under the plots and added with one click. A device that sends none of the five
  * shows the first few of what it does send. Angles of different size never share a y scale; neither do units.
  */
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { ColumnInfo } from "../wire/types";
 import { decimalsOf } from "../ui/format";
 

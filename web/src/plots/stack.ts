@@ -15,7 +15,8 @@
  */
 import { computed, effect, signal } from "@preact/signals";
 import { attach, cursorTime, dropPassed, keepFitted } from "../data/actions";
-import type { Channel, Store } from "../data/store";
+import type { Channel } from "../data/channels";
+import type { Store } from "../data/store";
 import { cursor, hidden, measure, normsSeen, view } from "../data/view";
 import { clock } from "../ui/format";
 import { el, every, unit } from "../ui/dom";

@@ -8,7 +8,8 @@
  * A stretch with more samples than are asked for comes summarised: two rows at one time, the least and the greatest (of flags
  * those of any row, and of all). Rings draw that as they draw dense samples; `windows.py` is the other end.
  */
-import { type Channel, Store } from "../data/store";
+import type { Channel } from "../data/channels";
+import { Store } from "../data/store";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
 import type { Stretch } from "./stretch";

@@ -12,7 +12,7 @@
 import { computed, effect, type Signal, signal } from "@preact/signals";
 import type { Ring } from "../data/ring";
 import type { Stats } from "../data/statistics";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import { cursor, frame, hidden, measure, normsSeen, view } from "../data/view";
 import { Minute } from "../panels/minute";
 import { type Reading, readingAt } from "../panels/reading";

@@ -7,7 +7,7 @@
  * Nothing of the page is touched: a recording that somebody is about to open has its samples here before it is shown (ahead.ts).
  */
 import { signal } from "@preact/signals";
-import type { Channel } from "../data/store";
+import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
 import { plotsOf } from "../plots/select";
 import { asked } from "../plots/stack";

@@ -1,0 +1,202 @@
+/**
+ * The channels of the page: each quantity of each device with the ring of its samples, shown in one frame of reference.
+ *
+ *     add ──▶ one source for each id that is sent ──arrange──▶ living: of one name the newest, and Euler angles where none are sent
+ *     take ──norm──▶ change of frame ──▶ Ring of the channel
+ *                                   └──Euler angles──▶ Ring of the derived channel (negative id)
+ *
+ * A ring holds its samples as they are shown. When another frame is chosen its rows are changed in place (data/frames.ts), and what
+ * comes later is changed on its way in.
+ */
+import { signal, type Signal } from "@preact/signals";
+import type { SampleFrame } from "../wire/codec";
+import type { ChannelInfo } from "../wire/types";
+import type { WorldFrame } from "./derive";
+import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
+import { type Change, changeOf, infoIn, worldOf } from "./frames";
+import type { Held } from "./past";
+import type { Ring } from "./ring";
+
+/** One quantity of one device and its samples. */
+export interface Channel {
+  readonly info: ChannelInfo;
+  readonly ring: Ring;
+}
+
+interface Source extends Channel {
+  /** Columns whose norm is added, if any. */
+  readonly norm: readonly number[] | undefined;
+  /** As it is sent; `info` is as it is shown. */
+  readonly sent: ChannelInfo;
+  /** The frame in which it is shown; undefined: as it is sent. */
+  readonly world: WorldFrame | undefined;
+  /** From what is sent to what is shown, where that is another frame. */
+  readonly change: Change | undefined;
+}
+
+/**
+ * Of a quantity that came both ways, the verified channel stands before the unverified one (its name with a "?"): a key that is
+ * given later changes what is shown, and what came before stays to be looked at.
+ */
+export function verifiedFirst(channels: readonly Channel[]): readonly Channel[] {
+  const verified = new Set(channels.filter(({ info }) => info.verified).map(({ info }) => `${info.device} ${info.name}`));
+  const isOld = ({ info }: Channel): boolean => !info.verified && verified.has(`${info.device} ${info.name.replace(/\?$/, "")}`);
+  return [...channels.filter((channel) => !isOld(channel)), ...channels.filter(isOld)];
+}
+
+export class Channels {
+  readonly living: Signal<readonly Channel[]> = signal([]);
+  readonly #sources = new Map<number, Source>();
+  readonly #derived = new Map<number, Channel>();
+  /** Frame in which everything is shown; undefined: as each device sends it. */
+  #frame: WorldFrame | undefined;
+  readonly #ringOf: (info: ChannelInfo) => Ring;
+
+  /** @param ringOf the ring for a channel that is new here */
+  constructor(ringOf: (info: ChannelInfo) => Ring) {
+    this.#ringOf = ringOf;
+  }
+
+  /** Is nothing sent yet? */
+  get isEmpty(): boolean {
+    return this.#sources.size === 0;
+  }
+
+  /** The channel that is sent under that id, as it is shown. */
+  source(id: number): Channel | undefined {
+    return this.#sources.get(id);
+  }
+
+  /** The rings of a device, those of derived channels too. */
+  ringsOf(device: string): readonly Ring[] {
+    return [...this.#sources.values(), ...this.#derived.values()].filter(({ info }) => info.device === device).map(({ ring }) => ring);
+  }
+
+  /** Samples dropped for this browser, all channels together. */
+  dropped(): number {
+    let sum = 0;
+    for (const { ring } of this.#sources.values()) sum += ring.dropped;
+    return sum;
+  }
+
+  /** Take up channels that are new; those that are known already stay. */
+  add(infos: readonly ChannelInfo[]): void {
+    for (const plain of infos) {
+      if (this.#sources.has(plain.id)) continue;
+      const sent = withNorm(plain);
+      this.#sources.set(sent.id, { info: sent, sent, norm: normOf(plain), ring: this.#ringOf(sent), world: undefined, change: undefined });
+    }
+    this.#arrange();
+  }
+
+  /** Put a frame into the rings of its channel. `bounds`: its rows are the least and the greatest of stretches, in turn. */
+  take(frame: SampleFrame, bounds = false): void {
+    const source = this.#sources.get(frame.channel);
+    if (source === undefined) return;
+    const sent = source.norm === undefined ? frame : addNorm(frame, source.norm, bounds);
+    const shown = source.change === undefined ? sent : changedFrame(sent, source.change, source.info.columns);
+    source.ring.take(shown);
+    this.#derived.get(frame.channel)?.ring.take(eulerFrame(shown));
+  }
+
+  /** Everything that is held, in the frames that the devices send; the frame that is chosen stays so for what comes. */
+  held(): readonly Held[] {
+    const frame = this.#frame;
+    this.showIn(undefined); // rings are kept as their devices send
+    this.#frame = frame;
+    const sent = [...this.#sources.values()].map(({ sent, ring }) => ({ info: sent, ring }));
+    return [...sent, ...[...this.#derived.values()].map(({ info, ring }) => ({ info, ring }))];
+  }
+
+  /** Know no channel any more; their rings are another's now. */
+  clear(): void {
+    this.#sources.clear();
+    this.#derived.clear();
+    this.living.value = [];
+  }
+
+  /** The world that a device speaks: that of its attitude; undefined where it sends none. */
+  nativeFrame(device: string): WorldFrame | undefined {
+    const own = [...this.#sources.values()].map(({ sent }) => sent).filter((sent) => sent.device === device && ["quaternion", "matrix", "euler"].includes(sent.kind));
+    const worlds = own.map(worldOf).filter((world) => world !== undefined);
+    return worlds[0] ?? (own.some(({ frame }) => frame.startsWith("ECEF")) ? "NED" : own.length > 0 ? "ENU" : undefined);
+  }
+
+  /** Show everything in that frame, or as it is sent; what is held is told anew. */
+  showIn(frame: WorldFrame | undefined): void {
+    if (frame === this.#frame) return;
+    this.#frame = frame;
+    this.#arrange();
+  }
+
+  /** What of a channel is another than it is sent; undefined where nothing is. */
+  changeOf(channel: number): Change | undefined {
+    return this.#sources.get(channel)?.change;
+  }
+
+  /** Have every channel in the frame that is chosen: its rows, what comes, and what it is called. */
+  #present(): void {
+    for (const [id, source] of this.#sources) {
+      const { sent, ring, world } = source;
+      const native = worldOf(sent) ?? this.nativeFrame(sent.device);
+      if (native === undefined) continue;
+      const to = this.#frame ?? native;
+      const now = world ?? native;
+      if (now === to) continue;
+      const back = changeOf(sent, now, to);
+      if (back) ring.transform(back);
+      const derived = this.#derived.get(id);
+      if (derived) {
+        const turn = changeOf(derived.info, now, to);
+        if (turn) derived.ring.transform(turn);
+        this.#derived.set(id, { ...derived, info: eulerInfo(infoIn(sent, native, to)) });
+      }
+      this.#sources.set(id, { ...source, info: infoIn(sent, native, to), world: to, change: changeOf(sent, native, to) });
+    }
+  }
+
+  /** Of channels with one name the newest lives, in the frame that is chosen; Euler angles are derived where a device sends none itself. */
+  #arrange(): void {
+    this.#present();
+    const living = new Map<string, Channel>();
+    for (const source of this.#sources.values()) {
+      const key = `${source.info.device} ${source.info.name}`;
+      const other = living.get(key);
+      if (other === undefined || other.info.id < source.info.id) living.set(key, source);
+    }
+    const kept = [...living.values()];
+    for (const [id, { ring }] of this.#sources) {
+      if (kept.some(({ info }) => info.id === id)) continue;
+      ring.release();
+      this.#sources.delete(id);
+    }
+    for (const device of new Set(kept.map(({ info }) => info.device))) {
+      const own = kept.filter(({ info }) => info.device === device);
+      const source = own.some(({ info }) => info.kind === "euler") ? undefined : this.#rotation(own);
+      for (const [id, { info, ring }] of this.#derived) {
+        if (info.device !== device || id === source?.info.id) continue;
+        ring.release();
+        this.#derived.delete(id);
+      }
+      if (source === undefined) continue;
+      if (!this.#derived.has(source.info.id)) this.#derived.set(source.info.id, this.#euler(source.info.id));
+    }
+    this.living.value = verifiedFirst([...kept, ...this.#derived.values()]);
+  }
+
+  /** The Euler angles of a source: nothing yet, or what came of them before the server was restarted. */
+  #euler(id: number): Channel {
+    const { info, sent, world } = this.#sources.get(id)!;
+    const native = eulerInfo(sent);
+    const ring = this.#ringOf(native);
+    const from = worldOf(sent);
+    const change = from && world ? changeOf(native, from, world) : undefined;
+    if (change && ring.length > 0) ring.transform(change);
+    return { info: eulerInfo(info), ring };
+  }
+
+  #rotation(channels: readonly Channel[]): Channel | undefined {
+    const rotations = verifiedFirst(channels).filter(({ info }) => isRotation(info));
+    return rotations.find(({ info }) => info.kind === "quaternion") ?? rotations[0];
+  }
+}
