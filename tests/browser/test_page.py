@@ -106,7 +106,7 @@ def test_a_finger_hits_every_control(server: ServerProcess, open_page: Callable[
 # busy machine is told of late reads and lost samples, each a line more; that list scrolls by itself), and the names of
 # lanes: the twin clips at a kerb, and a flag that is raised for the first time gets its name in the room kept for it.
 BOXES = """() => {
-  const text = ["SPAN", "B", "I", "DD", "SUP", "SUB", "KBD", "BR"];
+  const text = ["SPAN", "B", "I", "DD", "SUP", "SUB", "KBD", "CODE", "BR"];
   return [...document.querySelectorAll("body *")]
     .filter(element => !text.includes(element.tagName) && !element.closest("svg, .news, .lanenames"))
     .map(element => {

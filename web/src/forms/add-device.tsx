@@ -7,6 +7,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { api, type HowToRead, type Outcome, type Problem } from "../ui/api";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
+import { Message } from "../ui/message";
 
 const EXAMPLES: readonly (readonly [source: string, words: string])[] = [
   ["/dev/ttyUSB0", "a serial port, its baud rate found by listening"],
@@ -247,8 +248,8 @@ function Examples({ take }: { readonly take: (example: string) => void }) {
 function Wrong({ problem: { message, hint } }: { readonly problem: Problem }) {
   return (
     <div class="problem" id="source-problem" role="alert">
-      <b>{message}</b>
-      {hint !== "" && <p>{hint}</p>}
+      <b><Message text={message} /></b>
+      {hint !== "" && <p><Message text={hint} /></p>}
     </div>
   );
 }

@@ -1,4 +1,5 @@
 /** A field of a form: its name and meaning, its input, its range, what it was. Records and lists are drawn from the fields inside them. */
+import { Message } from "../ui/message";
 import { words as named } from "../ui/words";
 import { wasAt } from "./edits";
 import { BoolInput, ChoiceInput, FlagsInput, type InputProps, NumberInput, OptionInput, TextInput, VectorInput } from "./inputs";
@@ -66,7 +67,7 @@ export function Field({ sheet, field, path }: InputProps) {
         {range !== "" && !field.read_only && <span class="range">{range}</span>}
         {problem && (
           <span class="why-not" role="alert">
-            {problem.message} {problem.hint}
+            <Message text={problem.message} /> <Message text={problem.hint} />
           </span>
         )}
       </div>

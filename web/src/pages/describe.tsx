@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { descriptionOf } from "../panels/hex";
 import { api, type Problem } from "../ui/api";
 import { Dialog } from "../ui/dialog";
+import { Message } from "../ui/message";
 import type { RawPayload } from "../wire/types";
 import { type App, linkOf } from "./app";
 
@@ -53,7 +54,7 @@ export function Describe({ app, payload, onClose }: Props) {
         </p>
         {problem.value && (
           <div class="problem" role="alert">
-            <b>{problem.value.message}</b>
+            <b><Message text={problem.value.message} /></b>
           </div>
         )}
         <div class="row">

@@ -13,6 +13,7 @@ import { mountStack } from "../plots/stack";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
+import { Message } from "../ui/message";
 import { Mounted } from "../ui/mounted";
 import { showsPlots } from "../ui/state";
 import { LiveScene, LiveViews } from "../views/viser";
@@ -164,7 +165,7 @@ function Notices({ app }: { readonly app: App }) {
       {app.device.value?.notices.map((notice) => (
         <p class="note notice" key={notice}>
           <span class="dot off" />
-          {notice}
+          <Message text={notice} />
         </p>
       ))}
     </>

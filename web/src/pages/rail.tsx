@@ -10,6 +10,7 @@ import { surface } from "../ui/canvas";
 import { el, every, type Panel } from "../ui/dom";
 import { age, count, rate } from "../ui/format";
 import { Icon } from "../ui/icons";
+import { Message } from "../ui/message";
 import { Mounted } from "../ui/mounted";
 import { markOf, shortSource } from "../ui/state";
 import type { DeviceHealth, DeviceInfo } from "../wire/types";
@@ -279,7 +280,7 @@ function Ghost({ port }: { readonly port: Port }) {
         ) : (
           <span />
         )}
-        <span class="facts">{portWords(port)}</span>
+        <span class="facts"><Message text={portWords(port)} /></span>
       </div>
     </li>
   );

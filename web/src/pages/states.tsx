@@ -3,6 +3,7 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { api, type Problem } from "../ui/api";
 import { age } from "../ui/format";
+import { Message } from "../ui/message";
 import { shortSource } from "../ui/state";
 import type { DeviceInfo, Try } from "../wire/types";
 import { type App, connect, linkOf, overlay, ports, problem, run, scanning, scanPorts, tick } from "./app";
@@ -16,8 +17,8 @@ export function Starting() {
   const refused = refusal.value;
   return (
     <Card title={refused ? "The server does not let this page in" : "Connecting to imuscope"} dot={refused ? "bad" : "off"}>
-      <p>{refused ? refused.message : "The page is here; the live connection to the server is being opened."}</p>
-      {refused && <p class="hint">{refused.hint || "Open the address that was printed when imuscope was started: it carries the token."}</p>}
+      <p>{refused ? <Message text={refused.message} /> : "The page is here; the live connection to the server is being opened."}</p>
+      {refused && <p class="hint"><Message text={refused.hint || "Open the address that was printed when imuscope was started: it carries the token."} /></p>}
       <div class="row">
         <button type="button" class="btn main" onClick={() => location.reload()}>
           Reload
@@ -36,7 +37,7 @@ export function Empty() {
           {ports.value.map((port) => (
             <li key={port.device}>
               <b>{shortSource(port.device)}</b>
-              <span>{portWords(port)}</span>
+              <span><Message text={portWords(port)} /></span>
             </li>
           ))}
         </ol>
@@ -61,9 +62,9 @@ export function Empty() {
 export function Connecting({ app, device }: { readonly app: App; readonly device: DeviceInfo }) {
   return (
     <Card title={`Connecting to ${shortSource(device.source)}`} dot="off">
-      <p>{device.message || "Each try is shown as it is made."}</p>
+      <p><Message text={device.message || "Each try is shown as it is made."} /></p>
       <Tries tries={device.tries} />
-      {device.hint !== "" && <p class="hint">{device.hint}</p>}
+      {device.hint !== "" && <p class="hint"><Message text={device.hint} /></p>}
       <p class="dim">
         <NextTry app={app} device={device} />
       </p>
@@ -75,8 +76,8 @@ export function Connecting({ app, device }: { readonly app: App; readonly device
 export function Denied({ device }: { readonly device: DeviceInfo }) {
   return (
     <Card title={`No permission for ${shortSource(device.source)}`} dot="bad">
-      <p>{device.message || "The operating system does not let imuscope open this port."}</p>
-      <p class="hint">{device.hint || "Give the user that runs imuscope access to the port, then try again."}</p>
+      <p><Message text={device.message || "The operating system does not let imuscope open this port."} /></p>
+      <p class="hint"><Message text={device.hint || "Give the user that runs imuscope access to the port, then try again."} /></p>
       <Tries tries={device.tries} />
       <Choices device={device} />
     </Card>
@@ -87,9 +88,9 @@ export function Unreached({ app, device }: { readonly app: App; readonly device:
   return (
     <Card title={`${device.name} cannot be reached`} dot="bad">
       <p>
-        {device.message} <NextTry app={app} device={device} />
+        <Message text={device.message} /> <NextTry app={app} device={device} />
       </p>
-      {device.hint !== "" && <p class="hint">{device.hint}</p>}
+      {device.hint !== "" && <p class="hint"><Message text={device.hint} /></p>}
       <Tries tries={device.tries} />
       <Choices device={device} />
     </Card>
@@ -99,8 +100,8 @@ export function Unreached({ app, device }: { readonly app: App; readonly device:
 export function Silent({ device }: { readonly device: DeviceInfo }) {
   return (
     <Card title={`${device.name} is open, and silent`} dot="off">
-      <p>{device.message || "The link is up. No sample has come over it so far."}</p>
-      <p class="hint">{device.hint || "Is the device in measurement mode, and are outputs switched on? A device in configuration mode sends nothing."}</p>
+      <p><Message text={device.message || "The link is up. No sample has come over it so far."} /></p>
+      <p class="hint"><Message text={device.hint || "Is the device in measurement mode, and are outputs switched on? A device in configuration mode sends nothing."} /></p>
       <Tries tries={device.tries} />
       <Choices device={device} />
     </Card>
@@ -132,7 +133,7 @@ function Tries({ tries }: { readonly tries: readonly Try[] }) {
       {tries.slice(-12).map((one) => (
         <li key={`${one.time} ${one.what}`}>
           <b>{one.what}</b>
-          <span>{one.outcome}</span>
+          <span><Message text={one.outcome} /></span>
         </li>
       ))}
     </ol>
@@ -181,8 +182,8 @@ export function HeldBand({ app, device }: { readonly app: App; readonly device: 
         {device.name} {title}
       </b>
       <span class="mid">
-        {device.message}
-        {last !== null && ` Last sample ${old.value} ${old.unit} ago.`} <NextTry app={app} device={device} /> {device.hint}
+        <Message text={device.message} />
+        {last !== null && ` Last sample ${old.value} ${old.unit} ago.`} <NextTry app={app} device={device} /> <Message text={device.hint} />
       </span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => void run(api.retryDevice(linkOf(device)))}>
@@ -204,7 +205,7 @@ export function OfflineBand({ app }: { readonly app: App }) {
       <b>{refused ? "The server refuses this page" : since === undefined ? "No connection to imuscope" : "Nothing comes from imuscope"}</b>
       <span class="mid">
         {refused
-          ? `${refused.message} ${refused.hint}`
+          ? <Message text={`${refused.message} ${refused.hint}`} />
           : since === undefined
             ? "The server has stopped or the network is down. What you see is what came before; the page tries again by itself."
             : `For ${silent.value} ${silent.unit}: the network is down or the server hangs. What you see is what came before.`}
@@ -238,8 +239,8 @@ function FailedBand() {
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b>{shown.message}</b>
-      <span class="mid">{shown.hint}</span>
+      <b><Message text={shown.message} /></b>
+      <span class="mid"><Message text={shown.hint} /></span>
       <span class="grow" />
       <button type="button" class="btn edge" onClick={() => (problem.value = undefined)}>
         Close

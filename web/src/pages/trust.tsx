@@ -1,6 +1,7 @@
 /** Data that are refused or shown without a check, and what to do about it: bands of their own, never on the data. */
 import { keyWanted, keyWrong, trustOf } from "../panels/trust";
 import { api } from "../ui/api";
+import { Message } from "../ui/message";
 import { type App, askKey, linkOf, run } from "./app";
 
 /** Secure devices on the link of the selected one that restarted: their frames are refused until an operator re-arms them. */
@@ -41,7 +42,7 @@ export function KeyBand({ app }: { readonly app: App }) {
       <span class="dot warn" />
       <b>{unverified ? "Shown unverified" : "A key is needed"}</b>
       <span class="mid">
-        {unverified ? "Nobody could check who sent these data. " : `${refused} `}
+        {unverified ? "Nobody could check who sent these data. " : <Message text={`${refused} `} />}
         Give the key here, or start with <code>--key</code>.
       </span>
       <span class="grow" />

@@ -4,7 +4,7 @@
  */
 import { view } from "../data/view";
 import { type Surface, surface } from "../ui/canvas";
-import { el, every, Live, type Panel } from "../ui/dom";
+import { el, every, Live, LiveMessage, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
 import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
 import { ageOf, channelsOf, type Deps, recently, selected } from "./deps";
@@ -71,10 +71,9 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
   }
   const messages = mountMessages(list, deps);
   const reasons = mountReasons(list);
-  const words = new Live();
-  const note = el("p", { class: "note" }, words.node);
+  const words = new LiveMessage(el("p", { class: "note" }));
   const uneven = mountUneven();
-  host.append(list, note, uneven.node);
+  host.append(list, words.node, uneven.node);
   const [figuresDue, ageDue] = [every(2), every(10)];
   return {
     update(now) {
@@ -95,14 +94,14 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
       reasons.update(health, device);
       words.set(verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
       list.title = totals(health);
-      note.hidden = words.node.data === "";
+      words.node.hidden = words.isEmpty;
       uneven.update(health);
       drawSparks(deps, id, sparks, device?.status === "lost");
     },
     dispose() {
       for (const spark of sparks.values()) spark.dispose();
       list.remove();
-      note.remove();
+      words.node.remove();
       uneven.node.remove();
     },
   };
@@ -110,14 +109,13 @@ export function mountHealth(host: HTMLElement, deps: Deps): Panel {
 
 /** Why the times of a device are uneven, and what helps; hidden while they are not. */
 function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealth | undefined): void } {
-  const words = new Live();
-  const node = el("p", { class: "note uneven" }, words.node);
-  node.hidden = true;
+  const words = new LiveMessage(el("p", { class: "note uneven" }));
+  words.node.hidden = true;
   return {
-    node,
+    node: words.node,
     update(health) {
       words.set(timeWords(health));
-      node.hidden = words.node.data === "";
+      words.node.hidden = words.isEmpty;
     },
   };
 }
@@ -212,14 +210,14 @@ const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: 
 
 /** Health in one line, for the phone. */
 export function mountStrip(host: HTMLElement, deps: Deps): Panel {
-  const why = new Live();
+  const why = new LiveMessage(el("span"));
   const items = STRIP.map((key) => {
     const [value, unit] = [new Live(), new Live()];
     const box = el("b", {}, value.node);
     host.append(el("span", {}, box, el("span", { class: "u" }, unit.node)));
     return { key, value, unit, box };
   });
-  host.append(el("span", {}, why.node));
+  host.append(why.node);
   const due = every(4);
   return {
     update(now) {

@@ -6,7 +6,7 @@ import { signal } from "@preact/signals";
 import { centreAt, pin, select } from "../data/actions";
 import { view } from "../data/view";
 import { clock, count } from "../ui/format";
-import { el, every, type Panel } from "../ui/dom";
+import { el, every, messageNodes, type Panel } from "../ui/dom";
 import type { EventInfo } from "../wire/types";
 import type { Deps } from "./deps";
 import { type EventGroup, groupsOf, type Sort, SORTS } from "./event-groups";
@@ -55,7 +55,7 @@ function line(group: EventGroup, deps: Deps): HTMLLIElement {
   const dot = { info: "off", caution: "warn", fault: "bad" }[group.level];
   const word = { info: "note", caution: "caution", fault: "fault" }[group.level];
   const mark = el("span", {}, el("span", { class: `dot ${dot}` }), el("span", { class: "vh" }, `${word}: `));
-  const button = el("button", { type: "button", "data-key": String(group.key), title: titleOf(group) }, mark, el("time", {}, clock(group.to)), el("span", {}, group.text));
+  const button = el("button", { type: "button", "data-key": String(group.key), title: titleOf(group) }, mark, el("time", {}, clock(group.to)), el("span", {}, ...messageNodes(group.text)));
   button.addEventListener("click", () => (deps.jump ?? show)(group));
   return el("li", {}, button);
 }

@@ -3,7 +3,7 @@ import type { Loss } from "../data/losses";
 import type { Channel } from "../data/channels";
 import type { TimeBase } from "../data/view";
 import { count } from "../ui/format";
-import { el } from "../ui/dom";
+import { el, messageNodes } from "../ui/dom";
 import type { Reads } from "./legend";
 import { firstLanes, inPlace, type Lane, LANE_PX, lanesOf, roomFor, lossWords, stateAt, stateWords } from "./lanes";
 
@@ -94,7 +94,7 @@ export class LaneNames {
     const [name, words] = this.#sentence(t, base, losses, reads);
     if (name + words === this.#text) return;
     this.#text = name + words;
-    this.say.replaceChildren(...(name === "" ? [] : [el("b", {}, name), ` ${words}`]));
+    this.say.replaceChildren(...(name === "" ? [] : [el("b", {}, name), " ", ...messageNodes(words)]));
   }
 
   #sentence(t: number, base: TimeBase, losses: readonly Loss[], reads: Reads): readonly [string, string] {

@@ -1,4 +1,5 @@
 /** Small hands for panels that write the DOM themselves: an element in one line, a text node written only when it changes. */
+import { messageParts } from "./message-parts";
 
 type Attributes = Readonly<Record<string, string>>;
 
@@ -27,6 +28,31 @@ export class Live {
     if (text === this.#text) return;
     this.#text = text;
     this.node.data = text;
+  }
+}
+
+/** What an element holds that shows a message: words, and commands as code. */
+export function messageNodes(message: string): (Node | string)[] {
+  return messageParts(message).map(({ text, isCode }) => (isCode ? el("code", {}, text) : text));
+}
+
+/** An element that shows a message which changes often. */
+export class LiveMessage<E extends HTMLElement = HTMLElement> {
+  readonly node: E;
+  #text = "";
+
+  constructor(node: E) {
+    this.node = node;
+  }
+
+  get isEmpty(): boolean {
+    return this.#text === "";
+  }
+
+  set(message: string): void {
+    if (message === this.#text) return;
+    this.#text = message;
+    this.node.replaceChildren(...messageNodes(message));
   }
 }
 

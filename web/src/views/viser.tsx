@@ -12,6 +12,7 @@ import type { Replay } from "../recordings/replay";
 import { overlay } from "../pages/app";
 import { type Problem, request } from "../ui/api";
 import { Icon } from "../ui/icons";
+import { Message } from "../ui/message";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
 import { headNews, type Told } from "./head";
@@ -171,7 +172,7 @@ function Waiting({ problem }: { readonly problem: Problem | undefined }) {
   if (!problem) return <p class="wait" role="status">Starting the 3D scene…</p>;
   return (
     <p class="wait" role="alert">
-      <b>{problem.message}</b> {problem.hint}
+      <b><Message text={problem.message} /></b> <Message text={problem.hint} />
     </p>
   );
 }

@@ -3,6 +3,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { count } from "../../ui/format";
 import type { Job } from "../../wire/types";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
@@ -42,7 +43,7 @@ function Changes({ model, names }: { readonly model: Model; readonly names: read
           <b class="yourswords">{count(total, "change")}</b> <span class="mid">in {titles.slice(0, 3).join(", ")}{titles.length > 3 ? ` and ${titles.length - 3} more` : ""}</span>
         </p>
         <p class={blocked ? "why-not" : "dim"} id="apply-why">
-          {blocked || (onTrial ? "On trial: it goes back by itself unless you keep it." : "A snapshot is kept first; what is written is read back.")}
+          <Message text={blocked || (onTrial ? "On trial: it goes back by itself unless you keep it." : "A snapshot is kept first; what is written is read back.")} />
         </p>
       </div>
       <label class="field reason">

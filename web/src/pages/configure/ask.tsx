@@ -1,6 +1,7 @@
 /** Once more before harm: a dialog that names what is lost or cut; the button that does nothing has the focus. */
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
+import { Message } from "../../ui/message";
 import { CAUTIONS, type Question, question } from "./view";
 
 export function Ask({ asked }: { readonly asked: Question }) {
@@ -22,7 +23,7 @@ export function Ask({ asked }: { readonly asked: Question }) {
       )}
       {asked.words.map((words) => (
         <p key={words} class="askwords">
-          {words}
+          <Message text={words} />
         </p>
       ))}
       <div class="askrow">

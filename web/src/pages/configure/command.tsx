@@ -6,6 +6,7 @@ import type { Sheet } from "../../forms/sheet";
 import type { CommandForm } from "../../forms/types";
 import type { Path } from "../../forms/values";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 import { Words } from "./setting";
@@ -45,7 +46,7 @@ export function Command({ model, form }: { readonly model: Model; readonly form:
       {form.arguments.length > 0 && <Fields sheet={sheet} fields={form.arguments} />}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
-          <b>{message}</b> {hint}
+          <b><Message text={message} /></b> <Message text={hint} />
         </p>
       ))}
       <div class="sendrow">

@@ -5,6 +5,7 @@ import type { Store } from "../../data/store";
 import type { Difference } from "../../forms/types";
 import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
 import type { Model } from "./model";
 import { Rollout } from "./rollout";
@@ -50,7 +51,7 @@ export function Compare({ model, store }: { readonly model: Model; readonly stor
         <FilePicker model={model} refuse={(words) => (why.value = words)} />
       </div>
       {model.snapshots.value.some(({ name }) => name === right) && <SnapshotActs model={model} name={right} />}
-      {why.value && <p class="hint inset" role="status">{why.value}</p>}
+      {why.value && <p class="hint inset" role="status"><Message text={why.value} /></p>}
       {difference.value && <Problems found={difference.value} />}
       {difference.value && <Table found={difference.value} />}
       {difference.value && <Rollout key={`${model.id} ${right} ${file?.name ?? ""}`} model={model} store={store} others={others} side={right} title={titleHere(model, right) ?? difference.value.right} />}
@@ -74,7 +75,7 @@ function Problems({ found }: { readonly found: Difference }) {
       <ul>
         {found.problems.map(({ path, message, hint }) => (
           <li key={path}>
-            <span class="mono">{path}</span>: {message} {hint}
+            <span class="mono">{path}</span>: <Message text={message} /> <Message text={hint} />
           </li>
         ))}
       </ul>

@@ -4,6 +4,7 @@ import { useEffect } from "preact/hooks";
 import { BLANK, flowOf, type Ntrip, ntripProblem, sourceOf } from "../../forms/ntrip";
 import type { Corrections as State } from "../../forms/types";
 import { age, byteRate, number } from "../../ui/format";
+import { Message } from "../../ui/message";
 import { type Model, viewOnly } from "./model";
 import { server } from "./server";
 
@@ -126,7 +127,7 @@ function Figures({ state }: { readonly state: State }) {
       </p>
       {state.message && (
         <p class={state.forwarding ? "mid" : "problem"}>
-          {state.message} {state.hint}
+          <Message text={state.message} /> <Message text={state.hint} />
         </p>
       )}
       <dl class="answer">

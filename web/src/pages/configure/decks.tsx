@@ -10,6 +10,7 @@ import { type Model, modelOf, viewOnly } from "./model";
 import { Restore } from "./restore";
 import { server } from "./server";
 import "./styles";
+import { Message } from "../../ui/message";
 
 const RADIUS = 20;
 const UNDER_WAY = new Set<Trial["state"]>(["applying", "asking", "reverting"]);
@@ -70,7 +71,7 @@ function Deck({ trial, model, store, dismiss }: Props) {
         <h3>
           <Who model={model} />: {title}
         </h3>
-        <p>{trial.words}</p>
+        <p><Message text={trial.words} /></p>
       </div>
       {!busy && (
         <button type="button" class="btn edge" onClick={dismiss}>
@@ -114,7 +115,7 @@ function Asking({ trial, model, store }: Omit<Props, "dismiss">) {
           <Who model={model} />: Keep these settings? <span class="mid" ref={words} aria-hidden="true" />
         </h3>
         <p id="deck-words">
-          {offline ? "The server is not reached: nothing can be decided here now. It goes back by itself unless somebody kept it." : trial.words}{" "}
+          {offline ? "The server is not reached: nothing can be decided here now. It goes back by itself unless somebody kept it." : <Message text={trial.words} />}{" "}
           <span class="dim">{trial.changes.join(" · ")}</span>
         </p>
       </div>
@@ -136,7 +137,7 @@ function Unreachable({ trial, model, dismiss }: Omit<Props, "store">) {
           <span class="dot bad" /> <Who model={model} />: Unreachable until power cycle
         </h3>
         <p>
-          {trial.words} Its page has “Restore communication” at any time.
+          <Message text={trial.words} /> Its page has “Restore communication” at any time.
         </p>
         <Restore model={model} />
       </div>

@@ -4,6 +4,7 @@ import { useLayoutEffect, useRef } from "preact/hooks";
 import { spaced } from "../../forms/bytes";
 import { clock, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import type { ExchangeEntry } from "../../wire/types";
 import { sheet } from "../app";
 import { StopJob } from "./jobs";
@@ -114,7 +115,7 @@ interface EntryProps {
 
 function Entry({ entry, model, opened }: EntryProps) {
   const open = opened.value === entry.seq;
-  if (entry.way === "note") return <li class={`ex day ${entry.level === "info" ? "" : "alt"}`}>{entry.text}</li>;
+  if (entry.way === "note") return <li class={`ex day ${entry.level === "info" ? "" : "alt"}`}><Message text={entry.text} /></li>;
   const sent = entry.way === "tx";
   const toggle = (): void => {
     opened.value = open ? undefined : entry.seq;
@@ -135,7 +136,7 @@ function Entry({ entry, model, opened }: EntryProps) {
           </span>
         )}
         <span class={`mono ${open ? "whole" : ""}`}>{spaced(entry.hex.replace("…", ""), open ? Infinity : BYTES_SHOWN)}</span>
-        {entry.text !== "" && <span class="say">{entry.text}</span>}
+        {entry.text !== "" && <span class="say"><Message text={entry.text} /></span>}
         {open && sent && (
           <button type="button" class="btn small edge" disabled={viewOnly.value} onClick={() => sendBytes(model, entry.hex, entry.name)}>
             Send again

@@ -1,5 +1,6 @@
 /** Jobs: what is being done to the device, what waits, what came of it. */
 import type { ControlState, FieldOutcome, Job } from "../../wire/types";
+import { Message } from "../../ui/message";
 import { words } from "../../ui/words";
 import type { Model } from "./model";
 import { server } from "./server";
@@ -23,10 +24,10 @@ export function JobLine({ model, id }: { readonly model: Model; readonly id: num
     <div class={`jobline ${job.state}`} role="status">
       <p>
         <span class={`dot ${job.state === "failed" ? "bad" : isOver(job) ? "live" : "off"}`} />
-        <b>{job.title}</b> <span class="mid">{stateWords(job)}</span>
+        <b>{job.title}</b> <span class="mid"><Message text={stateWords(job)} /></span>
         {!isOver(job) && <StopJob model={model} job={job} />}
       </p>
-      {job.hint !== "" && <p class="dim">{job.hint}</p>}
+      {job.hint !== "" && <p class="dim"><Message text={job.hint} /></p>}
       <Outcomes outcomes={job.outcomes} />
       <Answer values={job.values} />
     </div>
@@ -56,7 +57,7 @@ export function Outcomes({ outcomes }: { readonly outcomes: readonly FieldOutcom
       {outcomes.map((one) => (
         <li key={`${one.setting} ${one.path}`}>
           <span class={`tag ${one.got ? "warn" : "bad"}`}>{one.got ? "▲ altered" : "■ refused"}</span> <b>{one.title}</b>{" "}
-          {one.got ? `asked ${one.asked || "nothing"}, the device has ${one.got}` : one.why || "no answer"}
+          {one.got ? `asked ${one.asked || "nothing"}, the device has ${one.got}` : <Message text={one.why || "no answer"} />}
         </li>
       ))}
     </ul>

@@ -8,6 +8,7 @@ import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
 import type { Outcome, Problem } from "../../ui/api";
 import { count } from "../../ui/format";
+import { Message } from "../../ui/message";
 import type { DeviceInfo, Job } from "../../wire/types";
 import { isOver, jobIn, Outcomes, stateWords } from "./jobs";
 import { type Model, viewOnly } from "./model";
@@ -134,7 +135,7 @@ function Check({ model, device, check }: Pick<RowProps, "model" | "device" | "ch
   if (!check.ok) {
     return (
       <>
-        <span class="mid">{check.problem.message}</span>{" "}
+        <span class="mid"><Message text={check.problem.message} /></span>{" "}
         {check.problem.kind === "not-read" && (
           <button type="button" class="btn small edge" disabled={viewOnly.value} onClick={() => void model.run(server.read(device.id))}>
             Read {device.name}
@@ -169,7 +170,7 @@ function Check({ model, device, check }: Pick<RowProps, "model" | "device" | "ch
       ))}
       {found.dangers.map((words) => (
         <p class="caution" key={words}>
-          ▲ {words}
+          ▲ <Message text={words} />
         </p>
       ))}
     </>
@@ -182,7 +183,7 @@ function Result({ store, device, results }: { readonly store: Store; readonly de
   if ("problem" in result) {
     return (
       <span class="why-not" role="alert">
-        Refused: {result.problem.message} {result.problem.hint}
+        Refused: <Message text={result.problem.message} /> <Message text={result.problem.hint} />
       </span>
     );
   }
@@ -190,8 +191,8 @@ function Result({ store, device, results }: { readonly store: Store; readonly de
   if (job === undefined) return <span class="dim">Sent</span>;
   return (
     <div role="status">
-      <span class={`dot ${job.state === "failed" ? "bad" : isOver(job) ? (job.outcomes.length > 0 ? "warn" : "live") : "off"}`} /> {stateWords(job)}
-      {job.hint !== "" && <p class="dim">{job.hint}</p>}
+      <span class={`dot ${job.state === "failed" ? "bad" : isOver(job) ? (job.outcomes.length > 0 ? "warn" : "live") : "off"}`} /> <Message text={stateWords(job)} />
+      {job.hint !== "" && <p class="dim"><Message text={job.hint} /></p>}
       <Outcomes outcomes={job.outcomes} />
     </div>
   );

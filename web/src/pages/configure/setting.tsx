@@ -11,6 +11,7 @@ import { StreamsTable } from "../../forms/streams-table";
 import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
 import type { Path, Values } from "../../forms/values";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { makeItFit } from "./fit";
 import { type Model, viewOnly } from "./model";
 import { all, CAUTIONS, here } from "./view";
@@ -159,7 +160,7 @@ function Consequences({ model, form }: { readonly model: Model; readonly form: S
       )}
       {loose.map(({ path, message, hint }) => (
         <p class="problem inset" role="alert" key={path}>
-          <b>{message}</b> {hint}
+          <b><Message text={message} /></b> <Message text={hint} />
         </p>
       ))}
       {preview && <BytesView frames={preview.frames} changed={changed} hot={model.hot.value} hover={hover} />}

@@ -3,6 +3,7 @@ import { isOver, JobLine, jobOf, StopJob } from "./jobs";
 import { describe } from "../../forms/elsewhere";
 import { type Model, viewOnly } from "./model";
 import { linkTo, readAll, unfinishedOf } from "./view";
+import { Message } from "../../ui/message";
 
 export function NotRead({ model }: { readonly model: Model }) {
   const device = model.device.value;
@@ -58,8 +59,8 @@ export function NoForms({ model }: { readonly model: Model }) {
           <span class={`dot ${problem ? "bad" : "off"}`} />
           {problem ? "No settings to show" : device?.protocol ? "Loading the forms" : "Not known yet"}
         </h2>
-        <p>{problem?.message ?? (device?.protocol ? "The forms of this device are on their way." : "Its protocol is not known yet: the forms follow from it.")}</p>
-        {(problem?.hint || device?.message) && <p class="hint">{problem?.hint || device?.message}</p>}
+        <p>{problem ? <Message text={problem.message} /> : (device?.protocol ? "The forms of this device are on their way." : "Its protocol is not known yet: the forms follow from it.")}</p>
+        {(problem?.hint || device?.message) && <p class="hint"><Message text={problem?.hint || device?.message || ""} /></p>}
         <div class="row">
           <button type="button" class="btn main" onClick={() => void model.load()}>
             Try again
@@ -90,7 +91,7 @@ export function LostBand({ model }: { readonly model: Model }) {
       <span class={`dot ${device.status === "connecting" ? "off" : "bad"}`} />
       <b>{{ lost: "Lost", denied: "Not permitted", ended: "Ended", connecting: "Connecting" }[device.status]}</b>
       <span class="grow">
-        {device.message} {device.hint} What is shown is as last read; edits stay until they can be written.
+        <Message text={device.message} /> <Message text={device.hint} /> What is shown is as last read; edits stay until they can be written.
       </span>
       {device.status === "lost" && (model.forms.value?.settings.length ?? 0) > 0 && (
         <a class="btn small edge" href={linkTo(model, "restore")}>
@@ -147,8 +148,8 @@ export function ProblemLine({ model }: { readonly model: Model }) {
   return (
     <div class="band" role="alert">
       <span class="dot bad" />
-      <b>{problem.message}</b>
-      <span class="grow">{problem.hint}</span>
+      <b><Message text={problem.message} /></b>
+      <span class="grow"><Message text={problem.hint} /></span>
       <button type="button" class="btn small" onClick={() => (model.problem.value = undefined)}>
         Dismiss
       </button>

@@ -5,6 +5,7 @@ import { server } from "../../recordings/server";
 import type { RecordingInfo } from "../../recordings/types";
 import { count, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { type App, run, select, sheet } from "../app";
 import { go, href } from "../route";
 import { exporting, Jobs } from "./export";
@@ -30,7 +31,7 @@ export function Details({ info, app }: { readonly info: RecordingInfo; readonly 
       <div class="detail">
         {info.damaged !== "" && (
           <p class="problem">
-            <b>Damaged.</b> {info.damaged}
+            <b>Damaged.</b> <Message text={info.damaged} />
           </p>
         )}
         {info.deleted === null ? <Actions info={info} /> : <Deleted info={info} app={app} />}

@@ -8,6 +8,7 @@ import type { ExportSizes, RecordingDetail, RecordingInfo } from "../../recordin
 import { Dialog } from "../../ui/dialog";
 import { count, span } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import type { ExportJob } from "../../wire/types";
 import { type App, run } from "../app";
 
@@ -204,7 +205,7 @@ function JobRow({ job }: { readonly job: ExportJob }) {
       {going && <progress value={job.progress} max={1} aria-label={`${job.title}: ${words}`} />}
       {job.message !== "" && (
         <small class="why">
-          {job.message} {job.hint}
+          <Message text={job.message} /> <Message text={job.hint} />
         </small>
       )}
     </li>

@@ -4,6 +4,7 @@ import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tal
 import type { RecordingInfo } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { type App, sheet } from "../app";
 import { Bar } from "../bar";
 import { href } from "../route";
@@ -164,7 +165,7 @@ function Arrivals() {
           <b class="ell">{name}</b>
           {problem ? (
             <span class="why" role="alert">
-              <span class="dot bad" /> {problem.message} {problem.hint}
+              <span class="dot bad" /> <Message text={problem.message} /> <Message text={problem.hint} />
             </span>
           ) : (
             <progress value={share} max={1} aria-label={`${name}: ${Math.round(100 * share)} %`} />
@@ -243,7 +244,7 @@ function Nothing({ title, words }: { readonly title: string; readonly words: str
     <div class="veil">
       <section class="card">
         <h2>{title}</h2>
-        <p>{words}</p>
+        <p><Message text={words} /></p>
       </section>
     </div>
   );

@@ -8,6 +8,7 @@ import type { Screen } from "../../recordings/screen";
 import { isOpening } from "../../recordings/server";
 import type { OpeningState, RecordingDetail } from "../../recordings/types";
 import type { Problem } from "../../ui/api";
+import { Message } from "../../ui/message";
 import type { App } from "../app";
 import { Bar } from "../bar";
 import { href, route } from "../route";
@@ -107,8 +108,8 @@ function Failed({ problem }: { readonly problem: Problem }) {
           <span class="dot bad" />
           It cannot be opened
         </h2>
-        <p>{problem.message}</p>
-        {problem.hint !== "" && <p class="hint">{problem.hint}</p>}
+        <p><Message text={problem.message} /></p>
+        {problem.hint !== "" && <p class="hint"><Message text={problem.hint} /></p>}
         <div class="row">
           <a class="btn main" href={href("recordings")}>
             To the library

@@ -11,6 +11,7 @@ import type { Replay } from "../../recordings/replay";
 import { Dialog } from "../../ui/dialog";
 import type { Panel } from "../../ui/dom";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import { Mounted } from "../../ui/mounted";
 import { RerunButton, RerunPanel } from "../../views/rerun";
 import { ReplayScene, SceneLine } from "../../views/viser";
@@ -148,15 +149,15 @@ function Trouble({ replay }: { readonly replay: Replay }) {
       {problem && (
         <div class="band" role="alert">
           <span class="dot bad" />
-          <b>{problem.message}</b>
-          <span class="mid">{problem.hint}</span>
+          <b><Message text={problem.message} /></b>
+          <span class="mid"><Message text={problem.hint} /></span>
         </div>
       )}
       {damaged !== "" && (
         <div class="band caution" role="status">
           <span class="dot warn" />
           <b>Damaged</b>
-          <span class="mid">{damaged}</span>
+          <span class="mid"><Message text={damaged} /></span>
         </div>
       )}
     </>

@@ -9,6 +9,7 @@ import type { RecordedSettings } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
 import { type App, run } from "../app";
 import { server } from "../configure/server";
@@ -104,7 +105,7 @@ function Values({ recording, device }: { readonly recording: string; readonly de
       else why.value = `${outcome.problem.message} ${outcome.problem.hint}`;
     });
   }, [recording, device]);
-  if (why.value !== "") return <p class="hint">{why.value}</p>;
+  if (why.value !== "") return <p class="hint"><Message text={why.value} /></p>;
   if (told.value === undefined) return <p class="hint" aria-busy="true">Putting them into words …</p>;
   const { settings, missing } = told.value;
   const without = Object.keys(missing);
