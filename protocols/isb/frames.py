@@ -68,7 +68,6 @@ TYPES: Mapping[int, str] = {
     STOP_CURRENT_PORT: "STOP_BROADCASTS_CURRENT_PORT",
 }
 TYPE_MASK, EXTENDED, WITH_OFFSET = 0x0F, 0x10, 0x20
-FREE_REACH = (42, 43, 44)
 
 FLAGS = SENDER  # this protocol has no sender; the row of the scan's table holds the packet's flags byte
 

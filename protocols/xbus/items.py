@@ -40,7 +40,6 @@ from protocols.xbus.codes import (
 
 PRECISIONS = (">f4", "fp1220", "fp1632", ">f8")
 COORDINATES = ("ENU", "NED", "NWU")
-MAX_SATELLITES = 60
 
 XYZ = ("x", "y", "z")
 _Q = ("q0", "q1", "q2", "q3")
@@ -504,12 +503,3 @@ def item(identifier: int, size: int) -> Field:
 def is_known(identifier: int) -> bool:
     """Does the table have a row for this identifier, whatever its size?"""
     return identifier & 0xFFF0 in _ROWS and (identifier >> 2) & 3 < len(COORDINATES)
-
-
-def plain_identifier(name: str) -> int:
-    """The identifier of a named item in its plain form, float32 and ENU.
-
-    Raises:
-        KeyError: no row of the table has that name.
-    """
-    return BY_NAME[name].id

@@ -31,7 +31,6 @@ from server.control.forms import CommandForm, Editor, FieldForm, Forms, OutputCh
 from server.wire import BitsInfo
 
 NOTHING: Mapping[str, Values] = {}
-REALS = (">f4", "<f4", ">f8", "<f8", "fp1220", "fp1632")
 FORWARDS = "ForwardGnssData"  # an MTi that has this command takes RTCM; any Inertial Sense device does
 _PRECISIONS, _COORDINATES = [0, 1, 2, 3], [0, 4, 8]
 

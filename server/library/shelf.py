@@ -39,7 +39,7 @@ CACHE_BYTES = 20 << 30
 TRIES = 3  # a file may be packed while it is opened: then it is another file
 SPARE_S = 120.0  # a process that was started ahead waits so long
 FAILED_FOR_S = 5.0  # a file that could not be opened is not tried again at every request
-RECORDINGS, CACHE = "recordings", "cache"
+CACHE = "cache"
 OPENER = "server.library.open_aside"
 
 

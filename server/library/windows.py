@@ -31,7 +31,6 @@ from server.live.hub import Channel
 Array = NDArray[Any]
 
 THINNED = ("quaternion", "matrix")
-TABLE_BACK_S = 60.0  # how far back the newest state of a table is looked for
 
 
 @dataclass(frozen=True, slots=True)
