@@ -10,6 +10,8 @@ from pathlib import Path
 from recordings.importers import open_file
 from tests.interop.running import HERE, Checkout, DiffersError, expect, owned, run, simulated
 
+REMOTE = Path("/dev/remote")
+
 MTDEVICE = Checkout("ethzasl", "https://github.com/ethz-asl/ethzasl_xsens_driver", "master")
 
 
@@ -40,11 +42,17 @@ def xda(folder: Path, scratch: Path) -> str:
 
 
 def cltool(folder: Path, scratch: Path) -> str:
-    """A log of an IMX-5 by CLTool holds what the simulator sent."""
-    program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1")
-    with simulated("isb?baud=921600", scratch / "imx") as port:
-        place = str(Path(port).resolve())  # it opens what the system calls the port, not a link to it
-        words = ["-c", place, "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
+    """A log of an IMX-5 by CLTool holds what the simulator sent.
+
+    CLTool opens ports that have a driver, and, with its option REMOTE_SOCAT_PORTS, those in /dev/remote.
+    """
+    program = owned("cltool", "CLTool of inertialsense/inertial-sense-sdk 2.7.1, with -DREMOTE_SOCAT_PORTS")
+    try:
+        REMOTE.mkdir(exist_ok=True)
+    except PermissionError:
+        raise DiffersError(f"{REMOTE} cannot be made: run this as root, or make it and own it") from None
+    with simulated("isb?baud=921600", REMOTE / "imuscope") as port:
+        words = ["-c", port, "-baud=921600", "-did", "DID_INS_1", "DID_PIMU", "-lon", "-lt=raw", "-dur=10"]
         run([program, *words, "-lp", str(scratch / "log")], scratch)
     logs = sorted((scratch / "log").rglob("*.raw"))
     if not logs or not any(log.stat().st_size > 10_000 for log in logs):

@@ -3,7 +3,8 @@
     python -m tests.interop.run mtdevice          ethzasl's mtdevice.py (Python)
     python -m tests.interop.run xda               Xsens' own library, by xda_host, which must be on PATH: xda_host.cpp,
                                                   compiled against xspublic of its ROS driver
-    python -m tests.interop.run cltool            Inertial Sense SDK's CLTool 2.7.1, which must be on PATH
+    python -m tests.interop.run cltool            Inertial Sense SDK's CLTool 2.7.1, compiled with REMOTE_SOCAT_PORTS,
+                                                  which must be on PATH; as root, for a port in /dev/remote
     python -m tests.interop.run xsens-go          the `xsens` command of einride/xsens-go, which must be on PATH
     python -m tests.interop.run mcap              pymcap-cli 0.34.0 (pip), on recordings and exports of ours
     python -m tests.interop.run rerun             the rerun command that is installed with imuscope, on an .rrd export
