@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from server.api.devices import HowToRead
+from server.commands import options
+from server.commands.common import reading_of
 from server.config import ConfigError, load
 from server.live.reading import Reading, ReadingError, key_text, reading, schema_text, taken_from
 
@@ -61,6 +64,21 @@ def test_a_source_says_more_of_itself() -> None:
     with pytest.raises(ReadingError) as caught:
         taken_from("udp://:1?key=secret", Reading())
     assert "secret" not in str(caught.value)
+
+
+def test_the_unit_of_timestamps_and_the_direction_of_the_quaternion_could_not_be_set() -> None:
+    """Neither by the source, nor on the command line, in the settings or over HTTP: all of them say the same."""
+    wanted = Reading("idtp", time_unit="ms", rotation="body_from_enu")
+    rest, said = taken_from("udp://:5000?time_unit=ms&rotation=body_from_enu", Reading("idtp"))
+    assert (rest, said) == ("udp://:5000", wanted)
+    words = "serve udp://:5000 --protocol idtp --time-unit ms --rotation body_from_enu"
+    assert reading_of(options.parse(words.split()), "idtp") == wanted
+    assert load(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
+    assert HowToRead(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
+    assert wanted.settings(("time_unit", "rotation")) == {"time_unit": "ms", "rotation": "body_from_enu"}
+    for wrong in ("time_unit=min", "rotation=inverse"):
+        with pytest.raises(ReadingError, match="not one of"):
+            taken_from(f"udp://:5000?{wrong}", Reading())
 
 
 def test_a_file_whose_name_has_a_question_mark(tmp_path: Path) -> None:

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import stat
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, SECURE, build
+from server.cli import main
+from server.config import Config
 from server.links.base import LinkError, LinkSettings
 from server.live import speech
 from server.live.hub import Hub
 from server.live.reading import Reading
 from server.live.sequence_store import MOST, SequenceStore, newer
 from server.live.session import Session
+from tests.server.desk import until
 from tests.server.fakes import Clock, FakeLink
+from tests.server.running import Running
 
 KEY = bytes(range(32))
 SECURELY = Reading("idtp", KEY)
@@ -229,6 +234,55 @@ def test_a_missing_key_is_asked_for() -> None:
         assert (stage.info.status, stage.info.wants) == ("live", "")
 
     play(test, lambda: Stage(Reading("idtp")))
+
+
+@pytest.fixture
+def secured(tmp_path: Path) -> Iterator[tuple[Running, FakeLink]]:
+    """A server with a Secure device that restarted, and waits to be re-armed."""
+    links: list[FakeLink] = []
+
+    def open_link(source: str, settings: LinkSettings) -> FakeLink:
+        links.append(FakeLink(source, settings))
+        return links[-1]
+
+    config = Config(sources=("/dev/one",), protocol="idtp", key=KEY.hex(), data=tmp_path)
+    with Running(config, open_link, speech.speech()) as running:
+        for sequence in (1000, 0):
+            running.call(links[0].send, b"".join(captured(sequence)))
+        asyncio.run(until(lambda: running.state.hub.devices["1"].rearm == ["102"], "the server says that it waits"))
+        yield running, links[0]
+
+
+def samples_of(running: Running) -> int:
+    return sum(meter.total for meter in running.state.sessions.get("1")._figures.messages.values())
+
+
+@pytest.mark.parametrize("door", ["api", "command", "command for all"])
+def test_a_restarted_device_could_be_rearmed_by_nobody(
+    secured: tuple[Running, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The decoder knew how, and neither a route nor a command called it."""
+    running, link = secured
+    if door == "api":
+        assert running.client.post("/api/devices/1/rearm", json={"sender": "102"}).json()["rearm"] == []
+    else:
+        assert main(["rearm", *(["102"] if door == "command" else []), "--server", running.url]) == 0
+        assert "re-armed on 1 link" in capsys.readouterr().out
+    before = samples_of(running)
+    running.call(link.send, b"".join(captured(50, 20)))
+    asyncio.run(until(lambda: samples_of(running) == before + 20, "it is heard again"))
+
+
+def test_a_device_is_rearmed_where_no_server_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = SequenceStore(tmp_path)
+    store.note(KEY, {102: 500, 103: 7})
+    store.save()
+    with socket.socket() as held:
+        held.bind(("127.0.0.1", 0))  # bound, and nobody listens: refused
+        server = f"http://127.0.0.1:{held.getsockname()[1]}"
+        assert main(["rearm", "102", "--server", server, "--data", str(tmp_path)]) == 0
+    assert "was forgotten" in capsys.readouterr().out
+    assert SequenceStore(tmp_path).recall(KEY) == {103: 7}
 
 
 # -- the unit of timestamps --------------------------------------------------------------------------------------------
