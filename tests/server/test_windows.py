@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from recordings.columns import Buckets, Columns, Exact
+from recordings.columns import Buckets, Columns, ColumnsWriter, Exact, Shape
 from recordings.container import RecordingError
 from recordings.parts import McapSource
 from server import codec, wire
@@ -19,7 +19,7 @@ from server.library.details import channels_of, detail
 from server.library.opening import decode
 from server.library.recorded import RecordingInfo
 from server.library.shelf import Opening, Shelf
-from server.library.windows import arrow_of, frame_of, json_of, live, recorded
+from server.library.windows import arrow_of, frame_of, json_of, live, recorded, statistics_in
 from server.live import speech
 from server.live.channels import Piece
 from server.live.hub import Hub
@@ -196,3 +196,18 @@ def test_channel_descriptions_survive_the_manifest(store: Columns) -> None:
     for info in channels_of(store).values():
         assert isinstance(info, wire.ChannelInfo)
         assert all(isinstance(bit, wire.BitsInfo) for column in info.columns for bit in column.bits)
+
+
+def test_the_mean_of_a_recorded_heading_was_taken_along_the_line(tmp_path: Path) -> None:
+    """Half of its samples stand at 175°, half at −175°: the mean is 180°, not 0°."""
+    writer = ColumnsWriter(tmp_path / "store")
+    writer.channel(1, Shape(("f8", "f8"), (False, False)))
+    times = np.arange(100.0)
+    yaw = np.where(times % 2, 175.0, -175.0)
+    writer.append(1, [times, times, yaw, yaw])
+    columns = [wire.ColumnInfo("yaw", "f8", "°", period=360.0), wire.ColumnInfo("offset", "f8", "°")]
+    info = wire.ChannelInfo(1, "1", "M", "Heading", "Heading", "euler", "°", "", columns)
+    around, along = statistics_in(writer.finish({}), info, 0.0, 100.0)
+    assert abs(around.mean or 0.0) == pytest.approx(180.0)
+    assert around.sigma == pytest.approx(5.0, rel=0.01)
+    assert along.mean == pytest.approx(0.0)

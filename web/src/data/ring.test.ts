@@ -276,3 +276,11 @@ it("breaks lines over thousands of lost samples, also when they are told before 
   ring.take({ channel: 1, n: kept.length, dropped: 0, sequence: 0, history: false, now: 0, arrival: times, time: times, columns: [times] });
   expect(ring.breaks.length).toBe(3000);
 });
+
+it("takes the mean of an angle around the circle: it was 0 between 179 and −179", () => {
+  const ring = new Ring([ANGLE, FLOAT]);
+  const values = [179, -179, 179, -179];
+  ring.take(frame(values.map((value, k) => ({ time: 1000 + k, arrival: 1000 + k, values: [value, value] })), 0));
+  expect(Math.abs(ring.stats(0, 1000, 1010, "device").mean)).toBeCloseTo(180, 6);
+  expect(ring.stats(1, 1000, 1010, "device").mean).toBeCloseTo(0, 6);
+});

@@ -230,3 +230,13 @@ describe("the frame that is chosen", () => {
     expect(row("RateOfTurn").slice(0, 3)).toEqual([1, -2, -3]);
   });
 });
+
+it("breaks the lines of a channel over losses that were told before it: a page that is loaded late hears of them first", () => {
+  store.receive({ kind: "text", text: { op: "events", events: [event(1, { kind: "gap", t0: 1000.095, t1: 1000.115, samples: 1 })] } });
+  const late = info(7, "MagneticField", "vector", [column("x", "x"), column("y", "y"), column("z", "z")]);
+  store.receive({ kind: "text", text: { op: "channels", channels: [late] } });
+  const at = Float64Array.from([...Array(21).keys()].filter((k) => k !== 10), (k) => 1000 + k * 0.01);
+  send(store, { ...frame(7, 0, 20, [1, 2, 3]), arrival: at, time: at });
+  const { ring } = store.channel("1", "MagneticField")!;
+  expect(ring.breaks.map((row) => row - ring.first)).toEqual([10]);
+});
