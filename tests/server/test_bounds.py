@@ -69,6 +69,7 @@ def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytes
 def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """About 1,010 of them, without a token, stopped a recording and every link that had to be opened again."""
     monkeypatch.setattr(serving, "MOST_CONNECTIONS", 20)
+    monkeypatch.setattr(serving, "HEAD_S", 10 * PATIENCE_S)  # their number is what is bounded here
     with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         before = len(os.listdir("/proc/self/fd"))
         idle = [connected(running) for _ in range(60)]

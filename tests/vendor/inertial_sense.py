@@ -143,8 +143,22 @@ def _of_row(word: str, row: Bits, pool: Mapping[str, int], named: set[str]) -> I
             value = one << pool[f"INFIELD_CAL_STATUS_SAMPLE_{row.name[0]}_OFFSET"]
         if value is None or value % WRAP & (WRAP - 1 if value > 0 or row.low > 31 else 0xFFFFFFFF) != 1 << row.low:
             yield f"{word} bit {row.low} {row.name}: {row.doc} is {_hex(value)}"
+        if value is not None and (group := _group_of(row.doc, pool)):
+            yield f"{word} bit {row.low} {row.name}: {row.doc} is a value of {group}, and no flag"
         return
     yield from _of_group(word, row, pool, named)
+
+
+def _group_of(constant: str, pool: Mapping[str, int]) -> str:
+    """The group of several bits, further up in the word, of which this constant is a value; "" for a flag.
+
+    A rotation of 8 looks like the flag of bit 3, and a level of 2 like that of bit 1: both could be ticked.
+    """
+    for name, low in pool.items():
+        group = re.sub(r"_(OFFSET|SHIFT)\Z", "", name)
+        if group != name and constant.startswith(VALUES.get(group, f"{group}_")) and pool[constant] < 1 << low:
+            return group
+    return ""
 
 
 def _of_group(word: str, row: Bits, pool: Mapping[str, int], named: set[str]) -> Iterator[str]:
