@@ -67,6 +67,14 @@ def pytest_configure(config: pytest.Config) -> None:
         one.wait()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def data_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A data folder for whatever names none, instead of that of the person who runs the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_DATA_HOME", str(tmp_path_factory.mktemp("home")))
+        yield
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Quick tests first: the browser's come last."""
     folder = Path(__file__).parent / "browser"
