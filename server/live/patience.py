@@ -16,9 +16,15 @@ LINK_SILENT_HINT = "Is the device powered and in measurement state? It is shown 
 
 
 class Patience:
-    """With one device."""
+    """With one device.
 
-    def __init__(self) -> None:
+    Args:
+        least_s: it may always be silent for so long.
+        first_s: and for so long while its usual interval is not known.
+    """
+
+    def __init__(self, least_s: float = SILENT_S, first_s: float = FEW_CHUNKS_S) -> None:
+        self._least_s, self._first_s = least_s, first_s
         self._interval = 0.0  # the usual time between chunks of this device, s
         self._chunks = 0
         self.hushed = False
@@ -43,6 +49,5 @@ class Patience:
     @property
     def limit(self) -> float:
         """How long this device may be silent, s."""
-        if self._chunks < FEW_CHUNKS:
-            return FEW_CHUNKS_S
-        return max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
+        least = self._first_s if self._chunks < FEW_CHUNKS else self._least_s
+        return max(least, min(SLOW_FACTOR * self._interval, SLOWEST_S))

@@ -27,12 +27,12 @@ from server.live.health import Figures
 from server.live.hub import Hub
 from server.live.incidents import Incidents
 from server.live.intake import About, Identity, Intake, Line
+from server.live.patience import Patience
 from server.live.portrait import Portrait, health
 from server.live.raws import Raws
 
 MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
-SILENT_S = 2.0
-SLOW_FACTOR, SLOWEST_S = 3.0, 10.0  # a device that speaks every 2 s is silent after 6 s
+SILENT_S = 2.0  # longer than for a link: it may be that another one holds the line
 TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it came
 SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
 
@@ -58,24 +58,25 @@ class Sender:
         self.intake: Intake | None = None
         self.heard_at = 0.0  # unix s of the last sample
         self.silence_hint = ""  # what to do about its silence, where the reason for that is known
-        self._hushed = False
-        self._interval = 0.0  # the usual time between its samples, s
+        self._patience = Patience(SILENT_S, SILENT_S)
 
     def listen(self, samples: int, now: float) -> None:
         """It sent so many samples."""
-        if samples and self.heard_at:
-            gap = now - self.heard_at
-            self._interval = max(gap if gap < SLOWEST_S else 0.0, 0.9 * self._interval)
-        self.heard_at = now if samples else self.heard_at
+        if samples:
+            self._patience.heard(now, self.heard_at or None)
+            self.heard_at = now
 
     def hush(self, on: bool, now: float) -> None:
         """From now on (until it is taken off) silence is meant."""
-        self._hushed = on
-        self.heard_at = now if self.heard_at else 0.0
+        self._patience.hush(on, now)
+
+    def quiet(self, now: float) -> float:
+        """How long nothing came of it that should have, s."""
+        return self._patience.quiet(now, self.heard_at)
 
     def is_silent(self, now: float) -> bool:
-        """Has it been silent for longer than is usual for it?"""
-        return not self._hushed and now - self.heard_at > max(SILENT_S, min(SLOW_FACTOR * self._interval, SLOWEST_S))
+        """It has been silent for longer than is usual for it."""
+        return self.quiet(now) > self._patience.limit
 
 
 class Senders:
@@ -204,11 +205,8 @@ class Senders:
                     self._fell_silent(sender, now)
 
     def _fell_silent(self, sender: Sender, now: float) -> None:
-        text = f"Nothing from {sender.portrait.info.name} for {now - sender.heard_at:.1f} s; others on its link go on."
-        if all(one.is_silent(now) for one in self.all):
-            text = (
-                f"Nothing from {sender.portrait.info.name} for {now - sender.heard_at:.1f} s; the link is still open."
-            )
+        others = "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link go on"
+        text = f"Nothing from {sender.portrait.info.name} for {sender.quiet(now):.1f} s; {others}."
         sender.incidents.say("link", "fault", text, data={"kind": "silent"})
         last = sender.figures.last_arrival
         hint = sender.silence_hint or SILENT_HINT
