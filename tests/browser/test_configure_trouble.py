@@ -112,3 +112,23 @@ def test_outputs_that_were_not_read_are_not_shown_as_none(serve: Serve, open_pag
     page.get_by_role("button", name="Read again").click()
     until(page, "document.querySelector('[data-setting=OutputConfiguration] .budget') !== null")
     assert page.locator(".unread").count() == 0
+
+
+def test_restoring_communication_was_offered_only_by_the_panel_of_a_trial(serve: Serve, open_page: OpenPage) -> None:
+    """After "Later" it was gone until the page was loaded again, and a device that was lost otherwise never had it."""
+    page = configured(serve("twin:xbus"), open_page)
+    assert page.evaluate(STATUS) == "live"
+    page.get_by_role("link", name="Restore communication").click()
+    page.get_by_label("Restore communication").get_by_role("button", name="Begin", exact=True).wait_for()
+
+
+def test_a_data_set_of_a_setting_opened_with_zeros(serve: Serve, open_page: OpenPage) -> None:
+    """Sent so, it wrote over everything that the device had kept."""
+    server = serve("twin:isb?rate=50")
+    page = configured(server, open_page, "/DID_FLASH_CONFIG")
+    until(page, "document.querySelector('[data-setting=\"DID_FLASH_CONFIG\"] input') !== null")
+    page.evaluate("location.hash = '#/configure/1/SET_DID_FLASH_CONFIG'")
+    until(page, "document.querySelector('[data-command=\"SET_DID_FLASH_CONFIG\"] input') !== null")
+    held = asked(server, "values")["values"]["DID_FLASH_CONFIG"]
+    shown = page.locator('[data-command="SET_DID_FLASH_CONFIG"] input[id$="startupNavDtMs"]')
+    assert int(shown.input_value()) == held["startupNavDtMs"] > 0
