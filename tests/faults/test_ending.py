@@ -93,8 +93,9 @@ def end(data: Path) -> float:
     with Line(1000) as line:
         with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
             with Client(base_url=server.url, timeout=PATIENCE_S) as http, busy(server, http):
+                # Between the process that opens the recording and the one that exports it there is none for a moment.
+                until(lambda: len(children(server.process.pid)) >= 2, "a scene and an export run aside")
                 begun = children(server.process.pid)
-                assert len(begun) >= 2, "a scene and an export are processes of their own"
                 until(lambda: line.size > 100_000, "the line was busy, too")
                 started = time.monotonic()
                 server.process.send_signal(signal.SIGTERM)
