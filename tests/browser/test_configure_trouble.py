@@ -132,3 +132,13 @@ def test_a_data_set_of_a_setting_opened_with_zeros(serve: Serve, open_page: Open
     held = asked(server, "values")["values"]["DID_FLASH_CONFIG"]
     shown = page.locator('[data-command="SET_DID_FLASH_CONFIG"] input[id$="startupNavDtMs"]')
     assert int(shown.input_value()) == held["startupNavDtMs"] > 0
+
+
+def test_a_data_set_that_was_not_read_opened_with_zeros(serve: Serve, open_page: OpenPage) -> None:
+    """At the address of its form all was 0 ms and 9,600 Bd, as if the device had said so."""
+    server = serve("twin:isb?rate=50")
+    page = open_page(f"{server.url}#/configure/1/SET_DID_FLASH_CONFIG")
+    page.get_by_role("button", name="Read the settings").click()
+    period = page.locator('[data-command="SET_DID_FLASH_CONFIG"] input[id$="startupNavDtMs"]')
+    period.wait_for()
+    assert int(period.input_value()) == asked(server, "values")["values"]["DID_FLASH_CONFIG"]["startupNavDtMs"] > 0

@@ -11,6 +11,9 @@ describe("words", () => {
   it("spells abbreviations as everybody does", () => {
     expect(["RtkStatus", "GnssFix", "Selftest", "insStatus"].map(words)).toEqual(["RTK status", "GNSS fix", "Self-test", "INS status"]);
   });
+  it("names satellite systems as everybody does", () => {
+    expect(["GPS", "QZS", "GAL", "BDS", "GLO", "SBS"].map(words)).toEqual(["GPS", "QZSS", "Galileo", "BeiDou", "GLONASS", "SBAS"]);
+  });
   it("reads choices in the middle of a sentence", () => {
     expect(["RTK_FIX", "NONE", "3D", "no RTK"].map(choiceWords)).toEqual(["RTK fix", "none", "3D", "no RTK"]);
   });

@@ -13,6 +13,7 @@ const KEPT = new Set([
 const SPELLED: Readonly<Record<string, string>> = {
   ACC: "acceleration", CAL: "calibration", COM: "port", ERR: "error", FIX: "fix", GYR: "gyro", HDG: "heading", HDW: "hardware", MAG: "magnetometer",
   NAV: "navigation", POS: "position", RECAL: "recalibration", REF: "reference", RX: "receive", TX: "transmit", TIMESYNC: "time sync", VEL: "velocity",
+  BDS: "BeiDou", BEI: "BeiDou", GAL: "Galileo", GLO: "GLONASS", IME: "IMES", IRN: "NavIC", QZS: "QZSS", SBS: "SBAS",
   SATS: "satellites", NUM: "number of", TEMP: "temperature",
 };
 

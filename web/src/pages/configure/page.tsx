@@ -121,16 +121,22 @@ function Shown({ model, app, place }: { readonly model: Model; readonly app: App
         </section>
       );
     case "command":
+      if (command && command.writes !== "" && !model.isRead.value) return <Unread model={model} />; // it opens with what the device has
       return command ? <Command model={model} form={command} /> : null;
     case "nothing":
       return <p class="hint inset">This device has nothing called “{place.name}”. Another product, or an old link?</p>;
     case "setting":
     case "group": {
       const settings = setting ? 1 : (model.forms.value?.settings.filter(({ group }) => group === place.name).length ?? 0);
-      if (settings > 0 && !model.isRead.value) return model.control.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
+      if (settings > 0 && !model.isRead.value) return <Unread model={model} />;
       return setting ? <Setting model={model} form={setting} alone /> : <Group model={model} name={place.name} />;
     }
   }
+}
+
+/** In the place of a form that shows what the device has, until that is known. */
+function Unread({ model }: { readonly model: Model }) {
+  return model.control.value?.running ? <Reading model={model} /> : <NotRead model={model} />;
 }
 
 /** The load of all outputs in one line: on a phone it stays in sight. */
