@@ -155,7 +155,9 @@ def _over_tls(keeper: Keeper) -> type[asyncio.Protocol]:
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    return record.msg != "Invalid HTTP request received."
+    """Not so what is told with its sender, nor a request that `Server._cancel` ended: uvicorn calls that a fault."""
+    is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return record.msg != "Invalid HTTP request received." and not is_cancelled
 
 
 def most_connections() -> int:

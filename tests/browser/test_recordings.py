@@ -472,9 +472,9 @@ def test_what_is_refused_or_damaged_is_said_and_a_file_is_renamed(
     until(page, "document.querySelector('.recs').innerText.includes('battery pulled')")
     assert any(one["file"] == "battery pulled.mcap" for one in ask(recorded, "GET", "/api/recordings"))
     page.evaluate("location.hash = '#/recordings/battery%20pulled'")
-    until(page, OPEN)
     until(page, DRAWN)
     until(page, "document.querySelector('.band.caution')?.innerText.includes('torn off')")
+    page.close()  # it asks on for what it shows
     ask(recorded, "DELETE", "/api/recordings/battery%20pulled")
 
 

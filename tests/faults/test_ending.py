@@ -11,7 +11,9 @@ It takes 2 s at most: how long is measured on an otherwise idle machine by tests
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import logging
 import os
 import signal
 import socket
@@ -23,12 +25,14 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import msgspec
+import pytest
+from fastapi import FastAPI
 from httpx import Client
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from recordings.blocks import Recording
-from server import codec, wire
+from server import codec, serving, wire
 from server.library.leftovers import Tenancy
 from server.library.packer import left_behind
 from tests.faults.stage import frames
@@ -47,14 +51,14 @@ def busy(server: ServerProcess, http: Client) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 4, "four devices stream")
         until(lambda: http.get("/api/recorder").json()["bytes"] > 100_000, "it records")
-        asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
-        assert asked.status_code == 202, asked.text
         for stuck in (False, False, True):
             stack.enter_context(browser(server, stuck=stuck))
         url = server.url.replace("http", "ws")
         looker = stack.enter_context(connect(f"{url}/viser", subprotocols=[Subprotocol(subprotocol())], max_size=None))
         looker.send(msgspec.msgpack.encode(CAMERA))
-        until(lambda: http.get("/api/recordings/exports").json()[0]["state"] != "waiting", "it exports")
+        asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
+        assert asked.status_code == 202, asked.text
+        until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
         yield
 
 
@@ -93,10 +97,10 @@ def end(data: Path) -> float:
     with Line(1000) as line:
         with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
             with Client(base_url=server.url, timeout=PATIENCE_S) as http, busy(server, http):
+                until(lambda: line.size > 100_000, "the line was busy, too")
                 # Between the process that opens the recording and the one that exports it there is none for a moment.
                 until(lambda: len(children(server.process.pid)) >= 2, "a scene and an export run aside")
                 begun = children(server.process.pid)
-                until(lambda: line.size > 100_000, "the line was busy, too")
                 started = time.monotonic()
                 server.process.send_signal(signal.SIGTERM)
                 status = server.process.wait(PATIENCE_S)
@@ -121,6 +125,18 @@ def end(data: Path) -> float:
 
 def test_everything_at_once(tmp_path: Path) -> None:
     end(tmp_path)
+
+
+def test_a_request_that_is_cancelled_at_the_end_is_no_fault(caplog: pytest.LogCaptureFixture) -> None:
+    """The relay of a 3D scene that was closing its end left a traceback in the log of a server that ended well."""
+    serving.server(FastAPI(), lambda: None)
+    log = logging.getLogger("uvicorn.error")
+    for kind in (asyncio.CancelledError, ValueError):
+        try:
+            raise kind
+        except BaseException:
+            log.exception("Exception in ASGI application\n")
+    assert [record.exc_info[0] for record in caplog.records if record.exc_info] == [ValueError]
 
 
 LINGERING = """
