@@ -32,7 +32,7 @@ from server.live.portrait import Portrait, health
 from server.live.raws import Raws
 
 MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
-SILENT_S = 2.0  # longer than for a link: it may be that another one holds the line
+SILENT_S = 2.0  # from its first sample on; a link has less (patience.py)
 TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it came
 SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
 

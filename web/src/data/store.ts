@@ -334,5 +334,4 @@ export class Store {
     this.#channels.take(frame, bounds);
     if (frame.dropped > 0) this.#losses.addDrop(source.info, before, frame.arrival[0] ?? before, frame.dropped);
   }
-
 }
