@@ -3,7 +3,7 @@
 `compiled` is numba's `njit` with two habits of this house: the signature is written out, so that nothing is compiled
 behind the reader's back while a device streams, and the machine code is kept on disk:
 
-    the server has said where    in one file of ours (protocols/machine_code.py), from which it is taken at the next
+    the server has said where    in one file of ours (protocols/native_cache.py), from which it is taken at the next
                                  start; numba is not even imported then
     it has not (tests, scripts)  by numba, in `NUMBA_CACHE_DIR`, beside the source file or in the user's cache folder;
                                  where none of them can be written the function is compiled for this run only
@@ -30,7 +30,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from protocols import machine_code
+from protocols import native_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 Kind = Callable[[Any], Any]
@@ -66,8 +66,8 @@ FOUR = several(INT, INT, INT, INT)
 unsigned = np.uint64
 
 _disabled = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-_place = None if _disabled else machine_code.place()
-_kept = machine_code.load(_place) if _place else {}
+_place = None if _disabled else native_cache.place()
+_kept = native_cache.load(_place) if _place else {}
 _is_whole = bool(_kept)
 _made: dict[str, Any] = {}
 _parts: list[Path] = []
@@ -111,19 +111,19 @@ def keep() -> None:
         OSError: it cannot be written.
     """
     if _place and _made and not _is_whole:
-        machine_code.keep(_place, _made, *_parts)
+        native_cache.keep(_place, _made, *_parts)
         for part in _parts:
             part.unlink(missing_ok=True)
 
 
 def keep_part(path: Path, package: str) -> None:
     """Write that of one package's modules only, for another process to `take`."""
-    machine_code.keep(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
+    native_cache.keep(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
 
 
 def take(part: Path) -> None:
     """Use what another process has compiled, for modules that are not imported yet, and keep it with the rest."""
-    functions = machine_code.load(part)
+    functions = native_cache.load(part)
     if functions:
         _kept.update(functions)
         _parts.append(part)

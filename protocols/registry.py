@@ -13,31 +13,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from protocols.dialogues import Driver
 from protocols.events import Batch, Decoder, Reply
 from protocols.framing import Ints
 from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.dialogues import IdtpDriver
+from protocols.idtp.detect import likeness as idtp_likeness
+from protocols.idtp.driver import IdtpDriver
 from protocols.idtp.frames import build as idtp_build
-from protocols.idtp.likeness import likeness as idtp_likeness
-from protocols.idtp.listing import IdtpListing
-from protocols.idtp.protection import protection as idtp_protection
+from protocols.idtp.inspect import IdtpListing
+from protocols.idtp.security import protection as idtp_protection
 from protocols.isb.dates import utc_of as isb_utc
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.dialogues import IsbDriver
+from protocols.isb.detect import likeness as isb_likeness
+from protocols.isb.device_info import identity as isb_identity
+from protocols.isb.driver import IsbDriver
 from protocols.isb.frames import DATA, get_data, stop
 from protocols.isb.frames import build as isb_build
-from protocols.isb.identity import identity as isb_identity
-from protocols.isb.likeness import likeness as isb_likeness
-from protocols.isb.listing import IsbListing
+from protocols.isb.inspect import IsbListing
+from protocols.transactions import Driver
 from protocols.xbus.dates import date_of as xbus_dated
 from protocols.xbus.dates import utc_of as xbus_utc
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.dialogues import XbusDriver
+from protocols.xbus.detect import likeness as xbus_likeness
+from protocols.xbus.device_info import identity as xbus_identity
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.frames import build
-from protocols.xbus.identity import identity as xbus_identity
-from protocols.xbus.likeness import likeness as xbus_likeness
-from protocols.xbus.listing import XbusListing
+from protocols.xbus.inspect import XbusListing
 from protocols.xbus.products import absent as xbus_absent
 
 
@@ -61,7 +61,7 @@ class ProtocolInfo:
         listing: makes what turns a file into lines of plain values, for `imuscope inspect`.
         sample: a few valid bytes, with which `warm` runs everything once.
         settings: what decoder and listing can be told beside, by keyword: "key" (bytes), "min_mode" (0 to 2),
-            "replay_check", "show_unverified" (bool), "schema" (idtp/vendor.py), "time_unit",
+            "replay_check", "show_unverified" (bool), "schema" (idtp/custom_payloads.py), "time_unit",
             "rotation" (idtp/decoder.py).
         datagrams: whether the decoder can be told, by that keyword, that every chunk is a datagram.
         identity: what an answer tells of the device: "product", "serial_number", "firmware", those that it tells.

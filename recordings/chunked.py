@@ -7,8 +7,8 @@
     summary: schemas, channels, statistics, chunk indexes, metadata indexes, summary offsets
     footer, magic
 
-The records of a message come as they are to stand (recordings/records.py), many at once; only where they lie is decided
-here. So it runs at the speed of the compression, in little memory.
+The records of a message come as they are to stand (recordings/mcap_records.py), many at once; only where they lie is
+decided here. So it runs at the speed of the compression, in little memory.
 
 Source: MCAP specification, "Chunk", "Message Index", "Summary Section".
 """
@@ -26,9 +26,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
 from protocols.framing import Ints
-from recordings.blocks import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Topic
-from recordings.container import PROFILE
-from recordings.records import MAGIC, MESSAGE_HEAD, bytes_of, ending
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Topic
+from recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending
+from recordings.mcap_writer import PROFILE
 
 HEAD = MESSAGE_HEAD.size  # of a message record, before its data
 SMALLEST, LARGEST = 1 << 14, 1 << 20  # bytes of a chunk before compression

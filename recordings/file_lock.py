@@ -1,7 +1,7 @@
 """Advisory locks on recordings, so that a file that somebody writes belongs to that writer alone.
 
-    writer      holds the file exclusively from its making until it is closed     recordings/container.py
-    compaction  shares the file it reads and the file it makes beside it          recordings/packing.py
+    writer      holds the file exclusively from its making until it is closed     recordings/mcap_writer.py
+    compaction  shares the file it reads and the file it makes beside it          recordings/compaction.py
     others      ask `is_written` before they rename, delete or rewrite a file, and `is_in_use` before they take away
                 what looks like a leftover
 

@@ -1,9 +1,9 @@
 """What is in this file, and how is it read? A format is one row: what its name and its first bytes say, and its reader.
 
-    .mcap              a recording of ours; of others, where their messages are plain numbers (recordings/tables.py)
+    .mcap              a recording of ours; of others, where their messages are plain numbers (recordings/tabular.py)
     .mtb               frames of an Xsens device, one after the other
-    .raw .dat          logs of Inertial Sense devices (recordings/inertial_logs.py); all parts of a split log are one
-    .csv               a table with a time column (recordings/tables.py)
+    .raw .dat       logs of Inertial Sense devices (recordings/inertial_sense_logs.py); all parts of a split log are one
+    .csv               a table with a time column (recordings/tabular.py)
     everything else    bytes as they came from a port, of any protocol
 
 A capture has no times of arrival. They are made from the device's own clock, as if the line had been quick (Pace):
@@ -23,12 +23,12 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from protocols.registry import PROTOCOLS, guess, lenient
-from recordings import inertial_logs
-from recordings.blocks import MAGIC, Damage, Recording
-from recordings.container import READABLE, RecordingError
-from recordings.pace import Pace
-from recordings.parts import McapSource, Part, Source, SourceDevice
-from recordings.tables import CsvSource, MessageSource
+from recordings import inertial_sense_logs
+from recordings.capture_timing import Pace
+from recordings.mcap_reader import MAGIC, Damage, Recording
+from recordings.mcap_writer import READABLE, RecordingError
+from recordings.sources import McapSource, Part, Source, SourceDevice
+from recordings.tabular import CsvSource, MessageSource
 
 GUESS_BYTES = 1 << 16
 GUESS_SCORE = 0.5
@@ -84,7 +84,7 @@ class CaptureSource:
     def _started(self) -> int:
         """When the capture began: by the UTC in its samples; by its name, or its head; or so long before it was last
         written as its clock says."""
-        name = inertial_logs.log_name(self.path)
+        name = inertial_sense_logs.log_name(self.path)
         with closing(self._bytes()) as file:
             pace = paced(file, self.protocol)
             seen = 0
@@ -115,7 +115,7 @@ class IndexedSource(CaptureSource):
 
     def _started(self) -> int:
         """The index is in the logger's time, as the name is."""
-        name = inertial_logs.log_name(self.path)
+        name = inertial_sense_logs.log_name(self.path)
         return name.started_ns if name is not None else super()._started()
 
     @property
@@ -123,7 +123,7 @@ class IndexedSource(CaptureSource):
         """Does the index last about as long as the device's own clock says?"""
         pieces = list(paced(self._bytes(), self.protocol).blocks())
         clock_ms = (int(pieces[-1].due_ns[-1]) - int(pieces[0].due_ns[0])) / 1e6 if pieces else 0.0
-        indexes = [inertial_logs.read_index(file) for file in self._files]
+        indexes = [inertial_sense_logs.read_index(file) for file in self._files]
         if any(index is None for index in indexes):
             return False
         last = max(int(index[1][-1]) for index in indexes if index is not None)
@@ -134,7 +134,7 @@ class IndexedSource(CaptureSource):
         done = 0
         for file in self._files:
             data = file.read_bytes()
-            index = inertial_logs.read_index(file)
+            index = inertial_sense_logs.read_index(file)
             assert index is not None
             offsets, ms = index
             inside = (offsets > 0) & (offsets < len(data))
@@ -153,12 +153,12 @@ class DatSource(CaptureSource):
 
     def _packets(self) -> Iterator[bytes]:
         for file in self._files:
-            yield from inertial_logs.packets(file.read_bytes(), self._damage)
+            yield from inertial_sense_logs.packets(file.read_bytes(), self._damage)
 
 
 def is_dat(head: bytes) -> bool:
     """Do these bytes, the first of a file, begin a .dat log of Inertial Sense, whatever the file is called?"""
-    return head.startswith(inertial_logs.MARKER)
+    return head.startswith(inertial_sense_logs.MARKER)
 
 
 def paced(file: BinaryIO, protocol: str) -> Pace:
@@ -220,8 +220,8 @@ def _mtb(path: Path, protocol: str) -> Source:
 
 
 def _raw(path: Path, protocol: str) -> Source:
-    files = inertial_logs.parts_of(path)
-    name = inertial_logs.log_name(path)
+    files = inertial_sense_logs.parts_of(path)
+    name = inertial_sense_logs.log_name(path)
     about = {"serial_number": name.serial_number} if name is not None else {}
     if name is not None:
         indexed = IndexedSource(files, "raw", protocol, about)
@@ -232,11 +232,11 @@ def _raw(path: Path, protocol: str) -> Source:
 
 def _dat(path: Path, protocol: str) -> Source:
     with path.open("rb") as file:
-        if not is_dat(file.read(len(inertial_logs.MARKER))):
+        if not is_dat(file.read(len(inertial_sense_logs.MARKER))):
             return CaptureSource([path], "bin", protocol)
-    name = inertial_logs.log_name(path)
+    name = inertial_sense_logs.log_name(path)
     about = {"serial_number": name.serial_number} if name is not None else {}
-    return DatSource(inertial_logs.parts_of(path), "dat", protocol or "isb", about)
+    return DatSource(inertial_sense_logs.parts_of(path), "dat", protocol or "isb", about)
 
 
 _LOGS: Mapping[str, Callable[[Path, str], Source]] = {".mtb": _mtb, ".raw": _raw, ".dat": _dat, ".csv": _csv}

@@ -8,7 +8,7 @@
                       .incoming/<token>/…                   being uploaded
 
 A recording's id is its file's name without suffix; where several files share that, the first kind of `SUFFIXES` has it
-and the others go by their whole name. Listing looks at names, sizes and times only; a file is looked into (peek.py)
+and the others go by their whole name. Listing looks at names, sizes and times only; a file is looked into (probe.py)
 when these are new. Subfolders are not looked into. Names from outside never become paths: a recording is found among
 those that are listed, and the name of an upload is cleaned.
 
@@ -31,14 +31,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import durable, file_lock, inertial_logs, sidecar
-from recordings.columns import Columns
-from recordings.container import RecordingError, problem
+from recordings import atomic_write, file_lock, inertial_sense_logs, sidecar
+from recordings.column_store import Columns
 from recordings.importers import SUFFIXES, open_file
-from recordings.peek import Device, Peek, peek
-from recordings.portrait import is_summary, summary
+from recordings.mcap_writer import RecordingError, problem
+from recordings.probe import Device, Peek, peek
 from recordings.quota import BIN
 from recordings.sidecar import Edits, Marker
+from recordings.summary import is_summary, summary
 
 INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
@@ -165,7 +165,7 @@ class Library:
                 device["name"] = ""  # it has none but its file's, which may change
         with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
             (self.folder / INDEX).mkdir(exist_ok=True)
-            durable.write(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
+            atomic_write.write(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
 
     def _live(self, only: str = "") -> list[Entry]:
         return [
@@ -431,7 +431,7 @@ def _groups(files: dict[Path, tuple[int, int]]) -> list[dict[Path, tuple[int, in
     """The files of one recording together: the parts of a log in order, any other file alone."""
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for path in files:
-        name = inertial_logs.log_name(path) if path.suffix.lower() in (".raw", ".dat") else None
+        name = inertial_sense_logs.log_name(path) if path.suffix.lower() in (".raw", ".dat") else None
         key = (name.stem if name is not None else path.name, path.suffix)
         groups.setdefault(key, []).append((name.part if name is not None else 0, path))
     return [{path: files[path] for _, path in sorted(group)} for group in groups.values()]

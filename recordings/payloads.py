@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.columns import Exact, Shape
+from recordings.column_store import Exact, Shape
 
 NAME = "payloads.bin"
 SHAPE = Shape(("u8", "u4"), (False, False))

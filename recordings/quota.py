@@ -15,8 +15,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from recordings import file_lock, sidecar
-from recordings.blocks import MAGIC, Recording
-from recordings.container import EDIT, PROFILE, SUFFIX, RecordingError
+from recordings.mcap_reader import MAGIC, Recording
+from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
 
 BIN = ".bin"
 _PROFILE_AT = len(MAGIC) + 1 + 8 + 4  # behind the header's opcode, its length and that of the string

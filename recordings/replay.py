@@ -12,7 +12,7 @@ Several devices of a file play in step, because one clock leads them all; of eac
 the file. A recorded time that runs backwards counts as the one before it. Within a range the replay begins at its start
 and ends at its end, or begins again (`loop`): the first chunks of each turn are `anew`.
 
-Pure: no thread, no sleep. Memory is bounded by one part of the file (recordings/parts.py) of each device.
+Pure: no thread, no sleep. Memory is bounded by one part of the file (recordings/sources.py) of each device.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from recordings.parts import McapSource, Part, Source
+from recordings.sources import McapSource, Part, Source
 
 SPEEDS = (0.1, 50.0)
 TURN_NS = 100_000_000  # between two turns of a loop: lines of a plot break there

@@ -23,9 +23,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recordings import durable
-from recordings.container import RecordingError, newer
-from recordings.strange_json import loads
+from recordings import atomic_write
+from recordings.mcap_writer import RecordingError, newer
+from recordings.tolerant_json import loads
 
 SUFFIX = ".json"
 VERSION = 1
@@ -118,7 +118,7 @@ def write(path: Path, edits: Edits) -> None:
         body["markers"] = [_plain(marker) for marker in edits.markers]
     if target.exists() and not _load(target):
         os.replace(target, target.with_name(f".{target.name}.unreadable"))
-    durable.write(target, json.dumps(body, ensure_ascii=False, indent=1))
+    atomic_write.write(target, json.dumps(body, ensure_ascii=False, indent=1))
 
 
 def refused(path: Path) -> RecordingError | None:

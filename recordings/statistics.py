@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.columns import Columns
+from recordings.column_store import Columns
 
 Floats = NDArray[np.float64]
 

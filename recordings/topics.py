@@ -38,7 +38,7 @@ def topic_of(device: str, info: Info, taken: Iterable[str]) -> str:
     """The topic of a channel; one that is taken gets a number.
 
     Args:
-        device: what it is called where names must differ (recordings/names.py).
+        device: what it is called where names must differ (recordings/file_names.py).
     """
     parts = [device, *([info["group"]] if info["group"] and info["group"] != info["title"] else [])]
     return named(*map(str, parts), str(info["title"] or info["name"]), taken=taken)

@@ -5,8 +5,8 @@
     /events               foxglove.Log
 
 The live Foxglove server and the plottable export both speak so. Which channel is the attitude and which the position is
-recordings/rrd/layout.py's decision, so that every view agrees. Foxglove's SDK writes the messages; it is imported with
-this file, which whoever needs none of them leaves alone.
+recordings/rrd/entities.py's decision, so that every view agrees. Foxglove's SDK writes the messages; it is imported
+with this file, which whoever needs none of them leaves alone.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from foxglove.messages import FrameTransform, LocationFix, Log, LogLevel, Quater
 from numpy.typing import NDArray
 
 from recordings.rotations import ENU_FROM, READ, multiply
-from recordings.rrd.ground import is_place
-from recordings.rrd.layout import Attitude, Position
+from recordings.rrd.entities import Attitude, Position
+from recordings.rrd.enu import is_place
 
 __all__ = ["ATTITUDE", "POSITION", "FrameTransform", "LocationFix", "Log", "fixes", "heights", "logged", "transforms"]
 

@@ -11,11 +11,10 @@ from pathlib import Path
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from server import ending
+from server import shutdown
 from server.api import (
-    build,
     commands,
-    control,
+    configure,
     corrections,
     description,
     devices,
@@ -23,41 +22,42 @@ from server.api import (
     exports,
     forms,
     foxglove,
-    library,
-    live,
     map_tiles,
-    page,
     ports,
     recorder,
+    recording_data,
     recordings,
     replay,
     rerun,
     snapshots,
-    texts,
+    static_files,
+    status,
+    unicode_guard,
     viser,
+    websocket,
 )
 from server.auth import Access, Guard
 from server.config import Config
-from server.control.correction_desk import CorrectionDesk
-from server.control.desks import Desks
-from server.headers import Heads
+from server.control.controllers import Desks
+from server.control.correction_manager import CorrectionDesk
 from server.library.catalogue import Catalogue
-from server.library.exports import Exports
-from server.library.leftovers import Tenancy
-from server.library.packer import Packer
+from server.library.cleanup import Tenancy
+from server.library.column_cache import Shelf
+from server.library.compaction_worker import Packer
+from server.library.export_jobs import Exports
 from server.library.recorder import FOLDER, Recorder, plan_of
-from server.library.shelf import Shelf
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.live import speech as default_speech
+from server.live import protocol_set as default_speech
+from server.live.decode_options import Reading
+from server.live.event_logging import Journal
 from server.live.hub import Hub
-from server.live.journal import Journal
-from server.live.reading import Reading
-from server.live.recognition import Speech
+from server.live.protocol_detection import Speech
 from server.live.sequence_store import SequenceStore
 from server.live.sessions import OpenLink, Sessions
 from server.metrics import Metrics
-from server.turnstile import Turnstile
+from server.rate_limit import Turnstile
+from server.security_headers import Heads
 from server.version import VERSION
 from server.views.foxglove import Foxglove
 from server.views.rerun import Rerun
@@ -112,15 +112,15 @@ def create_app(
         app.state.foxglove.start()
         await app.state.rerun.start()
         yield
-        await ending.all_of(
+        await shutdown.all_of(
             tape.close(),
             {
                 "an export": app.state.exports.close(),
-                "the library": ending.in_turn(catalogue.close(), shelf.close()),
+                "the library": shutdown.in_turn(catalogue.close(), shelf.close()),
                 "viser": app.state.viser.close(),
                 "Rerun": app.state.rerun.close(),
                 "Foxglove": app.state.foxglove.close(),
-                "a device": ending.in_turn(app.state.corrections.close(), sessions.close()),
+                "a device": shutdown.in_turn(app.state.corrections.close(), sessions.close()),
             },
         )
         tenancy.end()
@@ -148,19 +148,19 @@ def create_app(
     app.state.shelf = shelf
     app.state.exports = Exports(hub, catalogue, shelf, config.data)
     app.state.protocols = default_speech.protocols
-    app.state.files = page.Files()
+    app.state.files = static_files.Files()
     app.state.data = config.data
     app.state.source_folders = [config.data / FOLDER, *map(Path, config.source_folders)]
     app.state.scan_lock = asyncio.Lock()
     app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()
     errors.install(app)
-    app.add_middleware(texts.WholeTexts)
+    app.add_middleware(unicode_guard.WholeTexts)
     app.add_middleware(Turnstile)
     app.add_middleware(Heads)
     for module in (
         devices,
-        control,
+        configure,
         forms,
         commands,
         snapshots,
@@ -168,16 +168,16 @@ def create_app(
         recorder,
         replay,
         exports,
-        library,
         recordings,
+        recording_data,
         ports,
-        build,
+        status,
         map_tiles,
-        live,
+        websocket,
         foxglove,
         viser,
         rerun,
-        page,
+        static_files,
     ):  # the page last: it takes every path that is left
         app.include_router(module.router)
     description.install(app)

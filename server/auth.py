@@ -13,7 +13,7 @@ Three dangers, three checks, all before a route is reached:
 A view token sees, a control token also changes things. Three requests are POST only because they carry values (what
 would be sent, would it fit, in what do two sides differ): they change nothing, and a view token may ask them.
 
-Who tries tokens is slowed down: server/failures.py says how, and why a good one is not locked out by it.
+Who tries tokens is slowed down: server/login_throttle.py says how, and why a good one is not locked out by it.
 
 A token travels as `Authorization: Bearer …`, as `?token=…`, or as the cookie that `GET /?token=…` sets before it
 redirects to the bare address, so that it does not stay in the address bar, in the history or in a log. Loopback without
@@ -40,8 +40,8 @@ from urllib.parse import parse_qs, quote, urlencode, urlsplit
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
-from server.failures import UNGUESSABLE, Failures
-from server.headers import with_defaults
+from server.login_throttle import UNGUESSABLE, Failures
+from server.security_headers import with_defaults
 from server.wire import Problem
 
 log = logging.getLogger("imuscope.auth")

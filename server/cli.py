@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from server.commands.arguments import COMMANDS, parse, parser
 from server.commands.common import (
     UsageError,
     check_protocol,
@@ -28,9 +29,8 @@ from server.commands.common import (
     warm,
     whole,
 )
-from server.commands.options import COMMANDS, parse, parser
 from server.config import ConfigError, load
-from server.live.reading import ReadingError, key_text, taken_from
+from server.live.decode_options import ReadingError, key_text, taken_from
 from server.printable import printable
 
 
@@ -142,7 +142,7 @@ def _send(options: argparse.Namespace) -> None:
 
     warm(options.data)
     from server.commands.compose import ComposeError
-    from server.commands.sending import SendError, Wish, send
+    from server.commands.send import SendError, Wish, send
 
     source, said = taken_from(options.source, reading_of(options))
     said = settled(said)
@@ -157,8 +157,8 @@ def _commands(options: argparse.Namespace) -> None:
     said = reading_of(options)
     check_protocol(said.protocol)
     warm(options.data)
+    from server.commands.commands import manual
     from server.commands.compose import ComposeError
-    from server.commands.manual import manual
 
     try:
         for line in manual(said.protocol, options.name, said.schema):
@@ -220,21 +220,21 @@ def _replay(options: argparse.Namespace) -> None:
     if not 0.01 <= options.speed <= 1000:
         raise UsageError(f"--speed {options.speed:g} is outside 0.01 … 1000")
     warm(options.data)
-    from server import logs
-    from server.commands import replaying
+    from server import logging_setup
+    from server.commands import replay
 
     if options.key is not None:
-        logs.say("imuscope: --key is not needed: the bytes are sent as they came.")
+        logging_setup.say("imuscope: --key is not needed: the bytes are sent as they came.")
 
-    def sink() -> replaying.Sink:
+    def sink() -> replay.Sink:
         if options.tcp is not None:
-            return replaying.TcpSink(*replaying.address(options.tcp))
-        return replaying.UdpSink(*replaying.address(options.udp)) if options.udp is not None else replaying.PtySink()
+            return replay.TcpSink(*replay.address(options.tcp))
+        return replay.UdpSink(*replay.address(options.udp)) if options.udp is not None else replay.PtySink()
 
     how = (options.protocol, options.speed, options.loop, options.begin, options.end, options.device)
     try:
-        asyncio.run(replaying.replay(replaying.Wish(Path(options.file), sink, *how), sys.stdout))
-    except replaying.ReplayError as error:
+        asyncio.run(replay.replay(replay.Wish(Path(options.file), sink, *how), sys.stdout))
+    except replay.ReplayError as error:
         raise UsageError(str(error)) from None
 
 
@@ -252,17 +252,17 @@ def _serve(options: argparse.Namespace) -> None:
 
 def _simulate(options: argparse.Namespace) -> None:
     warm(options.data)
-    from server.commands import replaying, simulate
-    from server.live.reading import key_text, reading
+    from server.commands import replay, simulate
+    from server.live.decode_options import key_text, reading
 
     try:
         device = simulate.options_of(options.device)
-        place = replaying.address(options.tcp) if options.tcp is not None else None
+        place = replay.address(options.tcp) if options.tcp is not None else None
         key = reading(key=key_text(options.key)).key if options.key is not None else None
         if key is not None and device.protocol != "idtp":
             raise UsageError(f"--key is for Secure frames of IDTP; {device.protocol} has none")
         simulate.simulate(device, key, options.pty, place, sys.stdout)
-    except (simulate.SimulateError, replaying.ReplayError) as error:
+    except (simulate.SimulateError, replay.ReplayError) as error:
         raise UsageError(str(error)) from None
 
 

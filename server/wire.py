@@ -1,8 +1,9 @@
 """The wire: what the server and the page say to each other. This docstring is its specification.
 
 One WebSocket at `/ws`, subprotocol `imuscope.v1`, permessage-deflate off. Text frames are JSON objects with an `op`;
-binary frames carry samples. TypeScript types are generated from the dataclasses below (`python -m server.wire_types`
-writes web/src/wire/types.ts; a test fails when that file is stale), so a field is added here and nowhere else.
+binary frames carry samples. TypeScript types are generated from the dataclasses below (`python -m
+server.generate_ts_types` writes web/src/wire/types.ts; a test fails when that file is stale), so a field is added here
+and nowhere else.
 
 ## Server to browser, text
 

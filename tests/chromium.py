@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tests.patience import PATIENCE_S
+from tests.timeouts import PATIENCE_S
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page

@@ -26,12 +26,12 @@ import pytest
 from hypothesis import HealthCheck, settings
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocket, sync_playwright
 
-from server import compiled
-from tests import chromium, forked, process
+from server import jit_cache
+from tests import chromium, fork_server, server_process
 from tests.chromium import until
-from tests.forked import Nursery
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess
+from tests.fork_server import Nursery
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
 
 ARTIFACTS = ROOT / "artifacts"
 SHARED = ROOT.parent / "shared"
@@ -42,8 +42,8 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
 
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
-if forked.IS_THERE:
-    process.nursery = Nursery()
+if fork_server.IS_THERE:
+    server_process.nursery = Nursery()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)
@@ -53,14 +53,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 # What is compiled once, for servers (kept in one file of ours) and for the tests themselves (kept by numba).
 FOR_SERVERS = "from pathlib import Path; from server.commands.common import warm; warm(Path('artifacts'))"
-FOR_TESTS = "import recordings.blocks; from protocols import registry; registry.warm()"
+FOR_TESTS = "import recordings.mcap_reader; from protocols import registry; registry.warm()"
 
 
 def pytest_configure(config: pytest.Config) -> None:
     """Compile before several workers would do it beside each other."""
     if not getattr(config.option, "numprocesses", None):
         return
-    missing = [] if compiled.is_there(ARTIFACTS) else [FOR_SERVERS]
+    missing = [] if jit_cache.is_there(ARTIFACTS) else [FOR_SERVERS]
     if not any(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbi")):
         missing.append(FOR_TESTS)
     for one in [subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) for code in missing]:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process import ROOT
+from tests.server_process import ROOT
 
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1
 PROBE = """

@@ -1,11 +1,11 @@
-"""Every error a person can meet is one sentence and a hint. `python -m tests.errors` lists them."""
+"""Every error a person can meet is one sentence and a hint. `python -m tests.error_catalog` lists them."""
 
 from __future__ import annotations
 
 import re
 
-from server.kinds import KINDS
-from tests.errors import Said, everything, kinds
+from server.error_kinds import KINDS
+from tests.error_catalog import Said, everything, kinds
 
 MOST = 200  # characters, with what is filled in
 FILLED = 12  # that a brace is counted as
@@ -83,7 +83,7 @@ def test_one_kind_is_one_meaning() -> None:
     """A program acts on the kind: "busy" once meant a port in use and a queue that was full."""
     said = kinds()
     assert len(said) > 150
-    assert not [(where, kind) for where, kind, _ in said if kind not in KINDS], "without a row in server/kinds.py"
+    assert not [(where, kind) for where, kind, _ in said if kind not in KINDS], "without a row in server/error_kinds.py"
     assert KINDS.keys() - {kind for _, kind, _ in said} == BY_HTTP, "rows that nothing says"
     assert not [one for one in said if one[2] and one[2] != KINDS[one[1]].status]
     meanings = [kind.meaning for kind in KINDS.values()]

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench import fanout, feed
-from tests.forked import Child
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess
+from tests.bench import fanout, serial_device
+from tests.fork_server import Child
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="ending with a parent is Linux's")
 
 STARTER = """
 import subprocess, sys
-from tests.process import tied
+from tests.server_process import tied
 child = subprocess.Popen(tied([sys.executable, "-c", "import time; time.sleep(600)"]), start_new_session=True)
 print(child.pid, flush=True)
 child.wait()
@@ -63,8 +63,8 @@ def test_a_server_ends_with_a_benchmark_that_was_killed() -> None:
 def test_a_benchmark_whose_port_somebody_else_has_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """It measured a server that heard nothing, and ended in "negative count" or never."""
 
-    class TakenFeed(feed.Feed):
-        def __enter__(self) -> feed.Feed:
+    class TakenFeed(serial_device.Feed):
+        def __enter__(self) -> serial_device.Feed:
             self.taken = os.open(self.terminal, os.O_RDWR | os.O_NOCTTY)
             fcntl.flock(self.taken, fcntl.LOCK_EX)
             return super().__enter__()
@@ -81,12 +81,12 @@ def test_a_benchmark_whose_port_somebody_else_has_says_so(monkeypatch: pytest.Mo
 
 def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """It waited for ever for a server that was gone, and whoever had started it waited for it."""
-    monkeypatch.setattr(feed, "STUCK_S", 0.05)
+    monkeypatch.setattr(serial_device, "STUCK_S", 0.05)
     master, slave = pty.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)
     with pytest.raises(SystemExit, match="nobody has read"):
-        feed.put(master, bytes(1 << 20))
+        serial_device.put(master, bytes(1 << 20))
     os.close(master)
     os.close(slave)
 
@@ -94,7 +94,7 @@ def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
 FORKING = """
 import sys, tempfile
 from pathlib import Path
-from tests.forked import Nursery
+from tests.fork_server import Nursery
 from tests import process
 process.nursery = Nursery()
 server = process.ServerProcess("twin:xbus", data=Path(sys.argv[1]))

@@ -7,11 +7,16 @@
     for event in decoder.drain():       # Batch, Reply, Reject, Gap, Step (protocols/events.py)
         ...
 
-    messages.py   every standard payload type, as a table    vendor.py    the user's description of vendor types
-    frames.py     scan, verify and build frames              sequence.py  replays and losses, device by device
-    stream.py     frames that count, and rejects             payloads.py  from a payload's type to its columns
-    decoder.py    batches, time, loss, warnings              plain.py     one frame as plain values and back
-    device.py     the other end of the wire              protection.py  how well is it protected, in words
+    messages.py         every standard payload type, as a table
+    custom_payloads.py  the user's description of vendor types
+    frames.py           scan, verify and build frames
+    replay_guard.py     replays and losses, device by device
+    stream_parser.py    frames that count, and rejects
+    payloads.py         from a payload's type to its columns
+    decoder.py          batches, time, loss, warnings
+    json_codec.py       one frame as plain values and back
+    simulator.py        the other end of the wire
+    security.py         protection of a frame in words
 
 Source: IDTP v2.1.0, with its errata.
 """

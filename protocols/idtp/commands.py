@@ -2,7 +2,7 @@
 
     Imu3Acc … ImuQuat    the standard types, by the document's names of their readings
     Frame                any type, 0x00 to 0xFF, its payload as hex
-    0x80, Wheels …       a vendor's own types: by number with `data` as hex, or as the user described them (vendor.py)
+    0x80, Wheels …  a vendor's own types: by number with `data` as hex, or as described (custom_payloads.py)
 
 Every frame has the header's arguments first: time stamp, sequence number, device, version and mode. The mode decides
 what protects it; a Secure frame needs the source's key. The protocol knows neither settings nor answers.
@@ -15,9 +15,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, MAJOR, MAX_PAYLOAD, SAFETY, VERSION
 from protocols.idtp.messages import MESSAGES, MODE_NAMES, SECTION, WIRE
-from protocols.idtp.vendor import Schema
 from protocols.schema import Command, Field, Message
 
 G_STANDARD, G_VENDOR = "Standard payloads", "Vendor payloads"

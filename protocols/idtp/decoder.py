@@ -30,19 +30,19 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from protocols.clocks import Unwrap
+from protocols.counters import Unwrap
 from protocols.events import Batch, Count, Doubt, Event, Gap, Late, Reply, Step
 from protocols.framing import BAD_VERSION, BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
+from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
 from protocols.idtp.payloads import Payload, Rotation, Shown
-from protocols.idtp.sequence import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
-from protocols.idtp.stream import Cut, IdtpStream
+from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
+from protocols.idtp.stream_parser import Cut, IdtpStream
 from protocols.idtp.units import UNITS, UnitWatch
-from protocols.idtp.vendor import Schema
 from protocols.jit import BYTES, INTS, NOTHING, ROWS, compiled, unsigned
 from protocols.schema import Direction, Message
-from protocols.stream import StreamDecoder
+from protocols.stream_parser import StreamDecoder
 
 WRAP = 2**32
 KNOWN_MINOR = 1
@@ -81,7 +81,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         time_unit: of the timestamp: "ns", "us", "ms" or "s".
         rotation: which way a device's quaternion turns; the column always turns body to ENU.
         show_unverified: without a key, show Secure frames, marked, instead of rejecting them as `no_key`.
-        schema: rows of the vendor's own payload types, see vendor.py.
+        schema: rows of the vendor's own payload types, see custom_payloads.py.
         datagrams: every chunk is a datagram.
     Raises:
         ValueError: a setting that there is not.
@@ -120,14 +120,14 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self.contradiction: Doubt | None = None  # a unit that the arrival of the frames speaks for
         self._rotation: Rotation = rotation
         self._schema: Schema = schema or {}
-        self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see sequence.py
+        self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see replay_guard.py
         self._kinds: dict[int, _Kind] = {}  # by KEY
         self._clocks: dict[int, Unwrap] = {}  # by source
         self._firsts: dict[int, int] = {}  # by source, its first sequence number
         self._said: set[tuple[int, str]] = set()
 
     def rearm(self, device: str = "") -> None:
-        """Accept whatever sequence number comes next, of one device or ("") of all; see sequence.py.
+        """Accept whatever sequence number comes next, of one device or ("") of all; see replay_guard.py.
 
         Raises:
             ValueError: no device identifier.

@@ -4,8 +4,8 @@
     0x07 … 0x7F   reserved
     0x80 … 0xFF   the vendor's own
 
-A type without a row is shown as bytes, unless the user has described it (vendor.py). In version 2.0 every type was the
-vendor's own, whatever its number.
+A type without a row is shown as bytes, unless the user has described it (custom_payloads.py). In version 2.0 every type
+was the vendor's own, whatever its number.
 
 The document names single readings (acc_x, acc_y, acc_z); a reader wants the vector. So a row has one field for each
 quantity, and WIRE holds the document's names for lists, scripts and composing. The rows hold what travels; the decoder

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.framing import Bytes, Ints
+from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.messages import (
     BY_ID,
     NOT_FINITE,
@@ -33,7 +34,6 @@ from protocols.idtp.messages import (
     rest,
     status_of,
 )
-from protocols.idtp.vendor import Schema
 from protocols.jit import INTS, NOTHING, ROWS, TABLE, compiled, unsigned
 from protocols.layouts import Columns, Layout, element, size_of
 from protocols.schema import Field, Message

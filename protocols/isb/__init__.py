@@ -7,18 +7,27 @@
     for event in decoder.drain():       # Batch, Reply, Text, Reject, Step (protocols/events.py)
         ...
 
-    datasets.txt  every data set, field, flag and version, as data     tables.py    read into rows
-    messages.py   which fields a payload of some size has              frames.py    scan and build packets
-    sorting.py    which packets share columns, and when they were      timeline.py  the device's clocks
-    decoder.py    columns, replies, time                               plain.py     one packet as values and back
-    listing.py    a capture line by line                               likeness.py  do bytes look like it?
-
-    commands.py   what it can be told and keeps, as rows               manual.py    ranges and meanings of fields
-    writing.py    the bytes of a command or a setting                  spans.py     what each byte of them is
-    dialogues.py  the driver: ask, tell, read back                     listening.py what streams, and how often
-    streams.py    what can stream                                      load.py      what that costs the line
-    compare.py    do two values mean the same?                         line.py      would it cut the line?
-    device.py     the twin                                             memory.py, speech.py, measurement.py  its parts
+    datasets.txt         every data set, field, flag and version, as data
+    dataset_loader.py    datasets.txt as rows
+    messages.py          the fields of a payload by its size
+    frames.py            scan and build packets
+    classify.py          packets grouped by layout, and their times
+    time_base.py         the clocks of the device
+    decoder.py           columns, replies, time
+    json_codec.py        one packet as values and back
+    inspect.py           a capture line by line
+    detect.py            how much bytes look like this protocol
+    commands.py          commands and settings, as rows
+    field_docs.py        ranges and meanings of fields
+    encoder.py           the bytes of a command or a setting
+    annotate.py          the bytes of a packet in words
+    driver.py            read, write, read back
+    stream_discovery.py  which data sets stream, and how often
+    streams.py           what can stream
+    bandwidth.py         bytes a second of streams
+    settings_diff.py     values that mean the same
+    baud_change.py       changes that would cut the line
+    simulator/           the other end of the wire
 
 Source: Inertial Sense binary protocol document; inertial-sense-sdk 2.7.1.
 """

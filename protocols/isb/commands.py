@@ -22,6 +22,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from protocols.isb.dataset_loader import SOURCE, TABLES
+from protocols.isb.field_docs import SENTENCES
 from protocols.isb.frames import GET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT
 from protocols.isb.kept import (
     DATA_SETS,
@@ -36,10 +38,8 @@ from protocols.isb.kept import (
     fields_of,
     select,
 )
-from protocols.isb.manual import SENTENCES
 from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, SET_PREFIX
 from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.isb.tables import SOURCE, TABLES
 from protocols.labels import spoken
 from protocols.schema import Caution, Command, Field
 

@@ -1,4 +1,4 @@
-"""UTC of Inertial Sense data: timeline.py tells it of everything once a receiver has had its first fix."""
+"""UTC of Inertial Sense data: time_base.py tells it of everything once a receiver has had its first fix."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from protocols.dates import UNKNOWN, Ints
 from protocols.events import Batch
-from protocols.isb.timeline import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
+from protocols.isb.time_base import FIRST_WEEK, GPS_EPOCH, WEEK_S, S
 
 DATED_NS = (GPS_EPOCH + FIRST_WEEK * WEEK_S) * S  # up-times are far smaller
 

@@ -11,7 +11,7 @@ something never seen whole gives its own fields. Neither has a device time: the 
 may be hours old when a device was asked for parts alone.
 
 Which structure a payload has follows the firmware that the device information (DID 1; 93 of an EVB, 120 of a GPX) named
-when it passed by, and the payload's size. Time is timeline.py's business.
+when it passed by, and the payload's size. Time is time_base.py's business.
 
 Source: ISB document; inertial-sense-sdk 2.7.1.
 """
@@ -23,14 +23,12 @@ from typing import Any
 
 import numpy as np
 
+from protocols.embedded_protocols import STARTS, find
 from protocols.events import Batch, Event, Late, Reply, Step
-from protocols.foreign import STARTS, find
 from protocols.framing import BODY, OFFSET, SIZE, Ints, Room
 from protocols.grouping import group
 from protocols.isb import messages
-from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
-from protocols.isb.plain import values_of
-from protocols.isb.sorting import (
+from protocols.isb.classify import (
     ABOUT,
     BY,
     FAMILIES,
@@ -46,10 +44,12 @@ from protocols.isb.sorting import (
     no_wholes,
     sort,
 )
-from protocols.isb.tables import VERSIONS
-from protocols.isb.timeline import NO_STEP, STEPS, remember
+from protocols.isb.dataset_loader import VERSIONS
+from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
+from protocols.isb.json_codec import values_of
+from protocols.isb.time_base import NO_STEP, STEPS, remember
 from protocols.schema import Direction, Message
-from protocols.stream import Cut, Stream, StreamDecoder
+from protocols.stream_parser import Cut, Stream, StreamDecoder
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()

@@ -27,7 +27,7 @@ _OF_PORT = ("STOP_BROADCASTS_CURRENT_PORT", "STOP_BROADCASTS_ALL_PORTS", "STPB",
 
 
 def alters(command: str, values: Mapping[str, Any], settings: Iterable[str]) -> Collection[str]:
-    """See protocols.dialogues.Driver.alters.
+    """See protocols.transactions.Driver.alters.
 
     Args:
         settings: names of those that the device has.

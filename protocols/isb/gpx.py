@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from protocols.isb import speech
-from protocols.isb.device import RMC_PERSISTENT, RMC_PRESERVE, IsbDevice
-from protocols.isb.manual import BAUD_RATES
-from protocols.isb.measurement import DTYPES, FIRST_FIX_NS, GNSS_NS, S
-from protocols.isb.memory import Memory, size, summed
+from protocols.isb.field_docs import BAUD_RATES
+from protocols.isb.simulator import nmea
+from protocols.isb.simulator.device import RMC_PERSISTENT, RMC_PRESERVE, IsbDevice
+from protocols.isb.simulator.settings import Memory, size, summed
+from protocols.isb.simulator.signals import DTYPES, FIRST_FIX_NS, GNSS_NS, S
 from protocols.isb.streams import BY_GPX_BIT, dids_of
 
 DEV_INFO, GPS1_VERSION, SYS_CMD = 1, 17, 7
@@ -64,7 +64,7 @@ class GpxMemory(Memory):
         return True
 
     def choose(self, periods: dict[int, int], *, keep: bool = False) -> None:
-        made = {number: every for number, every in periods.items() if speech.source_of(number) in MEASURED}
+        made = {number: every for number, every in periods.items() if nmea.source_of(number) in MEASURED}
         super().choose(made, keep=keep)
 
 

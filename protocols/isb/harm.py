@@ -14,8 +14,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.dialogues import Harm
 from protocols.isb.kept import settings_of
+from protocols.transactions import Harm
 
 Values = Mapping[str, Any]
 _FRAMES = ("insRotation", "insOffset", "gps1AntOffset", "gps2AntOffset", "refLla")

@@ -3,7 +3,7 @@
     KEPT       the data sets that are read as settings: what they are called, whether and when what is written acts
     streams    which data sets it sends to this port, and how often
 
-Rules for editing: a data set that is kept is a row of `KEPT`; what its fields mean is manual.py's business.
+Rules for editing: a data set that is kept is a row of `KEPT`; what its fields mean is field_docs.py's business.
 
 Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h.
 """
@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from protocols.isb.manual import noted
+from protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, as_written
+from protocols.isb.field_docs import noted
 from protocols.isb.messages import SET_PREFIX, places
 from protocols.isb.streams import OF_GPX, STREAMS
-from protocols.isb.tables import CURRENT, SETS, SOURCE, as_written
 from protocols.schema import Bits, Field, Setting
 
 GET_PREFIX = "GET_"

@@ -31,10 +31,10 @@ from functools import lru_cache
 import numpy as np
 
 from protocols.framing import Ints
-from protocols.isb import sorting
+from protocols.isb import classify
+from protocols.isb.dataset_loader import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size, title_of
 from protocols.isb.frames import ACK, GET_DATA, NACK, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPES
-from protocols.isb.tables import CURRENT, SETS, SOURCE, TABLES, VERSIONS, DataSet, element_size, title_of
-from protocols.isb.timeline import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
+from protocols.isb.time_base import FIX, GTIME, LEAP_SECONDS_AS_OF, NONE, TOW, UP, WEEK_TOW
 from protocols.layouts import Layout, size_of
 from protocols.schema import Bits, Field, Message
 
@@ -81,7 +81,7 @@ class Form:
 
 
 def clock_of(dataset: DataSet) -> int:
-    """Which kind of clock a data set carries (timeline.py)."""
+    """Which kind of clock a data set carries (time_base.py)."""
     name = dataset.clock
     if not name:
         return NONE
@@ -275,53 +275,54 @@ def form_of(did: int, found: tuple[Place, ...], size: int) -> Form:
 
 @lru_cache(maxsize=4096)
 def form_for_key(key: int) -> Form:
-    """The form that a key of sorting.py stands for; one for all decoders, because making it takes 0.1 ms."""
+    """The form that a key of classify.py stands for; one for all decoders, because making it takes 0.1 ms."""
     count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
     did, told = key >> 38 & 0xFF, key >> 46
     if offset:
         count = -1  # a part does not say how many are in use
-    version = None if told == sorting.UNTOLD else VERSIONS[told]
+    version = None if told == classify.UNTOLD else VERSIONS[told]
     found = places(did, offset, size, version=version, variant=variant, count=count)
     return form_of(did, found, size)
 
 
-# -- what sorting.py needs to know -------------------------------------------------------------------------------------
+# -- what classify.py needs to know
+# -------------------------------------------------------------------------------------
 
 
 def rules() -> Ints:
-    """(256, RULES): what sorting.py knows of each DID."""
-    table = np.zeros((256, sorting.RULES), np.int64)
+    """(256, RULES): what classify.py knows of each DID."""
+    table = np.zeros((256, classify.RULES), np.int64)
     for did, dataset in SETS.items():
-        table[did, sorting.FAMILY] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
-        table[did, sorting.TELLS] = did in DEVICE_INFOS
+        table[did, classify.FAMILY] = 1 if did in EVB_SETS else 2 if did in GPX_SETS else 0
+        table[did, classify.TELLS] = did in DEVICE_INFOS
         if dataset.struct is None:
             continue
-        table[did, sorting.STREAMS] = dataset.kind == "data"
+        table[did, classify.STREAMS] = dataset.kind == "data"
         _clock_rules(table, did, dataset)
         for name, counted_by in dataset.struct.counts.items():
             row, at = _the(dataset, name)
             counter, counter_at = _the(dataset, counted_by)
-            table[did, sorting.LIST_AT], table[did, sorting.LIST_STEP] = at, element_size(row)
-            table[did, sorting.COUNT_AT], table[did, sorting.COUNT_SIZE] = counter_at, size_of(counter)
+            table[did, classify.LIST_AT], table[did, classify.LIST_STEP] = at, element_size(row)
+            table[did, classify.COUNT_AT], table[did, classify.COUNT_SIZE] = counter_at, size_of(counter)
     for did in RAW_SETS:
-        table[did, sorting.VARIANT] = sorting.RAW_DATA
+        table[did, classify.VARIANT] = classify.RAW_DATA
     for did in VELOCITY_SETS:
-        table[did, sorting.VARIANT] = sorting.VELOCITY
-    table[POSITION_SET, sorting.VARIANT] = sorting.POSITION
-    table[EVENT_SET, sorting.VARIANT] = sorting.EVENT
+        table[did, classify.VARIANT] = classify.VELOCITY
+    table[POSITION_SET, classify.VARIANT] = classify.POSITION
+    table[EVENT_SET, classify.VARIANT] = classify.EVENT
     return table
 
 
 def _clock_rules(table: Ints, did: int, dataset: DataSet) -> None:
-    table[did, sorting.CLOCK] = clock_of(dataset)
+    table[did, classify.CLOCK] = clock_of(dataset)
     if dataset.clock == "obs":
-        table[did, sorting.CLOCK_AT] = sorting.RAW_AT  # the time of the first observation
+        table[did, classify.CLOCK_AT] = classify.RAW_AT  # the time of the first observation
     elif dataset.clock:
         row, at = _the(dataset, clock_field(dataset))
-        table[did, sorting.CLOCK_AT] = at
-        table[did, sorting.CLOCK_MS] = row.dtype == "<u4"
+        table[did, classify.CLOCK_AT] = at
+        table[did, classify.CLOCK_MS] = row.dtype == "<u4"
     if dataset.clock.startswith("week+"):
-        table[did, sorting.WEEK_AT] = _the(dataset, "week")[1]
+        table[did, classify.WEEK_AT] = _the(dataset, "week")[1]
 
 
 def _the(dataset: DataSet, name: str) -> Place:

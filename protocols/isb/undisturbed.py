@@ -24,13 +24,13 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
-from protocols.dialogues import Act, Dialogue, Expect, RefusedError, Send, SilentError, StoppedError, T
 from protocols.events import Event
 from protocols.isb import frames
 from protocols.isb.commands import RMC, SYS_CMD
 from protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from protocols.isb.listening import Ask, Heard
+from protocols.isb.stream_discovery import Ask, Heard
 from protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
+from protocols.transactions import Act, Dialogue, Expect, RefusedError, Send, SilentError, StoppedError, T
 
 PREAMBLE = bytes((frames.FIRST, frames.SECOND))
 LOOK_S = 0.25

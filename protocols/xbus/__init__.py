@@ -7,16 +7,25 @@
     for event in decoder.drain():       # Batch, Reply, Text, Reject, Gap, Step (protocols/events.py)
         ...
 
-    messages.py   every message, as a table          items.py    every MTData2 data identifier
-    codes.py      enumerations and flag words        frames.py   scan and build frames, walk items
-    stream.py     frames, sentences, rejects         decoder.py  columns, replies, time, loss
-    plain.py      one frame as plain values and back strings.py  the two binary strings
-    products.py   which MTi is which                 outputs.py  what can be sent, how often, what together
-    commands.py   commands and settings per product  choices.py  flags, functions and lines of a product
-    dialogues.py  the driver: read, write, restart   exchange.py states, requests, time-outs, retries
-    changes.py    what a change does to the line     load.py     bytes a second, rates that fit
-    spans.py      the bytes of a frame in words      identity.py what answers tell of the device
-    device.py     the other end of the wire: a twin  settings.py, answers.py, measurement.py, sentences.py: its parts
+    messages.py              every message, as a table
+    data_identifiers.py      every MTData2 data identifier
+    enums.py                 enumerations and flag words
+    frames.py                scan and build frames, walk items
+    stream_parser.py         frames, sentences, rejects
+    decoder.py               columns, replies, time, loss
+    json_codec.py            one frame as plain values and back
+    binary_strings.py        the two binary strings
+    products.py              MTi products
+    output_configuration.py  what can be sent, how often, what together
+    commands.py              commands and settings per product
+    product_options.py       flags, functions and lines of a product
+    driver.py                read, write, restart
+    requests.py              states, requests, time-outs, retries
+    config_effects.py        what a change does to the line
+    bandwidth.py             bytes a second, rates that fit
+    annotate.py              the bytes of a frame in words
+    device_info.py           what answers tell of the device
+    simulator/               the other end of the wire
 
 Source: MT0101P revision 2020.A, with its errata.
 """

@@ -22,8 +22,8 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from protocols.schema import Caution, Command, Field, Message, Setting
-from protocols.xbus.choices import fitted
 from protocols.xbus.messages import BY_NAME, ROWS, answers
+from protocols.xbus.product_options import fitted
 from protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
 
 State = Literal["config", "measuring", "any"]
@@ -59,7 +59,7 @@ class Row:
         form: which of the rows of that name.
         on: products that have it.
         state: in which it is valid; ResetOrientation and IccCommand decide by their argument (see `state_of`).
-        name: of the command, where it is not that of the message: one action of several messages (dialogues.py).
+        name: of the command, where it is not that of the message: one action of several messages (driver.py).
         harmless: as in protocols.schema.Command.
     """
 
@@ -395,7 +395,7 @@ def continues(row: Row) -> bool:
 
 
 def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
-    """See protocols.dialogues.Driver.unfinished (5.3.7)."""
+    """See protocols.transactions.Driver.unfinished (5.3.7)."""
     if command in ("ResetOrientation", RESET_AND_STORE):
         stored = command == RESET_AND_STORE or values.get("code") == 0
         return "" if stored else _NOT_STORED
@@ -405,7 +405,7 @@ def unfinished(command: str, values: Mapping[str, Any]) -> str | None:
 
 
 def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tuple[str, ...]:
-    """See protocols.dialogues.Driver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
+    """See protocols.transactions.Driver.alters. A reset of the orientation is in the alignments once stored (5.3.7)."""
     if command == "RestoreFactoryDef":
         return tuple(kept(model))
     if command in ("SetSyncSettings", "SetPeriod", "SetOutputSkipFactor"):

@@ -40,13 +40,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clocks import Counter, Unwrap
+from protocols.counters import Counter, Unwrap
 from protocols.dates import utc_ns
 from protocols.events import Batch, Count, Event, Gap, Reject, Reply, Step
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
-from protocols.stream import StreamDecoder
+from protocols.stream_parser import StreamDecoder
+from protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
 from protocols.xbus.frames import (
     COARSE,
     COUNTER,
@@ -67,9 +68,8 @@ from protocols.xbus.frames import (
     items,
     walk,
 )
-from protocols.xbus.items import RAW_BLOB, is_known, item
 from protocols.xbus.messages import MTDATA2_ROW, form_of
-from protocols.xbus.stream import Cut, Stream
+from protocols.xbus.stream_parser import Cut, Stream
 
 TICK_NS = 100_000
 WRAP = 2**32

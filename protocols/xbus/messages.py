@@ -30,7 +30,8 @@ from typing import Any, Literal
 
 from protocols.layouts import fit, is_open, size_of
 from protocols.schema import Field, Message
-from protocols.xbus.codes import (
+from protocols.xbus.data_identifiers import UTC_FIELDS
+from protocols.xbus.enums import (
     ALIGNMENTS,
     BAUD_CODES,
     CAN_FORMATS,
@@ -55,7 +56,6 @@ from protocols.xbus.codes import (
     WARNING_CODES,
 )
 from protocols.xbus.frames import MTDATA2
-from protocols.xbus.items import UTC_FIELDS
 
 # -- payloads that several rows share ----------------------------------------------------------------------------------
 

@@ -1,11 +1,11 @@
 """In which formats can a recording be handed on? One row each; a format is one file here.
 
-    csv          comma.py      a file per message, full precision, units in the header
-    csv-aligned  aligned.py    one file, a line for each sample of the fastest channel
+    csv          csv_tables.py      a file per message, full precision, units in the header
+    csv-aligned  csv_aligned.py    one file, a line for each sample of the fastest channel
     parquet      parquet.py    a file per message, units in the fields' metadata
-    mcap         plottable.py  decoded values as JSON with schemas, for other viewers
+    mcap         mcap_decoded.py  decoded values as JSON with schemas, for other viewers
     rrd          rerun.py      for the Rerun viewer: see recordings/rrd
-    mtb raw bytes  bytes_of.py the bytes of one device as they came
+    mtb raw bytes  raw_bytes.py the bytes of one device as they came
 
 A writer gets a Wish, a path and a `step` that is told the progress; it returns the files that it wrote. It holds some
 thousand rows at a time, whatever the length. `export` runs one so that nothing is left where it does not come to its
@@ -23,9 +23,9 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from recordings.container import RecordingError, problem
-from recordings.exporters import bytes_of, rerun
-from recordings.exporters.wish import ExportError, Step, Wish
+from recordings.exporters import raw_bytes, rerun
+from recordings.exporters.request import ExportError, Step, Wish
+from recordings.mcap_writer import RecordingError, problem
 
 __all__ = ["FORMATS", "ExportError", "Format", "Wish", "by_suffix", "export"]
 
@@ -65,9 +65,9 @@ FORMATS: Mapping[str, Format] = {
     "parquet": Format("Parquet", ".parquet", _by("parquet")),
     "mcap": Format("MCAP, decoded", ".mcap", _by("plottable")),
     "rrd": Format("Rerun", ".rrd", rerun.write),
-    "mtb": Format("MT Manager", ".mtb", bytes_of.write_mtb, needs_source=True),
-    "raw": Format("Inertial Sense log", ".raw", bytes_of.write_raw, needs_source=True),
-    "bytes": Format("Original bytes", ".bin", bytes_of.write_bytes, needs_source=True),
+    "mtb": Format("MT Manager", ".mtb", raw_bytes.write_mtb, needs_source=True),
+    "raw": Format("Inertial Sense log", ".raw", raw_bytes.write_raw, needs_source=True),
+    "bytes": Format("Original bytes", ".bin", raw_bytes.write_bytes, needs_source=True),
 }
 
 

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from recordings.exporters.joined import Table, batches, schema, tables
-from recordings.exporters.naming import table_paths
-from recordings.exporters.wish import Step, Wish
+from recordings.exporters.file_names import table_paths
+from recordings.exporters.message_table import Table, batches, schema, tables
+from recordings.exporters.request import Step, Wish
 
 
 def write(wish: Wish, out: Path, step: Step) -> list[Path]:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recordings.exporters.wish import Step, Wish
+from recordings.exporters.request import Step, Wish
 
 
 def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     """Write the file; returns it."""
-    from recordings.rrd.file import write_rrd
+    from recordings.rrd.writer import write_rrd
 
     chosen = [info["id"] for info in wish.infos]
     write_rrd(

@@ -1,12 +1,12 @@
 """Recordings for the Rerun viewer: `.rrd` files and live streams of the same shape.
 
-    layout.py      which channel becomes which entity; nothing of Rerun is needed for that
-    ground.py      latitude and longitude ⇄ metres on a plane
-    amount.py      how much of a recording a viewer in a browser gets
+    entities.py      which channel becomes which entity; nothing of Rerun is needed for that
+    enu.py      latitude and longitude ⇄ metres on a plane
+    size_limit.py      how much of a recording a viewer in a browser gets
     chunks.py      rows of a channel → columns of an entity: transforms, scalars, texts
-    still.py       what never changes: the body, its axes, names and colours of curves
+    static.py       what never changes: the body, its axes, names and colours of curves
     blueprint.py   how the viewer opens: 3D views, track, plots, texts
-    file.py        all of it into a file: `write_rrd`
+    writer.py        all of it into a file: `write_rrd`
 
 The tree of entities, which is the same for a file and for a live stream:
 
@@ -25,6 +25,6 @@ The tree of entities, which is the same for a file and for a live stream:
 and three timelines: `device_time` (the device's clock mapped to the host's; the arrival where a message has none),
 `arrival_time`, and `sample` (the row's number within its channel). Times are whole nanoseconds since 1970.
 
-Only layout.py, ground.py and amount.py can be imported without Rerun; the others import it, which takes about a second
-and therefore happens in a process of its own, or not before it is needed.
+Only entities.py, enu.py and size_limit.py can be imported without Rerun; the others import it, which takes about a
+second and therefore happens in a process of its own, or not before it is needed.
 """

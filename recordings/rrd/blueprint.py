@@ -15,7 +15,7 @@ from typing import Any, Literal
 import rerun.blueprint as rrb
 
 from recordings.rrd.chunks import DEVICE_TIME, name_of
-from recordings.rrd.layout import MAP, WORLD, Device, Info
+from recordings.rrd.entities import MAP, WORLD, Device, Info
 
 SHOWN = 4  # plots of a device; the others are a click away in the viewer's own list
 LIKED = ("euler", "vector", "scalar", "quaternion", "matrix")

@@ -16,10 +16,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from recordings.columns import Exact
-from recordings.derived import quaternion_columns
-from recordings.rrd.ground import Origin, enu_of, is_place
-from recordings.rrd.layout import Attitude, Curve, Path, Position
+from recordings.column_store import Exact
+from recordings.euler import quaternion_columns
+from recordings.rrd.entities import Attitude, Curve, Path, Position
+from recordings.rrd.enu import Origin, enu_of, is_place
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]

@@ -7,8 +7,8 @@ from functools import lru_cache
 
 from fastapi import APIRouter
 
-from server.commands.manual import every_form
-from server.control.forms import Forms
+from server.commands.commands import every_form
+from server.control.api_models import Forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 

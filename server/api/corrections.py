@@ -9,13 +9,13 @@ from fastapi import APIRouter, Depends, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from protocols.registry import PROTOCOLS
-from server.api.control import OneDesk
+from server.api.configure import OneDesk
 from server.api.devices import check_path
 from server.api.errors import ApiError, responses
-from server.control.casters import CorrectionError
-from server.control.correction_desk import CorrectionDesk
-from server.control.corrections import file_of
-from server.control.forms import Corrections
+from server.control.api_models import Corrections
+from server.control.correction_manager import CorrectionDesk
+from server.control.correction_stream import file_of
+from server.control.ntrip import CorrectionError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 

@@ -11,8 +11,8 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.control.desk import DeskError
-from server.kinds import status_of
+from server.control.device_controller import DeskError
+from server.error_kinds import status_of
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.api")

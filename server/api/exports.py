@@ -8,13 +8,13 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 
-from recordings.container import RecordingError
+from recordings.mcap_writer import RecordingError
 from server import wire
 from server.api.errors import ApiError, bytes_of, responses
-from server.api.library import unknown
-from server.kinds import status_of
-from server.library.exports import Exports, ExportsError
-from server.library.recorded import Export, ExportPart, ExportSizes
+from server.api.recordings import unknown
+from server.error_kinds import status_of
+from server.library.api_models import Export, ExportPart, ExportSizes
+from server.library.export_jobs import Exports, ExportsError
 
 router = APIRouter(prefix="/api/recordings", tags=["exports"])
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from protocols.layouts import EncodeError
-from server.api.control import OneDesk
+from server.api.configure import OneDesk
 from server.api.errors import ApiError, responses
-from server.control.desk import Desk
-from server.control.forms import Fit, FitAnswer, Forms, Preview, PreviewAnswer
-from server.control.forms_of import forms_of
+from server.control.api_models import Fit, FitAnswer, Forms, Preview, PreviewAnswer
+from server.control.device_controller import Desk
+from server.control.form_builder import forms_of
 from server.control.preview import fit, preview_command, preview_setting
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["forms"])

@@ -6,11 +6,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
-from recordings.container import RecordingError
+from recordings.mcap_writer import RecordingError
 from server import wire
 from server.api.errors import ApiError, responses
-from server.kinds import status_of
-from server.library.recorded import Mark, Start
+from server.error_kinds import status_of
+from server.library.api_models import Mark, Start
 from server.library.recorder import Recorder, RecorderError
 
 router = APIRouter(tags=["recorder"])

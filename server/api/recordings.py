@@ -1,70 +1,41 @@
-"""An opened recording: what is in it, any stretch of it for the page and for programs, the frames around a moment.
-
-The same question about what is live is `GET /api/devices/{device}/query`.
-"""
+"""The library: which recordings there are, and what a person changes about them; files in and out."""
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Annotated, Literal
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Annotated, BinaryIO, TypeVar
+from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, Query, Request
-from fastapi.responses import JSONResponse, Response, StreamingResponse
+from fastapi.responses import StreamingResponse
+from starlette.requests import ClientDisconnect
 
-from recordings.columns import Base, Columns
-from recordings.container import RecordingError
-from recordings.fared import Fared, fared
-from server import wire
+from recordings import sidecar
+from recordings.download import file_name, original, whole
+from recordings.library import Entry, NamingError
+from recordings.mcap_writer import RecordingError
 from server.api.errors import ApiError, bytes_of, responses
+from server.library.api_models import Edit, Mark, Marker, RecordingInfo
 from server.library.catalogue import Catalogue
-from server.library.details import as_json, channels_of, detail
-from server.library.recorded import OpeningState, RecordedSettings, RecordingDetail
-from server.library.settings import settings_of
-from server.library.shelf import Opening, Shelf
-from server.library.windows import (
-    Answer,
-    ColumnStatistics,
-    arrow_of,
-    frame_of,
-    held,
-    json_of,
-    kept,
-    ordered,
-    recorded,
-    statistics_in,
-)
-from server.live.hub import Hub
+from server.streaming_response import begun, streamed
 
-router = APIRouter(tags=["recordings"])
+router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
-MOST_WIDTH = 8000
-MOST_SECONDS = 7200
-MOST_TIME = 9e9  # unix s; beyond the year 2255 they are no int64 of ns
-MOST_ROWS = 5_000_000  # that one answer gives as they are; a longer stretch is asked for in pieces
-SAMPLES = "application/octet-stream"
-ARROW = "application/vnd.apache.arrow.stream"
-
-TABLE = {
-    200: {"content": {ARROW: {"schema": {"type": "string", "format": "binary"}}, "application/json": {"schema": {}}}},
-    **responses(404, 422),
-}
-
-Recording = Annotated[str, "id of a recording"]
-Time = Annotated[float | None, Query(description="unix seconds")]
-Width = Annotated[int, Query(ge=0, le=MOST_WIDTH, description="buckets wanted; 0 for every row")]
-Format = Annotated[Literal["arrow", "json"], Query()]
-Partial = Annotated[bool, Query(description="while it is decoded for the first time: of what is there so far")]
+MOST_TITLE, MOST_NOTES, MOST_TAGS, MOST_TAG, MOST_TEXT, MOST_MARKERS = 200, 20_000, 50, 60, 2000, 5000
+BUFFER = 1 << 20
+BYTES = "application/octet-stream"
+Changed = TypeVar("Changed")
 
 
-def shelf_of(request: Request) -> Shelf:
-    shelf: Shelf = request.app.state.shelf
-    return shelf
+def catalogue_of(request: Request) -> Catalogue:
+    catalogue: Catalogue = request.app.state.library
+    return catalogue
 
 
-OneShelf = Annotated[Shelf, Depends(shelf_of)]
+TheLibrary = Annotated[Catalogue, Depends(catalogue_of)]
 
 
 def unknown(recording: str) -> ApiError:
@@ -74,214 +45,212 @@ def unknown(recording: str) -> ApiError:
     )
 
 
-async def columns_of(recording: str, shelf: OneShelf) -> Columns:
-    """The columns of a recording, waited for."""
+def not_now(recording: str) -> ApiError:
+    """It is being recorded."""
+    return ApiError(409, "busy", f"{recording:.80} is being recorded.", "Stop the recording first.")
+
+
+def entry_of(recording: str, library: TheLibrary) -> Entry:
+    """A recording of the list. A route of its own thread: it looks into the folder."""
     try:
-        return await shelf.opened(recording)
-    except (KeyError, FileNotFoundError):
+        return library.library.get(recording)
+    except KeyError:
         raise unknown(recording) from None
-    except RecordingError as error:
-        raise ApiError(422, "cannot-open", error.message, error.hint) from None
 
 
-async def columns_so_far(recording: str, shelf: OneShelf, partial: Partial = False) -> Columns:
-    """The same, or where that is asked for as much of them as is decoded."""
-    if not partial:
-        return await columns_of(recording, shelf)
-    try:
-        return await shelf.so_far(recording)
-    except (KeyError, FileNotFoundError):
-        raise unknown(recording) from None
-    except RecordingError as error:
-        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+OneEntry = Annotated[Entry, Depends(entry_of)]
 
 
-OneStore = Annotated[Columns, Depends(columns_of)]
-SoFar = Annotated[Columns, Depends(columns_so_far)]
+@router.get("", responses=responses(422))
+async def list_recordings(
+    library: TheLibrary,
+    q: Annotated[str, Query(max_length=400, description="words that title, tags, notes, devices or markers hold")] = "",
+) -> list[RecordingInfo]:
+    """Newest first; then those in the bin, which have `deleted`."""
+    return await library.all(q)
 
 
-@router.get(
-    "/api/recordings/{recording}",
-    responses={200: {"model": RecordingDetail}, 202: {"model": OpeningState}, **responses(404, 422)},
+@router.put(
+    "/upload",
+    status_code=201,
+    responses=responses(400, 411, 413, 415, 422, 507),
+    openapi_extra={"requestBody": {"required": True, "content": bytes_of(BYTES)[200]["content"]}},
 )
-async def get_recording(recording: str, request: Request, shelf: OneShelf, partial: Partial = False) -> Response:
-    """Everything but the samples (RecordingDetail); 202 and an OpeningState while it is decoded for the first time, or
-    with `partial` as soon as there is something the RecordingDetail of that, whose `progress` is less than 1."""
+async def upload(
+    request: Request, library: TheLibrary, name: Annotated[str, Query(min_length=1, max_length=400)]
+) -> RecordingInfo:
+    """A file of any kind that can be read. Its body is the bytes of the file."""
+    length = int(request.headers.get("content-length", "0"))
     try:
-        found = shelf.open(recording)
-    except (KeyError, FileNotFoundError):
-        raise unknown(recording) from None
-    if isinstance(found, Opening):
-        if found.error is not None:
-            raise ApiError(422, "cannot-open", found.error.message, found.error.hint)
-        if not partial or found.partial is None:
-            state = OpeningState(recording, found.progress, "Decoding it for the first time.")
-            return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
-    library: Catalogue = request.app.state.library
-    store = found if isinstance(found, Columns) else found.partial
-    assert store is not None
-    told = await asyncio.to_thread(lambda: detail(library.info(recording), store, library.markers(recording)))
-    return JSONResponse(as_json(told), headers={"cache-control": "no-store"})
+        path = await asyncio.to_thread(library.library.incoming, name)
+    except RecordingError as error:
+        raise ApiError(507, "disk", error.message, error.hint) from None
+    try:
+        await _receive(request.stream(), path, length)
+        entry = await asyncio.to_thread(library.library.take, path)
+    except RecordingError as error:
+        words = error.message.replace(path.name, name[:120])  # as its owner calls it
+        raise ApiError(422, "cannot-open", words, error.hint) from None
+    except ClientDisconnect:
+        raise ApiError(400, "cut", "The upload ended before it was whole.", "Send it again.") from None
+    except OSError as error:
+        words = (error.strerror or "it cannot be written").lower()
+        raise ApiError(507, "disk", f"The upload cannot be kept: {words}.", "Free some space.") from None
+    finally:
+        await asyncio.to_thread(library.library.refuse, path)
+    library.changed()
+    return library.told(entry)
 
 
-@router.get(
-    "/api/recordings/{recording}/window",
-    responses={**bytes_of(SAMPLES), **responses(404, 422)},
-    response_class=Response,
-)
-def get_window(  # a thread of its own: what is not in memory is read from the disk, and live devices do not wait
-    store: SoFar,
-    t0: float,
-    t1: float,
-    width: Annotated[int, Query(ge=1, le=MOST_WIDTH)] = 1000,
-    base: Base = "device",
-    channels: Annotated[str, Query(description="ids, separated by commas; empty for all")] = "",
-) -> Response:
-    """Sample frames of the wire; a bucket is two rows (least, greatest). `X-Exact: 1` when no channel is summarised."""
-    t0, t1 = _span(t0, t1)
-    infos = channels_of(store)
-    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
-    answers = [recorded(store, infos[number], t0, t1, width, base=base) for number in wanted]
-    exact = "1" if all(_is_whole(answer) for answer in answers) else "0"
-    body = b"".join(frame_of(answer) for answer in answers)
-    return Response(body, media_type=SAMPLES, headers={"x-exact": exact, "cache-control": "no-store"})
+async def _receive(chunks: AsyncIterator[bytes], path: Path, length: int) -> None:
+    """Write what comes, at most `length` bytes."""
+    got, held = 0, bytearray()
+    with path.open("wb") as file:
+        async for chunk in chunks:
+            got += len(chunk)
+            if got > length:
+                raise RecordingError("The upload is longer than it said.", "Send its true Content-Length.")
+            held += chunk
+            if len(held) >= BUFFER:
+                await asyncio.to_thread(file.write, bytes(held))
+                held.clear()
+        await asyncio.to_thread(file.write, bytes(held))
+    if got < length:
+        raise RecordingError("The upload ended before it was whole.", "Send it again.")
 
 
-@router.get("/api/recordings/{recording}/statistics", responses=responses(404, 422))
-def get_statistics(  # in a thread, as the window is
-    store: SoFar,
-    t0: float,
-    t1: float,
-    base: Base = "device",
-    channels: Annotated[str, Query(description="ids, separated by commas; empty for all")] = "",
-) -> dict[int, list[ColumnStatistics]]:
-    """Number, mean, σ and extremes of every column of channels over a stretch, however long: channel → its columns."""
-    t0, t1 = _span(t0, t1)
-    infos = channels_of(store)
-    wanted = [_number(word, infos) for word in channels.split(",") if word] or list(infos)
-    return {number: statistics_in(store, infos[number], t0, t1, base=base) for number in wanted}
+@router.patch("/{recording}", responses=responses(404, 409, 422, 507))
+async def edit_recording(recording: str, body: Edit, library: TheLibrary) -> RecordingInfo:
+    """Title, tags, notes, pinned, the file's name; what is null stays. With another name it has another id."""
+    _bounded(body.title, MOST_TITLE, "The title")
+    _bounded(body.file, MOST_TITLE, "The name")
+    _bounded(body.notes, MOST_NOTES, "The notes")
+    if len(body.tags or ()) > MOST_TAGS:
+        raise ApiError(422, "bad-request", f"At most {MOST_TAGS} tags can be given.", "Notes hold any text.")
+    for tag in body.tags or ():
+        _bounded(tag, MOST_TAG, "A tag")
+    tags = (
+        None if body.tags is None else tuple(dict.fromkeys(" ".join(tag.split()) for tag in body.tags if tag.strip()))
+    )
+    title = None if body.title is None else " ".join(body.title.split())
+    edits = sidecar.Edits(title, tags, body.notes, body.pinned)
+    entry = await _tried(recording, lambda: library.library.edit(recording, edits))
+    name = body.file
+    if name is not None:
+        if library.is_recording(entry):
+            raise not_now(recording)
+        entry = await _tried(recording, lambda: library.rename(recording, name))
+    library.changed()
+    return library.told(entry)
 
 
-@router.get("/api/recordings/{recording}/fared", responses=responses(404, 422))
-def get_fared(
-    store: SoFar,
-    device: str,
-    t0: Annotated[float, Query(description="unix seconds")],
-    t1: Annotated[float, Query(description="unix seconds")],
-) -> Fared:
-    """How a device fared, second by second: bytes, samples of each message, how late they came, its clock."""
-    t0, t1 = _span(t0, t1)
-    known = {told["id"]: told.get("parent", "") for told in store.manifest["devices"]}
-    if device not in known:
-        there = ", ".join(known)
-        raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {there:.400}.")
-    if t1 - t0 > MOST_SECONDS:
-        raise ApiError(422, "too-many", f"At most {MOST_SECONDS} seconds come at once.", "Ask for a shorter stretch.")
-    names = store.manifest.get("fared", {})
-    return fared(store.folder, names, device, known[device] or device, math.floor(t0), math.floor(t1))
-
-
-@router.get("/api/recordings/{recording}/settings", responses=responses(404, 422))
-def get_settings(store: SoFar, device: Annotated[str, Query(description="id of a device in it")]) -> RecordedSettings:
-    """What a device was set to when it was recorded, in the words of Configure; nothing where that was not recorded."""
-    return settings_of(store.manifest["snapshots"].get(device, {}))
-
-
-@router.get("/api/recordings/{recording}/query", responses=TABLE, response_class=Response)
-def query_recording(
-    store: OneStore,
-    request: Request,
-    channel: Annotated[str, Query(description="id, or name")],
-    t0: Time = None,
-    t1: Time = None,
-    width: Width = 0,
-    columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
-    base: Base = "device",
-    format: Format = "arrow",
-    device: Annotated[str, Query(description="where several devices have a channel of that name")] = "",
-) -> Response:
-    """One channel as a table: Arrow or JSON, rows as they are or in buckets."""
-    infos = channels_of(store)
-    info = infos[_number(channel, infos, device)]
-    whole = store.span(info.id, base) or (0.0, 0.0)
-    t0, t1 = _span(whole[0] if t0 is None else t0, whole[1] if t1 is None else t1)
-    if not width and store.row_at(info.id, t1, base) - store.row_at(info.id, t0, base) > MOST_ROWS:
-        hint = f"Ask for a shorter stretch, or give `width`; at most {MOST_ROWS} rows come at once."
-        raise ApiError(422, "too-many", "The stretch has too many rows for one answer.", hint)
-    _only_one(request)
-    answer = recorded(store, info, t0, t1, width, columns=_positions(info, columns), base=base)
-    return _table(ordered(answer) if base == "device" else answer, format)
-
-
-@router.get("/api/devices/{device}/query", tags=["devices"], responses=TABLE, response_class=Response)
-async def query_device(
-    device: str,
-    request: Request,
-    channel: Annotated[str, Query(description="id, or name")],
-    t0: Time = None,
-    t1: Time = None,
-    width: Width = 0,
-    columns: Annotated[str, Query(description="names, separated by commas; empty for all")] = "",
-    base: Base = "device",
-    format: Format = "arrow",
-) -> Response:
-    """What the server remembers of a live channel, as a table: the same question as of a recording."""
-    hub: Hub = request.app.state.hub
-    own = {number: one.info for number, one in hub.channels.items() if one.info.device == device}
-    if not own:
+@router.post("/{recording}/markers", status_code=201, responses=responses(404, 409, 422, 507))
+async def add_marker(recording: str, body: Mark, library: TheLibrary, entry: OneEntry) -> Marker:
+    """A marker or a note, put in later."""
+    _bounded(body.text, MOST_TEXT, "The text")
+    _bounded(body.device, MOST_TAG, "The device")
+    if library.is_recording(entry):
+        raise ApiError(409, "busy", "It is being recorded.", "Stop the recording first, or put a marker into it.")
+    if body.time is None or not math.isfinite(body.time):
+        raise ApiError(422, "bad-request", "A marker needs a time.", "Unix seconds, within the recording.")
+    if len(entry.edits.markers) >= MOST_MARKERS:
         raise ApiError(
-            404,
-            "not-found",
-            f"There is no device {device:.40} with channels.",
-            "It may have been removed; choose one of the list.",
+            422, "bad-request", f"A recording can have {MOST_MARKERS} markers of that kind.", "Notes hold any text."
         )
-    number = _number(channel, own)
-    t0, t1 = _span(0.0 if t0 is None else t0, hub.now() + 60 if t1 is None else t1)
-    positions = _positions(own[number], columns)
-    _only_one(request)
-    whole = kept(hub.channels[number], t0, base)
-    answer = await asyncio.to_thread(held, own[number], whole, t0, t1, width, columns=positions, base=base)
-    return _table(await asyncio.to_thread(ordered, answer) if base == "device" else answer, format)
+    marker = sidecar.Marker(body.time, body.kind, body.text, body.device)
+    kept = await _tried(recording, lambda: library.library.mark(recording, marker))
+    library.changed()
+    return Marker(kept.time, body.kind, kept.text, kept.device, kept.id)
 
 
-def _span(t0: float, t1: float) -> tuple[float, float]:
-    if not (abs(t0) < MOST_TIME and abs(t1) < MOST_TIME) or t1 < t0:  # nor NaN
-        raise ApiError(422, "bad-span", f"From {t0:g} to {t1:g} is no stretch of time.", "Unix seconds, t0 ≤ t1.")
-    return t0, t1
+@router.delete("/{recording}", responses=responses(404, 409, 422, 507))
+async def delete_recording(recording: str, library: TheLibrary, entry: OneEntry) -> RecordingInfo:
+    """Into the bin, from where it can be taken back for 7 days."""
+    if library.is_recording(entry):
+        raise not_now(recording)
+    gone = await _tried(recording, lambda: library.library.delete(recording))
+    library.changed()
+    return library.told(gone)
 
 
-def _number(word: str, infos: Mapping[int, wire.ChannelInfo], device: str = "") -> int:
-    """The channel of an id or a name; of several of one name the newest."""
-    if word.isdecimal() and int(word) in infos:
-        return int(word)
-    named = [number for number, info in infos.items() if info.name == word and device in ("", info.device)]
-    if named:
-        return max(named)
-    there = ", ".join(sorted({info.name for info in infos.values()}))
-    raise ApiError(404, "not-found", f"There is no channel {word:.60}.", f"There are: {there:.400}.")
+@router.post("/{recording}/undelete", responses=responses(404, 409, 422, 507))
+async def undelete_recording(recording: str, library: TheLibrary) -> RecordingInfo:
+    """Back from the bin."""
+    entry = await _tried(recording, lambda: library.library.undelete(recording))
+    library.changed()
+    return library.told(entry)
 
 
-def _only_one(request: Request) -> None:
-    if len(request.query_params.getlist("channel")) > 1:
-        hint = "Ask for each, or export several as one table (csv-aligned)."
-        raise ApiError(422, "too-many", "One channel comes at a time, and several were named.", hint)
+@router.get(
+    "/{recording}/download",
+    responses={**bytes_of("application/x-mcap", "text/csv"), **responses(404, 409, 422)},
+    response_class=StreamingResponse,
+)
+async def download(recording: str, library: TheLibrary, entry: OneEntry) -> StreamingResponse:
+    """One file with everything in it: bytes, times, events, markers, title, tags, notes (MCAP; of a CSV file CSV)."""
+    if library.is_recording(entry):
+        raise not_now(recording)
+    name = file_name(entry)
+    kind = "text/csv" if name.endswith("csv") else "application/x-mcap"
+    return await _file(name, kind, lambda out: whole(entry, out))
 
 
-def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
-    names = [column.name for column in info.columns]
-    wanted = [word for word in words.split(",") if word]
-    for word in wanted:
-        if word not in names:
-            there = ", ".join(names)
-            raise ApiError(404, "not-found", f"{info.name} has no column {word:.60}.", f"It has: {there:.400}.")
-    return [names.index(word) for word in wanted] or None
+@router.get(
+    "/{recording}/original",
+    responses={**bytes_of(BYTES), **responses(404, 409, 422)},
+    response_class=StreamingResponse,
+)
+async def download_original(
+    library: TheLibrary,
+    entry: OneEntry,
+    device: Annotated[str, Query(max_length=100, description="where there are several")] = "",
+) -> StreamingResponse:
+    """The bytes that came from one device, one after the other, as they came."""
+    if library.is_recording(entry):
+        raise not_now(entry.id)
+    devices = [one.id for one in entry.peek.devices]
+    if not device and len(devices) > 1:
+        hint = f"Say which with ?device=: {', '.join(devices)}."
+        raise ApiError(422, "which-device", f"{entry.title:.80} holds {len(devices)} devices.", hint)
+    if device and devices and device not in devices:
+        raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {', '.join(devices)}.")
+    name = f"{entry.path.stem}-{device}" if device else entry.path.stem
+    chosen = device or (devices[0] if devices else "")
+    return await _file(f"{name}.bin", BYTES, lambda out: original(entry.path, chosen, out))
 
 
-def _is_whole(answer: Answer) -> bool:
-    return answer.exact
+async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:
+    """What is written, as it comes; ApiError where it cannot even begin."""
+    plain = "".join(c if c.isascii() and c.isprintable() and c not in '"\\' else "_" for c in name)
+    headers = {
+        "content-disposition": f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name, safe='')}",
+        "cache-control": "no-store",
+        "x-content-type-options": "nosniff",
+    }
+    try:
+        pieces = await begun(streamed(write))
+    except RecordingError as error:
+        raise ApiError(422, "cannot-open", error.message, error.hint) from None
+    except OSError as error:
+        words = f"It cannot be read: {(error.strerror or 'the disk failed').lower()}."
+        raise ApiError(422, "cannot-open", words, "Is its file still there?") from None
+    return StreamingResponse(pieces, media_type=kind, headers=headers)
 
 
-def _table(answer: Answer, format: Literal["arrow", "json"]) -> Response:
-    """Piece by piece, made in threads: neither the memory nor the loop notices how much is asked for."""
-    pieces, kind = (arrow_of(answer), ARROW) if format == "arrow" else (json_of(answer), "application/json")
-    return StreamingResponse(pieces, media_type=kind, headers={"cache-control": "no-store"})
+def _bounded(text: str | None, most: int, what: str) -> None:
+    if text is not None and len(text) > most:
+        raise ApiError(
+            422, "bad-request", f"{what} has {len(text)} characters; {most} is the most.", "Make it shorter."
+        )
+
+
+async def _tried(recording: str, work: Callable[[], Changed]) -> Changed:
+    """Work on the folder in a thread; ApiError where it cannot be done."""
+    try:
+        return await asyncio.to_thread(work)
+    except KeyError:
+        raise unknown(recording) from None
+    except NamingError as error:
+        raise ApiError(409, "name", error.message, error.hint) from None
+    except RecordingError as error:
+        raise ApiError(507, "disk", error.message, error.hint) from None

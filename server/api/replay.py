@@ -8,14 +8,14 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
-from recordings.container import RecordingError
 from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
 from recordings.replay import extent
 from server import wire
 from server.api.devices import AllSessions
 from server.api.errors import ApiError, responses
-from server.library.recorded import Play
-from server.links.file import SPEEDS
+from server.library.api_models import Play
+from server.links.capture_file import SPEEDS
 
 router = APIRouter(tags=["recordings"])
 

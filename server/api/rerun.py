@@ -25,13 +25,13 @@ from fastapi.responses import FileResponse, RedirectResponse, Response, Streamin
 from pydantic import BaseModel
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.rrd.amount import MOST, WHOLE, amount_of
+from recordings.rrd.size_limit import MOST, WHOLE, amount_of
 from server.api.errors import ApiError, bytes_of, responses
-from server.api.page import HEADERS
-from server.api.recordings import OneStore
+from server.api.recording_data import OneStore
+from server.api.static_files import HEADERS
 from server.views.proxy import ViewError
 from server.views.rerun import Feed, Rerun, Viewer, recording_stream
-from server.views.rerun_files import NAMES, folder_of, viewer_files
+from server.views.rerun_assets import NAMES, folder_of, viewer_files
 
 router = APIRouter()
 

@@ -9,19 +9,19 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from protocols.dialogues import Known
-from server.api.control import AllDesks, OneDesk, desk_of
+from protocols.transactions import Known
+from server.api.configure import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
-from server.codec import plain
+from server.control.api_models import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
 from server.control.budget import overload
-from server.control.compare import NO_DEFAULT, SideValues, compare
-from server.control.desk import Desk
-from server.control.desks import Desks
-from server.control.forms import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
+from server.control.controllers import Desks
+from server.control.device_controller import Desk
 from server.control.products import mismatch
 from server.control.reading import plain_values
+from server.control.risk_check import dangers_of
+from server.control.settings_diff import NO_DEFAULT, SideValues, compare
 from server.control.snapshots import Snapshot, SnapshotError, from_text
-from server.control.wishes import dangers_of
+from server.wire_codec import plain
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 

@@ -18,13 +18,13 @@ from fastapi import APIRouter, Depends, Query, Request, WebSocket
 from fastapi.responses import RedirectResponse, Response
 from starlette.websockets import WebSocketDisconnect
 
-from recordings.container import RecordingError
+from recordings.mcap_writer import RecordingError
 from server.api.errors import ApiError, responses
-from server.api.page import HEADERS
-from server.serving import MOST_FROM_VIEWER
-from server.views.aside import PER_S
+from server.api.static_files import HEADERS
+from server.http_server import MOST_FROM_VIEWER
 from server.views.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
-from server.views.replayed import Replayed
+from server.views.replay_sync import Replayed
+from server.views.viewer_process import PER_S
 from server.views.viser import Viser
 
 router = APIRouter()

@@ -10,11 +10,11 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from server import logs
-from server.commands.options import COMMANDS
-from server.compiled import compile_by_two, prepare_cache
+from server import logging_setup
+from server.commands.arguments import COMMANDS
 from server.config import load
-from server.live.reading import OPTIONS, Reading, key_text, reading, schema_text, taken_from
+from server.jit_cache import compile_by_two, prepare_cache
+from server.live.decode_options import OPTIONS, Reading, key_text, reading, schema_text, taken_from
 
 BOTH = "--unverified shows Secure frames without a key, and a key is given (--key or IMUSCOPE_KEY); leave one out"
 PIPE_BYTES = 1 << 20
@@ -29,18 +29,18 @@ def warm(data: Path | None) -> Path:
     folder = load(data=data).data
     first, words = prepare_cache(folder)
     for sentence in words:
-        logs.say(f"imuscope: {sentence}")
+        logging_setup.say(f"imuscope: {sentence}")
     if first:
-        logs.say("imuscope: compiling the decoders; this is done once and takes some seconds.")
+        logging_setup.say("imuscope: compiling the decoders; this is done once and takes some seconds.")
         compile_by_two()
     from protocols import jit, registry
-    from recordings import blocks  # noqa: F401 (it has compiled loops, too)
+    from recordings import mcap_reader  # noqa: F401 (it has compiled loops, too)
 
     registry.warm()
     try:
         jit.keep()
     except OSError:
-        logs.say("imuscope: compiled code could not be kept; it is compiled again next time.")
+        logging_setup.say("imuscope: compiled code could not be kept; it is compiled again next time.")
     return folder
 
 
@@ -78,9 +78,9 @@ def settled(said: Reading) -> Reading:
 
 def check_protocol(name: str) -> None:
     """UsageError: there is no protocol of that name."""
-    from server.live import speech
+    from server.live import protocol_set
 
-    known = ("auto", *speech.protocols())
+    known = ("auto", *protocol_set.protocols())
     if name and name not in known:
         raise UsageError(f"there is no protocol {name!r}; there are: {', '.join(known)}.")
 
@@ -120,7 +120,7 @@ def kept_aside(pieces: Iterable[bytes]) -> Iterator[Path]:
 def check_sources(sources: Sequence[str], given: Reading) -> None:
     """UsageError: one of them cannot be opened, ever."""
     from server.links import LinkError, open_link
-    from server.links.file import FileLink
+    from server.links.capture_file import FileLink
     from server.links.pipe import PipeLink
 
     seen: set[str] = set()

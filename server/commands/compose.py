@@ -26,22 +26,22 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.dialogues import Driver, Known
 from protocols.flag_words import nearest, word_of
+from protocols.idtp import json_codec as idtp_plain
 from protocols.idtp import messages as idtp_messages
-from protocols.idtp import plain as idtp_plain
 from protocols.idtp.commands import DATA, HEADER, readings
-from protocols.idtp.dialogues import IdtpDriver
+from protocols.idtp.driver import IdtpDriver
+from protocols.isb import json_codec as isb_plain
 from protocols.isb import messages as isb_messages
-from protocols.isb import plain as isb_plain
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Command, Field
-from protocols.xbus import items as xbus_items
+from protocols.transactions import Driver, Known
+from protocols.xbus import data_identifiers as xbus_items
+from protocols.xbus import json_codec as xbus_plain
 from protocols.xbus import messages as xbus_messages
-from protocols.xbus import plain as xbus_plain
-from protocols.xbus.strings import EM1000, EM1000_HEAD
-from server.live.reading import Reading
+from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
+from server.live.decode_options import Reading
 
 Record = Mapping[str, Any]
 NOTHING: Record = {}
@@ -98,7 +98,7 @@ def tongues(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -
 
     Args:
         key: for Secure frames of IDTP.
-        schema: the vendor's own payload types, see protocols/idtp/vendor.py.
+        schema: the vendor's own payload types, see protocols/idtp/custom_payloads.py.
     """
     xbus = {name: rows[0].fields for name, rows in xbus_messages.BY_NAME.items()}
     isb = {name: row.fields for name, row in isb_messages.BY_NAME.items()}

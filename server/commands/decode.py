@@ -1,6 +1,6 @@
 """`imuscope decode FILE -o OUT`: any file that can be read, decoded into files that other programs read.
 
-The file becomes columns, as when a page opens it (server/library/opening.py), in a folder beside OUT that is gone
+The file becomes columns, as when a page opens it (server/library/decode.py), in a folder beside OUT that is gone
 afterwards; the columns become what OUT's suffix says (recordings/exporters). The bar counts both, decoding as the first
 half.
 """
@@ -15,13 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.columns import Columns
-from recordings.container import RecordingError
+from recordings.column_store import Columns
 from recordings.exporters import FORMATS, Wish, by_suffix, export
 from recordings.importers import open_file
-from server.library.opening import decode
-from server.live.reading import Reading
-from server.live.speech import speech
+from recordings.mcap_writer import RecordingError
+from server.library.decode import decode
+from server.live.decode_options import Reading
+from server.live.protocol_set import speech
 from server.printable import printable
 
 REFUSED = ("no_key", "bad_hmac", "below_min_mode")

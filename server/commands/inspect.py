@@ -24,16 +24,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TextIO
 
-from protocols.mixture import Mixture
+from protocols.mixed_protocols import Mixture
 from protocols.registry import PROTOCOLS, ProtocolInfo, guess
-from recordings.blocks import MAGIC
-from recordings.container import RecordingError
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
-from recordings.parts import McapSource
+from recordings.mcap_reader import MAGIC
+from recordings.mcap_writer import RecordingError
+from recordings.sources import McapSource
 from server.commands.common import kept_aside
 from server.commands.inspect_table import EXPLAINED, InspectTable
-from server.commands.replaying import ReplayError, chosen
-from server.live.reading import Reading
+from server.commands.replay import ReplayError, chosen
+from server.live.decode_options import Reading
 from server.printable import json_text
 
 CHUNK = 1 << 20

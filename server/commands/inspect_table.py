@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
-from protocols.idtp.vendor import Schema
+from protocols.idtp.custom_payloads import Schema
 from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import Tongue, tongues
-from server.control.values import output_title
+from server.control.value_format import output_title
 from server.printable import printable
 
 LONGEST_WORD = 64  # characters of a word or of bytes; jsonl has all of them
@@ -52,7 +52,7 @@ NOTES: Mapping[str, str] = {
     "not_finite": "a value is not a number",
     "not_unit": "the norm of the quaternion is not 1",
 }
-"""What is odd about a frame, for a person; see protocols/idtp/listing.py."""
+"""What is odd about a frame, for a person; see protocols/idtp/inspect.py."""
 
 Line = Mapping[str, Any]
 _NOTHING = Field("")

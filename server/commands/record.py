@@ -20,16 +20,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.container import SUFFIX, RecordingError
-from recordings.packing import pack
+from recordings.compaction import pack
+from recordings.mcap_writer import SUFFIX, RecordingError
 from server import wire
-from server.control.desks import Desks
+from server.control.controllers import Desks
 from server.library.recorder import Plan, Recorder
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.live import speech
+from server.live import protocol_set
+from server.live.decode_options import Reading
 from server.live.hub import Hub
-from server.live.reading import Reading
 from server.live.sequence_store import SequenceStore
 from server.live.session import Session
 from server.live.sessions import Sessions
@@ -108,7 +108,7 @@ async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
     now_ns = steady_clock()
     hub = Hub(lambda: now_ns() / 1e9, history_s=1)
     sessions = Sessions(
-        hub, open_link, speech.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(wish.data)
+        hub, open_link, protocol_set.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(wish.data)
     )
     desks = Desks(hub, sessions, wish.data, 20)
     recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent, follow_clock=False), None, time.time_ns)

@@ -8,10 +8,10 @@ import socket
 import time
 from typing import TYPE_CHECKING
 
-from server import logs
+from server import logging_setup
 from server.commands.common import BOTH, UsageError, check_sources, placed, warm
 from server.config import Config, load
-from server.live.reading import key_text
+from server.live.decode_options import key_text
 from server.version import VERSION
 
 if TYPE_CHECKING:
@@ -29,19 +29,19 @@ def serve(options: argparse.Namespace) -> None:
     if options.key is not None and options.unverified:
         raise UsageError(BOTH)
     config = _config(options)
-    from server import serving
+    from server import http_server
     from server.auth import Access
 
     given, access = config.reading(), Access(config)
     keys = (access.view_token, access.control_token, config.key, given.key.hex() if given.key else "")
-    logs.install(config.log_format, config.log_level, logs.secrets_of(*keys))
-    keeper = serving.keeper_of(config)
+    logging_setup.install(config.log_format, config.log_level, logging_setup.secrets_of(*keys))
+    keeper = http_server.keeper_of(config)
     warm(config.data)
     from server.app import create_app
 
     check_sources(config.sources, given)
     try:
-        listener = serving.listen(config.host, config.port)
+        listener = http_server.listen(config.host, config.port)
     except OSError as error:
         hint = "Give another with --port, or 0 for any free one."
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
@@ -50,11 +50,11 @@ def serve(options: argparse.Namespace) -> None:
     url = _url(config, listener.getsockname()[1])
 
     def ready() -> None:
-        logs.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
+        logging_setup.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
         _tell(config, access, url, keeper.tls.fingerprint if keeper is not None else "")
 
     try:
-        serving.run(create_app(config, access), listener, ready, keeper)
+        http_server.run(create_app(config, access), listener, ready, keeper)
     except RuntimeError as error:
         raise UsageError(str(error)) from None
 
@@ -86,7 +86,7 @@ def _config(options: argparse.Namespace) -> Config:
 
 def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:
     """Where the page is, for whom, and what a person should know at the start."""
-    from server.failures import UNGUESSABLE, short_tokens
+    from server.login_throttle import UNGUESSABLE, short_tokens
 
     if access.control_token and not config.is_loopback:
         print(
@@ -98,10 +98,10 @@ def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:
     if fingerprint:
         print(f"SHA-256 of its certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
-        logs.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+        logging_setup.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
     if not config.sources:
         words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
-        logs.say(f"{words} See `imuscope serve --help`.")
+        logging_setup.say(f"{words} See `imuscope serve --help`.")
 
 
 def _url(config: Config, port: int) -> str:

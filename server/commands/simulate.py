@@ -3,7 +3,7 @@
     $ imuscope simulate xbus?product=MTi-680G --pty /tmp/imu
     MTi-680G at /tmp/imu (/dev/pts/5), 115200 Bd. Ctrl-C ends it.
 
-The device is the one that `imuscope twin:xbus` shows, with the same options (server/links/twin.py), behind a real
+The device is the one that `imuscope twin:xbus` shows, with the same options (server/links/simulator.py), behind a real
 pseudo-terminal: PATH is a symbolic link to it, and a program that opens it at another rate than the device's hears
 noise. Over TCP there is no rate; one client after the other, or several at once, speak to the same device, whose bytes
 all of them get. The device is switched on from the start and keeps its settings until the command ends.
@@ -21,8 +21,8 @@ from typing import TextIO
 
 from server.links.base import LinkError
 from server.links.simulated_device import TwinOptions, make_device
-from server.links.sources import Source
-from server.links.twin import Bench
+from server.links.simulator import Bench
+from server.links.source_url import Source
 
 PREFIX = "twin:"
 RATE_LOOK_S = 0.05  # how soon the TCP side follows a new rate of the device

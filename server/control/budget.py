@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from protocols.dialogues import Values
 from protocols.layouts import EncodeError
-from server.control.forms import LoadInfo
+from protocols.transactions import Values
+from server.control.api_models import LoadInfo
 from server.control.preview import Present, load_of
-from server.control.runner import group
+from server.control.transaction_runner import group
 
 OVER_HINT = (
     "Ask for fewer outputs or lower rates (“Make it fit” proposes some), or set the line to a higher rate first."

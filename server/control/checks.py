@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from protocols.layouts import EncodeError
-from protocols.limits import problems
 from protocols.schema import Field
-from server.control.forms import FieldProblem
-from server.control.values import head_of
+from protocols.validation import problems
+from server.control.api_models import FieldProblem
+from server.control.value_format import head_of
 
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:

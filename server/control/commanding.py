@@ -12,13 +12,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Collection
 
-from protocols.dialogues import AT_REST, InState, RefusedError, SilentError, Values
-from server.codec import plain
-from server.control.desk import Desk, DeskError, JobError, Task
+from protocols.transactions import AT_REST, InState, RefusedError, SilentError, Values
+from server.control.device_controller import Desk, DeskError, JobError, Task
 from server.control.reading import Reader
-from server.control.runner import group
-from server.control.trials import RESTORE_HINT
+from server.control.rollback import RESTORE_HINT
+from server.control.transaction_runner import group
 from server.links.base import LinkError
+from server.wire_codec import plain
 
 LISTEN_S = 1.0  # for what a device answers to bytes that nobody understands here
 AWAKE_TRIES = 5  # about a second each: how long a device that restarts is waited for before it is read

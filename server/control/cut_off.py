@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.dialogues import RefusedError, SilentError, Values, Written
-from server.control import errands
-from server.control.desk import Desk, JobError, Task
+from protocols.transactions import RefusedError, SilentError, Values, Written
+from server.control import settings_procedures
+from server.control.device_controller import Desk, JobError, Task
 from server.links.base import LinkError
 
 RETURN_S = 120.0  # for a person who looks for the plug
@@ -48,10 +48,10 @@ async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str
     desk.step(task, "The device stopped answering; waiting for it")
     end = time.monotonic() + RETURN_S
     while time.monotonic() < end:
-        found: errands.Survey | None = None
+        found: settings_procedures.Survey | None = None
         try:
             if await desk.run(desk.driver.alive(desk.known)):
-                body = errands.survey(desk.driver, desk.known, names, lambda words: desk.step(task, words))
+                body = settings_procedures.survey(desk.driver, desk.known, names, lambda words: desk.step(task, words))
                 found = await desk.run(desk.driver.within(body, desk.known))
         except LinkError:
             desk.step(task, "Its port is gone: connect the device again")
@@ -81,7 +81,7 @@ def merged(
 def account(desk: Desk, written: Sequence[Written]) -> str:
     """ "Location ID has the new values, Baud rate not." """
     rows = desk.rows
-    lacking = {one.setting for one in errands.outcomes(desk.driver, rows, written)}
+    lacking = {one.setting for one in settings_procedures.outcomes(desk.driver, rows, written)}
     titles = {one.setting: rows[one.setting].title or one.setting for one in written}
     new = [title for name, title in titles.items() if name not in lacking]
     old = [title for name, title in titles.items() if name in lacking]

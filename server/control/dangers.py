@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from protocols.dialogues import Driver, Known, Values
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
+from protocols.transactions import Driver, Known, Values
 
 UNASKED = ("", "wears-flash")
 RESTARTS = "The device restarts so that this takes effect; it sends nothing for about two seconds."

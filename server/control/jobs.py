@@ -2,7 +2,7 @@
 
     apply   read everything ─> snapshot on disk ─> what is different ─> write ─> (restart) ─> read back ─> outcomes
                                                           │ could cut the line
-                                                          └─> server/control/trials.py
+                                                          └─> server/control/rollback.py
 
 Every job of these ends with the device measuring, also when it fails (Driver.within), unless a person has sent it to
 the config state before: it stays there then.
@@ -16,19 +16,19 @@ from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from protocols.dialogues import Dialogue, Driver, Known, LineChange, RefusedError, SilentError, Values, Written
 from protocols.schema import Setting
-from server.codec import plain
-from server.control import commanding, cut_off, errands
+from protocols.transactions import Dialogue, Driver, Known, LineChange, RefusedError, SilentError, Values, Written
+from server.control import commanding, cut_off, settings_procedures
 from server.control.budget import OVER_HINT, overload
-from server.control.desk import Desk, JobError, Task
+from server.control.device_controller import Desk, JobError, Task
 from server.control.reading import Reader
-from server.control.runner import group
+from server.control.rollback import RESTORE_HINT, Hand, Record, Trials
 from server.control.snapshots import Snapshots
-from server.control.trials import RESTORE_HINT, Hand, Record, Trials
-from server.control.values import field_at, title_at, value_at, words
+from server.control.transaction_runner import group
+from server.control.value_format import field_at, title_at, value_at, words
 from server.links.base import LinkError
 from server.live.member import address_of, name_of
+from server.wire_codec import plain
 
 MOST_WORDS = 12  # changes that a trial lists
 CHANGED_HINT = (
@@ -47,7 +47,7 @@ class Change:
         restart: they take effect by a restart.
     """
 
-    found: errands.Survey
+    found: settings_procedures.Survey
     todo: dict[str, dict[str, Any]]
     held: Collection[str]
     restart: bool
@@ -106,11 +106,11 @@ class Jobs:
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
                 raise JobError(f"This device has no setting {', '.join(unknown)} that can be written.", "Leave it out.")
-            todo = errands.wanted(desk.driver, rows, found.values, changes)
+            todo = settings_procedures.wanted(desk.driver, rows, found.values, changes)
             if not todo:
                 task.job.message = "Nothing to change: the device has these settings already."
                 return
-            changed = errands.changed_elsewhere(desk.driver, rows, found.values, base, todo)
+            changed = settings_procedures.changed_elsewhere(desk.driver, rows, found.values, base, todo)
             if changed:
                 raise JobError(f"{changed} was changed elsewhere since it was last shown.", CHANGED_HINT)
             why = overload(replace(desk.present, values=found.values), todo)
@@ -141,7 +141,7 @@ class Jobs:
 
     async def _write_in_place(self, desk: Desk, task: Task, change: Change) -> list[Written]:
         """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
-        would stay silent, with half of the settings; the next one puts it back (server/control/trials.py)."""
+        would stay silent, with half of the settings; the next one puts it back (server/control/rollback.py)."""
         known = all(change.found.values.get(name) for name in change.todo)
         record = self._record(desk, change, ()) if known else None
         if record is not None:
@@ -180,7 +180,7 @@ class Jobs:
         back = await cut_off.read_back(desk, task, list(todo))
         desk.cut_off = {}
         written = cut_off.merged(todo, written, back)
-        task.job.outcomes = errands.outcomes(desk.driver, desk.rows, written)
+        task.job.outcomes = settings_procedures.outcomes(desk.driver, desk.rows, written)
         if task.job.outcomes:
             words = cut_off.account(desk, written)
             raise JobError(f"The device stopped answering while it was written. Read back: {words}", cut_off.AGAIN_HINT)
@@ -195,7 +195,9 @@ class Jobs:
             hint = "Wait a few seconds and read its settings; if it stays silent, switch it off and on."
             raise JobError("The device does not answer after its restart.", hint)
         names = [one.setting for one in written]
-        back = await self._reader.survey(desk, task, [*names, *errands.altered(desk.driver, desk.known, names)])
+        back = await self._reader.survey(
+            desk, task, [*names, *settings_procedures.altered(desk.driver, desk.known, names)]
+        )
         return [replace(one, got=back.values.get(one.setting)) for one in written]
 
     def _record(
@@ -246,7 +248,7 @@ class Jobs:
             if one.got is not None:
                 desk.values[one.setting] = {**desk.values.get(one.setting, {}), **one.got}
         job = task.job
-        job.outcomes = errands.outcomes(desk.driver, rows, written)
+        job.outcomes = settings_procedures.outcomes(desk.driver, rows, written)
         refused = [one for one in job.outcomes if not one.path]
         good = len(written) - len(refused)
         job.message = f"{good} of {len(written)} settings written and read back"
@@ -350,10 +352,10 @@ def _writing(desk: Desk, task: Task, change: Change) -> Dialogue[list[Written]]:
     def tell(words: str) -> None:
         desk.step(task, words)
 
-    written = yield from errands.write_all(desk.driver, desk.known, change.todo, tell, change.held)
-    also = [] if change.restart else errands.altered(desk.driver, desk.known, change.todo)
+    written = yield from settings_procedures.write_all(desk.driver, desk.known, change.todo, tell, change.held)
+    also = [] if change.restart else settings_procedures.altered(desk.driver, desk.known, change.todo)
     if also and not all(one.refused for one in written):
-        found = yield from errands.survey(desk.driver, desk.known, also, tell)
+        found = yield from settings_procedures.survey(desk.driver, desk.known, also, tell)
         desk.learn(found.known, found.values, found.missing)
     return written
 

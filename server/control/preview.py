@@ -14,14 +14,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.dialogues import Driver, Known, Load, Values
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
-from server.codec import plain
+from protocols.transactions import Driver, Known, Load, Values
+from server.control.api_models import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
 from server.control.checks import problems_of, sentence, unlike
-from server.control.compare import SideValues, compare
-from server.control.forms import FieldProblem, FitAnswer, FrameInfo, LoadInfo, PartInfo, PreviewAnswer, SpanInfo
-from server.control.values import numbers
+from server.control.settings_diff import SideValues, compare
+from server.control.value_format import numbers
+from server.wire_codec import plain
 
 MOST_FRAMES = 32
 

@@ -12,11 +12,11 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.dialogues import Values
-from server.control import errands
-from server.control.desk import Desk, JobError, Task
+from protocols.transactions import Values
+from server.control import settings_procedures
+from server.control.device_controller import Desk, JobError, Task
+from server.control.rollback import Trials
 from server.control.snapshots import Snapshot, SnapshotError, Snapshots
-from server.control.trials import Trials
 
 FIRST = "First contact"
 
@@ -33,9 +33,9 @@ class Reader:
         self._snapshots = snapshots
         self._trials = trials
 
-    async def survey(self, desk: Desk, task: Task, names: Sequence[str] | None) -> errands.Survey:
+    async def survey(self, desk: Desk, task: Task, names: Sequence[str] | None) -> settings_procedures.Survey:
         driver, known = desk.driver, desk.known
-        body = errands.survey(driver, known, names, lambda words: desk.step(task, words))
+        body = settings_procedures.survey(driver, known, names, lambda words: desk.step(task, words))
         found = await desk.run(driver.within(body, known))
         desk.learn(found.known, found.values, found.missing)
         if desk.cut_off and set(desk.cut_off) <= set(found.values):  # what it took is known now: nothing goes back
@@ -45,7 +45,9 @@ class Reader:
                 desk.cut_off = {}
         return found
 
-    async def keep(self, desk: Desk, found: errands.Survey, title: str, reason: str, *, pinned: bool = False) -> str:
+    async def keep(
+        self, desk: Desk, found: settings_procedures.Survey, title: str, reason: str, *, pinned: bool = False
+    ) -> str:
         """A snapshot of what was found, on disk; its name."""
         protocol = desk.session.info.protocol
         there = await asyncio.to_thread(self._snapshots.all, protocol, found.known.serial_number)

@@ -25,7 +25,7 @@
 
 Values are wire values by field name, as `imuscope inspect` prints them; what they mean is in the comments. A file is
 complete or says under `missing` what it could not hold and why. It is written whole or not at all
-(recordings/durable.py).
+(recordings/atomic_write.py).
 
 Names never become paths: a file is found among those that are there. Text from outside may have no anchors (a few lines
 of them unfold into gigabytes) and is bounded; what it holds is checked for shape here, and for meaning by the driver.
@@ -47,10 +47,10 @@ from typing import Any
 import yaml
 
 from protocols.schema import Field, Setting
-from recordings import durable
-from recordings.container import newer
-from server.control.forms import SnapshotBody, SnapshotInfo
-from server.control.values import comment, entry_comment
+from recordings import atomic_write
+from recordings.mcap_writer import newer
+from server.control.api_models import SnapshotBody, SnapshotInfo
+from server.control.value_format import comment, entry_comment
 
 FORMAT = 1
 RECENT = 20  # that are looked through for a value of the past; reading all would take seconds
@@ -340,7 +340,7 @@ class Snapshots:
         with self._lock:
             name = self._free(folder, snapshot)
             try:
-                durable.write(folder / f"{name}.yaml", text)
+                atomic_write.write(folder / f"{name}.yaml", text)
             except OSError as error:
                 hint = f"Is there space, and may this server write to {self._folder}?"
                 raise SnapshotError(f"The snapshot could not be kept: {error.strerror}.", hint) from None
@@ -378,7 +378,7 @@ class Snapshots:
 
     def delete(self, protocol: str, serial_number: str, name: str) -> None:
         """KeyError: there is none of that name."""
-        durable.remove(self._everywhere(protocol, serial_number)[name])
+        atomic_write.remove(self._everywhere(protocol, serial_number)[name])
 
     def _everywhere(self, protocol: str, serial_number: str) -> dict[str, Path]:
         """The files of a device by name, also those under a number that it had before."""
@@ -427,7 +427,7 @@ class Snapshots:
             return
         loose = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
         for name in loose[: len(paths) - KEPT]:
-            durable.remove(paths[name])
+            atomic_write.remove(paths[name])
 
 
 def _info_of(path: Path) -> SnapshotInfo:

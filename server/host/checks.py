@@ -375,14 +375,14 @@ def processor(machine: Machine) -> Iterator[Finding]:
 
 def program(machine: Machine) -> Iterator[Finding]:
     """imuscope itself."""
-    from server import compiled
+    from server import jit_cache
 
-    if compiled.is_there(machine.data):
+    if jit_cache.is_there(machine.data):
         yield Finding("ok", "compiled code", "The decoders are compiled.")
     else:
         words = "Not there yet: the next start compiles the decoders, which takes some seconds, once."
         yield Finding("ok", "compiled code", words)
-    page = Path(compiled.__file__).parent / "page" / "index.html"
+    page = Path(jit_cache.__file__).parent / "page" / "index.html"
     if not page.is_file():
         yield Finding("problem", "page", "It is not built.", ("python web/build.py, or install imuscope from a wheel",))
     if machine.port and (who := _listener(machine)):

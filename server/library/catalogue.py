@@ -1,8 +1,8 @@
 """The library as the page is told it: the folder's recordings, which are open, which is being recorded, what changed.
 
-    recordings/library.py     what lies in the folder
-    server/library/shelf.py   which of it has been decoded       ──> RecordingInfo, and the op `library` on every change
-    hub.recorder              what is being written now
+    recordings/library.py           what lies in the folder
+    server/library/column_cache.py  which of it is decoded   ──> RecordingInfo, and the op `library` on every change
+    hub.recorder                    what is being written now
 
 What the list wants to know of a recording beyond its file (motion, losses, counts) is kept when its columns are first
 found; one that was recorded here is opened for that as soon as it is packed, and others one after the other while
@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.concurrency import run_in_threadpool
 
-from recordings.container import RecordingError
 from recordings.library import Entry, Library
-from server.library.recorded import Marker, RecordedDevice, RecordingInfo
+from recordings.mcap_writer import RecordingError
+from server.library.api_models import Marker, RecordedDevice, RecordingInfo
 from server.live.hub import Hub
 
 if TYPE_CHECKING:
-    from server.library.shelf import Shelf
+    from server.library.column_cache import Shelf
 
 log = logging.getLogger("imuscope.library")
 

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Message
-from recordings.columns import ColumnsWriter, Shape
-from recordings.derived import euler_columns
-from recordings.fared import FaredWriter
+from recordings.column_store import ColumnsWriter, Shape
+from recordings.euler import euler_columns
+from recordings.health_history import FaredWriter
 from recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from server import wire
 from server.live.channels import Piece, clock_alone
 from server.live.hub import Dated, Hub
-from server.live.raws import Payloads, described
+from server.live.unknown_payloads import Payloads, described
 
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 MOST_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not make a file of each
@@ -167,7 +167,7 @@ class Collector(Hub):
         return info
 
     def _angles(self, piece: Piece) -> None:
-        """Euler angles of what is not sent as such (recordings/derived.py)."""
+        """Euler angles of what is not sent as such (recordings/euler.py)."""
         number = self._derived.get(piece.channel)
         if number is None:
             number = self._derived[piece.channel] = self._derive(self.infos[piece.channel])

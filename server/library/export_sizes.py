@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from recordings.bounds import TooLong, bounded
-from recordings.container import RecordingError
 from recordings.exporters import FORMATS, Wish, export
-from recordings.orphans import end_with_parent
-from server.library.export_aside import wish_of
+from recordings.mcap_writer import RecordingError
+from recordings.parent_death import end_with_parent
+from server.library.export_worker import wish_of
 from server.library.one_file import one_file
 
 SAMPLED = tuple(name for name, one in FORMATS.items() if not one.needs_source)

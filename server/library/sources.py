@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 HOUSES = ("protocols", "recordings", "server")
-BEGIN = "server.library.open_aside"
+BEGIN = "server.library.decode_worker"
 SIMULATORS = frozenset(
     ("answers", "device", "measurement", "moods", "motion", "quantities", "simulator", "simulated_device")
 )  # of protocols

@@ -3,8 +3,8 @@
     start ──> ask: a wish, one JSON object on its standard input ──> what it tells, a JSON line at a time ──> wait
                                                                                           or ──> end, at any moment
 
-It lowers its own priority, and ends when the server is killed (recordings/orphans.py). One that is given words on its
-command line reads no standard input. What it writes to standard error goes into the server's.
+It lowers its own priority, and ends when the server is killed (recordings/parent_death.py). One that is given words on
+its command line reads no standard input. What it writes to standard error goes into the server's.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from recordings.container import RecordingError
+from recordings.mcap_writer import RecordingError
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -1,5 +1,5 @@
 """Links: where bytes come from. What a link promises is in `server.links.base`, how a source is written in
-`server.links.sources`.
+`server.links.source_url`.
 
     link = open_link("serial:///dev/ttyUSB0?baud=921600", LinkSettings(now_ns=steady_clock()))
     await link.open(progress=print)
@@ -11,14 +11,14 @@
 from __future__ import annotations
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try, steady_clock
-from server.links.file import SPEEDS, FileLink
+from server.links.capture_file import SPEEDS, FileLink
 from server.links.pipe import PipeLink, is_pipe
 from server.links.replay import OPTIONS, ReplayLink, expanded, is_recording
 from server.links.serial import Line, SerialLink
 from server.links.simulated_device import TwinOptions
-from server.links.sources import Source
+from server.links.simulator import TwinLink
+from server.links.source_url import Source
 from server.links.tcp import TcpLink, TcpListenLink
-from server.links.twin import TwinLink
 from server.links.udp import UdpLink
 
 __all__ = [

@@ -4,7 +4,7 @@
     more waits behind it       a capture comes faster than it was made: it is played by the device's own clock
 
 So a live stream is never held back, and a file that is poured in looks as if its device were there (see
-recordings/pace.py). A recording does not come through a pipe: its index is at its end, and each
+recordings/capture_timing.py). A recording does not come through a pipe: its index is at its end, and each
 of its devices is a source.
 """
 
@@ -20,13 +20,13 @@ from collections.abc import Callable
 from typing import BinaryIO, cast
 
 from protocols.events import Decoder
-from recordings.blocks import MAGIC
-from recordings.pace import LONGEST_PAUSE_NS, Pace
+from recordings.capture_timing import LONGEST_PAUSE_NS, Pace
+from recordings.mcap_reader import MAGIC
 from server.links.base import Chunk, LinkError, Progress
-from server.links.file import FULL_BYTES, FileLink
-from server.links.hearing import hear
-from server.links.pump import Inbox
-from server.links.words import progress_line
+from server.links.capture_file import FULL_BYTES, FileLink
+from server.links.detection_text import hear
+from server.links.reader_thread import Inbox
+from server.links.text import progress_line
 
 STDIN = "/dev/stdin"
 HEAD_BYTES, HEAD_S = 1024, 0.4  # what the protocol is judged by; so long after the first byte with fewer

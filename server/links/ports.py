@@ -2,8 +2,8 @@
 
 `list_ports` looks without touching: the operating system's list, described by USB maker and product, with the reason
 why a port cannot be opened (in use, no permission). `scan` also listens: it opens each free port at one rate after
-another and says what was heard, in the words of `server.links.scan`. A port that a session has, or another program, is
-left alone.
+another and says what was heard, in the words of `server.links.baud_scan`. A port that a session has, or another
+program, is left alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from serial import SerialException
 from serial.tools import list_ports as system_ports
 
 from server.links.base import LinkError, Try
-from server.links.scan import scan as scan_rates
+from server.links.baud_scan import scan as scan_rates
 from server.links.serial import Line, gone, holder, lock_of, open_port
 from server.printable import printable
 

@@ -6,7 +6,7 @@
 
 Each device of a file is a link of its own (`expanded`); those that are opened together keep step, because they begin at
 the same moment of the same clock. Any file that can be imported is played so when a stretch or device is asked for; a
-capture without times otherwise goes by its device's own clock (server/links/file.py).
+capture without times otherwise goes by its device's own clock (server/links/capture_file.py).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ import threading
 from pathlib import Path
 from urllib.parse import quote
 
-from recordings.blocks import MAGIC
-from recordings.container import RecordingError
 from recordings.importers import open_file
-from recordings.parts import Source as File
+from recordings.mcap_reader import MAGIC
+from recordings.mcap_writer import RecordingError
 from recordings.replay import Replay, extent
+from recordings.sources import Source as File
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.file import FULL_BYTES, SPEEDS, FileLink
-from server.links.pump import Inbox
-from server.links.sources import Source, bad
-from server.links.words import progress_line
+from server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
+from server.links.reader_thread import Inbox
+from server.links.source_url import Source, bad
+from server.links.text import progress_line
 
 TOGETHER_NS = 1_000_000_000  # links of one file that are opened within begin together
 LONGEST_S = 1e7

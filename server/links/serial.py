@@ -1,7 +1,7 @@
 """How does a serial port become a link?
 
 pyserial opens and configures the port, and that is all it does here: its own read costs twice the processor time of
-`os.read` in a waiting thread (`server.links.pump`), and its exceptions hide the reason that a person needs.
+`os.read` in a waiting thread (`server.links.reader_thread`), and its exceptions hide the reason that a person needs.
 
     baud, bits, parity, stop ──> capacity = baud / (1 start + bits + parity + stop)   bytes/s
 
@@ -34,11 +34,11 @@ from typing import Any
 
 import serial
 
-from server.links.adapters import adapter_at, moved, port_now
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.pump import GONE, READ_BYTES, PumpedLink, closed, hung_up, write_all
-from server.links.scan import find_baud
-from server.links.sources import Source
+from server.links.baud_scan import find_baud
+from server.links.reader_thread import GONE, READ_BYTES, PumpedLink, closed, hung_up, write_all
+from server.links.source_url import Source
+from server.links.usb_adapters import adapter_at, moved, port_now
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 FLOWS = ("none", "rtscts", "xonxoff", "dsrdtr")

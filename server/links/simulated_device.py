@@ -1,6 +1,6 @@
 """A simulated device as a source names it: which families, products and options there are, and a device made of them.
 
-The grammar of the options is in server/links/twin.py, which puts a device behind a port.
+The grammar of the options is in server/links/simulator.py, which puts a device behind a port.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from protocols.xbus.moods import NONE, Moods
+from protocols.xbus.simulator.faults import NONE, Moods
 from server.links.base import LinkError
-from server.links.cable import Faults
-from server.links.packets import PACKET
-from server.links.sources import Source, bad
+from server.links.ftdi_packets import PACKET
+from server.links.simulated_line import Faults
+from server.links.source_url import Source, bad
 
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
@@ -49,7 +49,7 @@ class Family:
 
 
 def _mti() -> tuple[str, ...]:
-    from protocols.xbus.settings import PRODUCTS  # when first used: its tables load what is compiled
+    from protocols.xbus.simulator.settings import PRODUCTS  # when first used: its tables load what is compiled
 
     return "MTi-630", *(name for name in PRODUCTS if name != "MTi-630")
 
@@ -63,7 +63,7 @@ SECURE_BYTES = 56
 
 
 class Device(Protocol):
-    """The other end of the wire (`protocols.xbus.device.XbusDevice`): no clock of its own.
+    """The other end of the wire (`protocols.xbus.simulator.device.XbusDevice`): no clock of its own.
 
     Several on one line are a SharedLine.
     """
@@ -180,10 +180,10 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
     Args:
         key: for Secure frames; None for one that nobody knows.
     """
-    from protocols.idtp.device import IdtpDevice
-    from protocols.isb.device import IsbDevice
+    from protocols.idtp.simulator import IdtpDevice
     from protocols.isb.gpx import GpxDevice
-    from protocols.xbus.device import XbusDevice
+    from protocols.isb.simulator.device import IsbDevice
+    from protocols.xbus.simulator.device import XbusDevice
 
     jump = (options.jump_s, JUMP_S) if options.jump_s else None
     seed, drift = options.seed, options.drift_ppm

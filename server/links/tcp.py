@@ -20,8 +20,8 @@ import errno
 import socket
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.pump import READ_BYTES, PumpedLink, closed, write_all
-from server.links.words import heading, listen_error, place_of, progress_line
+from server.links.reader_thread import READ_BYTES, PumpedLink, closed, write_all
+from server.links.text import heading, listen_error, place_of, progress_line
 
 KEEP_IDLE_S, KEEP_EVERY_S, KEEP_COUNT = 2, 1, 3
 SILENT_NS = 1_000_000_000

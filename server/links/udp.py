@@ -15,8 +15,8 @@ import socket
 import struct
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.pump import PumpedLink
-from server.links.words import heading, listen_error, place_of, progress_line
+from server.links.reader_thread import PumpedLink
+from server.links.text import heading, listen_error, place_of, progress_line
 
 BUFFER_BYTES = 4 << 20
 MAX_DATAGRAM = 65_535

@@ -15,7 +15,7 @@ and kept as a plan, because the same layouts come thousands of times.
 People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit
 of the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
 
-Bytes that nobody has described are no numbers: they are shown as they are (server/live/raws.py).
+Bytes that nobody has described are no numbers: they are shown as they are (server/live/unknown_payloads.py).
 
 A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
 that share channels. `split` puts the pieces of each channel back into the order of the stream.
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Bits, Field, Message
-from server.live.raws import described, is_opaque
+from server.live.unknown_payloads import described, is_opaque
 from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
 
 Array = NDArray[Any]
@@ -120,7 +120,7 @@ class Channels:
 
     def _cuts(self, batch: Batch) -> list[_Cut]:
         message = batch.message
-        last = described(batch.columns, message.fields)  # the others go to server/live/raws.py
+        last = described(batch.columns, message.fields)  # the others go to server/live/unknown_payloads.py
         if not last:
             return []
         if message.split:

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from server.wire import EventInfo, EventKind
 
 MARKS: frozenset[EventKind] = frozenset({"gap", "clock", "marker"})
-# Ten gaps a second and their sum (server/live/incidents.py) over ten minutes are 6600.
+# Ten gaps a second and their sum (server/live/event_reporter.py) over ten minutes are 6600.
 MARKS_KEPT = 8000
 NEWS_KEPT = 5000
 NEWS_TO_LATE = 1000

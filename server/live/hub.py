@@ -27,14 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.events import Batch
-from server import codec, wire
+from server import wire, wire_codec
 from server.listeners import Listeners
 from server.live.channels import Piece
 from server.live.event_log import EventLog
-from server.live.outbox import Frame, History, Outbox, Packet
-from server.live.raws import Payloads
-from server.live.ring import Ring
+from server.live.ring_buffer import Ring
+from server.live.send_queue import Frame, History, Outbox, Packet
 from server.live.slices import Drain, Turns
+from server.live.unknown_payloads import Payloads
 from server.version import VERSION
 
 FEW_BROWSERS = 4
@@ -65,7 +65,7 @@ class Hub:
         now: unix seconds that never step (server/links/base.py `steady_clock`).
     """
 
-    tells_every_gap = False  # many in a short time are summed up (server/live/incidents.py)
+    tells_every_gap = False  # many in a short time are summed up (server/live/event_reporter.py)
     keeps_clocks = False  # who looks live asks neither for a device's numbers of its clock nor for every payload
 
     def __init__(self, now: Callable[[], float], *, history_s: float = HISTORY_S, budget: int = BUDGET) -> None:
@@ -189,7 +189,7 @@ class Hub:
         return self._next_exchange - 1
 
     def exchange(self, entry: wire.ExchangeEntry) -> None:
-        """A frame went to a device or came from it. Who keeps it for late browsers is server/control/exchange.py."""
+        """A frame went to a device or came from it. Who keeps it for late browsers is server/control/traffic_log.py."""
         self._new_exchange.append(entry)
         self.heard_exchange.tell(entry)
         self.request_flush()
@@ -211,10 +211,10 @@ class Hub:
     def report_health(self, report: Iterable[wire.DeviceHealth]) -> None:
         """The figures of all devices; each browser is told its own `dropped`."""
         self.health = {health.device: health for health in report}
-        shared = codec.encode_text(wire.HealthReport(list(self.health.values())))
+        shared = wire_codec.encode_text(wire.HealthReport(list(self.health.values())))
         for outbox in self.outboxes:
             own = self._health_for(outbox) if outbox.dropped_of else None
-            outbox.say_latest("health", shared if own is None else codec.encode_text(own))
+            outbox.say_latest("health", shared if own is None else wire_codec.encode_text(own))
 
     def report_raws(self, payloads: list[wire.RawPayload]) -> None:
         """What nobody has described, of all devices; told while there is any, and once when there is none any more."""
@@ -304,13 +304,13 @@ class Hub:
 
     def _tell(self, message: wire.ServerText) -> None:
         if self.outboxes:
-            text = codec.encode_text(message)
+            text = wire_codec.encode_text(message)
             for outbox in self.outboxes:
                 outbox.say(text)
 
     def _tell_latest(self, kind: str, message: wire.ServerText) -> None:
         if self.outboxes:
-            text = codec.encode_text(message)
+            text = wire_codec.encode_text(message)
             for outbox in self.outboxes:
                 outbox.say_latest(kind, text)
 
@@ -339,18 +339,18 @@ class Hub:
         self.connected += outbox.is_browser
         self.outboxes.add(outbox)
         hello = wire.Hello(VERSION, self.now(), platform.node(), self.run, self.history_s)
-        outbox.say(codec.encode_text(hello))
-        outbox.say(codec.encode_text(wire.Devices(list(self.devices.values()))))
-        outbox.say(codec.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
+        outbox.say(wire_codec.encode_text(hello))
+        outbox.say(wire_codec.encode_text(wire.Devices(list(self.devices.values()))))
+        outbox.say(wire_codec.encode_text(wire.Channels([channel.info for channel in self.channels.values()])))
         for events in self.log.for_late():
-            outbox.say(codec.encode_text(wire.Events(events)))
-        outbox.say(codec.encode_text(wire.HealthReport(list(self.health.values()))))
+            outbox.say(wire_codec.encode_text(wire.Events(events)))
+        outbox.say(wire_codec.encode_text(wire.HealthReport(list(self.health.values()))))
         if self.controls:
-            outbox.say(codec.encode_text(wire.Control(list(self.controls.values()))))
+            outbox.say(wire_codec.encode_text(wire.Control(list(self.controls.values()))))
         if self.recorder is not None:
-            outbox.say(codec.encode_text(self.recorder))
+            outbox.say(wire_codec.encode_text(self.recorder))
         if self.exports is not None:
-            outbox.say(codec.encode_text(self.exports))
+            outbox.say(wire_codec.encode_text(self.exports))
 
     @property
     def browsers(self) -> int:
@@ -373,4 +373,4 @@ class Hub:
             channel = self.channels[number]
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
-        outbox.subscribe(request.channels, History(spans), codec.encode_text(wire.Backfilled()))
+        outbox.subscribe(request.channels, History(spans), wire_codec.encode_text(wire.Backfilled()))

@@ -1,12 +1,13 @@
 """Bytes that came faster than they could be decoded, and were dropped: how many, told while it lasts.
 
-What is dropped is the oldest that waits (server/links/pump.py). A recording has it all: it takes the bytes before.
+What is dropped is the oldest that waits (server/links/reader_thread.py). A recording has it all: it takes the bytes
+before.
 """
 
 from __future__ import annotations
 
-from server.live.health import Figures
-from server.live.incidents import Incidents
+from server.live.event_reporter import Incidents
+from server.live.link_stats import Figures
 
 EVERY_S = 5.0  # between two sentences about it
 OVER_S = 10.0  # for so long after the last of it there is a notice

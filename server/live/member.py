@@ -3,7 +3,7 @@
     Session        everything about the link; of the devices on it, the first
     Member         the same link, for another of its devices: its name, address and state, its answers
 
-Whoever configures a device (server/control/desk.py) is given one or the other and need not know which.
+Whoever configures a device (server/control/device_controller.py) is given one or the other and need not know which.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Awaitable, Callable
 
 from protocols.events import Event
 from server import wire
-from server.live.reading import Reading
-from server.live.senders import Sender
+from server.live.decode_options import Reading
+from server.live.device_demux import Sender
 from server.live.session import Session
 
 

@@ -11,7 +11,7 @@ it says is believed only if the time that passed agrees, at the rate at which it
 from __future__ import annotations
 
 from protocols.events import Count, Counts
-from server.live.senders import Sender
+from server.live.device_demux import Sender
 
 SHORTEST_S = 1.0  # of a connection, from which a rate is learnt
 SHARE = 0.2  # by which rate and time may be off,

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from protocols.events import Batch, Decoder, Event, Reject, Remembers
-from server.live.reading import Reading
+from server.live.decode_options import Reading
 from server.live.sequence_store import SequenceStore
 
 FEWEST = 3  # old frames in a row, none of them accepted between

@@ -22,7 +22,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from recordings import durable
+from recordings import atomic_write
 
 log = logging.getLogger("imuscope.sequences")
 
@@ -119,7 +119,7 @@ class SequenceStore:
         for _, mark, one in kept[:-MOST]:
             del self._known[mark][one]
         if self._path is not None:
-            durable.write(self._path, json.dumps({mark: all_ for mark, all_ in self._known.items() if all_}))
+            atomic_write.write(self._path, json.dumps({mark: all_ for mark, all_ in self._known.items() if all_}))
         self._new.clear()
 
     def _read(self) -> Numbers:

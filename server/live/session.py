@@ -25,22 +25,22 @@ from dataclasses import replace
 from protocols.events import Doubt, Doubts, Event
 from server import wire
 from server.links.base import CHUNK_COST, Chunk, Link, LinkError
-from server.live.advice import Advice
 from server.live.audience import Audience
-from server.live.deafness import Deafness, not_understood
+from server.live.decode_options import Reading
+from server.live.decode_watchdog import Deafness, not_understood
+from server.live.device_demux import Reader, Senders
+from server.live.device_state import Portrait, short
 from server.live.greeting import Greeting
 from server.live.hub import Hub
-from server.live.intake import Line
+from server.live.ingest import Line
 from server.live.left_out import LeftOut
 from server.live.outage import Outage
-from server.live.patience import LINK_SILENT_HINT, SILENT_S, Patience
-from server.live.portrait import Portrait, short
-from server.live.reading import Reading
-from server.live.recognition import Speech, Unknown, unknown_hint
+from server.live.protocol_detection import Speech, Unknown, unknown_hint
 from server.live.restarts import Restarts
-from server.live.senders import Reader, Senders
 from server.live.sequence_store import SequenceStore
+from server.live.silence_watchdog import LINK_SILENT_HINT, SILENT_S, Patience
 from server.live.slices import Slices
+from server.live.stream_diagnostics import Advice
 
 log = logging.getLogger("imuscope.session")
 

@@ -10,11 +10,11 @@ from dataclasses import replace
 from server import wire
 from server.links.base import Link, LinkError, LinkSettings
 from server.links.replay import expanded
-from server.links.sources import Source
+from server.links.source_url import Source
 from server.listeners import Listeners
+from server.live.decode_options import OPTIONS, Reading, ReadingError, taken_from
 from server.live.hub import Hub
-from server.live.reading import OPTIONS, Reading, ReadingError, taken_from
-from server.live.recognition import Speech
+from server.live.protocol_detection import Speech
 from server.live.sequence_store import EVERY_S, SequenceStore
 from server.live.session import Session
 

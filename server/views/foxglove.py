@@ -7,7 +7,7 @@ The first listens on loopback only, whatever --host says; beyond this machine th
 same rules hold for both (server/auth.py): where the server needs a token, each needs it (?token=…), and the web
 application of Foxglove is a foreign page whose origin must be among `allowed_origins`.
 
-The protocol is spoken in a process of its own (server/views/foxglove_aside.py), which is started after the server
+The protocol is spoken in a process of its own (server/views/foxglove_worker.py), which is started after the server
 serves and again when it has fallen over, later each time.
 """
 
@@ -21,11 +21,11 @@ from typing import Any
 
 from server.auth import Access
 from server.live.hub import Hub
-from server.views.aside import Aside
-from server.views.door import Door, new_secret
 from server.views.proxy import ViewError
+from server.views.shared_secret import Door, new_secret
+from server.views.viewer_process import Aside
 
-MODULE = "server.views.foxglove_aside"
+MODULE = "server.views.foxglove_worker"
 OFF = -1
 DEFAULT_PORT = 8765  # where Foxglove's own tools look first
 START_S = 60.0

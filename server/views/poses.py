@@ -4,7 +4,7 @@ Everything is brought into one world, ENU (x east, y north, z up), whatever fram
 (recordings/rotations.py).
 
 Gravity is the opposite of what an accelerometer at rest feels; both it and the field are vectors in body axes. Which
-channel is the attitude and which the position is recordings/rrd/layout.py's decision, so that every view agrees.
+channel is the attitude and which the position is recordings/rrd/entities.py's decision, so that every view agrees.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
-from recordings.rrd import ground, layout
-from server.codec import Samples
-from server.views.playout import Playout
+from recordings.rrd import entities, enu
+from server.views.playout_buffer import Playout
+from server.wire_codec import Samples
 
 Floats = NDArray[np.float64]
 Info = Mapping[str, Any]
@@ -43,7 +43,7 @@ class Look:
         place: newest position: metres east, north and up of its first one.
     """
 
-    def __init__(self, device: layout.Device, infos: Sequence[Info]) -> None:
+    def __init__(self, device: entities.Device, infos: Sequence[Info]) -> None:
         self.id, self.title, self.name = device.id, device.title, device.name
         self.attitude, self.position = device.attitude, device.position
         self.frame = device.attitude.frame if device.attitude else "ENU"
@@ -53,7 +53,7 @@ class Look:
         self.gravity: Vector | None = None
         self.field: Vector | None = None
         self.place: Vector | None = None
-        self._origin: ground.Origin | None = None
+        self._origin: enu.Origin | None = None
         self._track: Floats = np.zeros((0, 4))  # time (unix s), east, north, up; ascending
         self._playout = Playout()
 
@@ -146,20 +146,20 @@ class Look:
         if self.position.kind == "local":
             there = np.isfinite(a) & np.isfinite(b) & np.isfinite(c)
             return np.column_stack((time, b, a, -c))[there]
-        there = ground.is_place(a, b)
+        there = enu.is_place(a, b)
         if not there.any():
             return np.zeros((0, 4))
         lat, lon, height = a[there], b[there], np.nan_to_num(c[there])
         if self._origin is None:
-            self._origin = ground.Origin(float(lat[-1]), float(lon[-1]), float(height[-1]))
-        return np.column_stack((time[there], ground.enu_of(lat, lon, height, self._origin)))
+            self._origin = enu.Origin(float(lat[-1]), float(lon[-1]), float(height[-1]))
+        return np.column_stack((time[there], enu.enu_of(lat, lon, height, self._origin)))
 
 
 def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[Look]:
     """All devices that tell how they lie, in order."""
     found = [
         Look(device, [info for info in channels if info["device"] == device.id])
-        for device in layout.devices_of(devices, channels)
+        for device in entities.devices_of(devices, channels)
     ]
     return [look for look in found if look.attitude]
 

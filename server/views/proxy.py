@@ -4,9 +4,9 @@
 
 What goes through is chosen, not copied: of a request its path and nothing of its headers, so no token and no cookie
 reaches a library; of a WebSocket the subprotocols that its viewer speaks, and of the messages those that whoever sends
-them may send. The viewer's port knows us by a secret (server/views/door.py). Sizes are limited both ways. Each side is
-closed with the other. A browser that takes nothing holds up only its own pipe: messages wait in the viewer, which keeps
-the newest state (viser) or drops the oldest (Foxglove), and after `STUCK_S` the browser is disconnected.
+them may send. The viewer's port knows us by a secret (server/views/shared_secret.py). Sizes are limited both ways. Each
+side is closed with the other. A browser that takes nothing holds up only its own pipe: messages wait in the viewer,
+which keeps the newest state (viser) or drops the oldest (Foxglove), and after `STUCK_S` the browser is disconnected.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from server.auth import refuse
-from server.views.door import Door
+from server.views.shared_secret import Door
 from server.wire import Problem
 
 OPEN_S = 10.0

@@ -1,7 +1,8 @@
 """The Rerun viewer: recordings streamed into it, and what devices send now.
 
-    recording ──Columns──> python -m server.views.rerun_stream ──.rrd on its standard output──> the browser
-    Hub ──aside.py──> python -m server.views.rerun_feed ──batches, base64 in JSON lines──> Feed ──> WebSocket of each
+    recording ──Columns──> python -m server.views.rrd_stream_worker ──.rrd on its standard output──> the browser
+    Hub ──viewer_process.py──> python -m server.views.rerun_worker ──batches, base64 in JSON lines──> Feed ──> WebSocket
+    of each
 
 A batch is an `.rrd` in itself, so a viewer can begin with any of them once it has been told what is static. A Feed
 keeps that and the newest `KEPT_BYTES`; who comes late gets what is static, what is live, and between that the kept
@@ -25,14 +26,14 @@ from pathlib import Path
 from typing import Any
 
 from server.live.hub import Hub
-from server.views.aside import Aside
 from server.views.proxy import ViewError
-from server.views.rerun_elsewhere import Elsewhere
+from server.views.rerun_remote import Elsewhere
+from server.views.viewer_process import Aside
 
 log = logging.getLogger("imuscope.views")
 
 ROOT = Path(__file__).resolve().parents[2]
-STREAM, FEED = "server.views.rerun_stream", "server.views.rerun_feed"
+STREAM, FEED = "server.views.rrd_stream_worker", "server.views.rerun_worker"
 PIECE = 1 << 16
 MOST_STREAMS = 4  # at once: each is a process with a hundred MB
 MOST_FEEDS = 4
@@ -47,7 +48,7 @@ async def recording_stream(wish: Mapping[str, Any], slots: asyncio.Semaphore) ->
     """A recording as `.rrd`, piece by piece; ends its process when it is not read to its end.
 
     Args:
-        wish: as rerun_stream.py says.
+        wish: as rrd_stream_worker.py says.
         slots: how many may run at once.
     """
     async with slots:

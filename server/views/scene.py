@@ -12,7 +12,7 @@ Only what moves is sent: orientations, and positions where something moves, of t
 more than the newest of each for a browser that does not keep up. Arrows follow at `SLOW_PER_S`, the track at
 `TRACK_PER_S`, because nobody sees more and each costs as much as the body. With nobody looking nothing is sent at all.
 
-Only server/views/viser_aside.py imports this: viser takes seconds to import. What is private in viser and touched here
+Only server/views/viser_worker.py imports this: viser takes seconds to import. What is private in viser and touched here
 is kept in `_closed_to_strangers` (the handlers of its wire), `_at_once` (when it sends) and `_turn` (a message of it).
 """
 
@@ -30,9 +30,9 @@ import viser
 from viser import _messages
 
 from recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
-from server.views.door import closed
 from server.views.meshes import MOST_BYTES, Mesh, MeshError, read
 from server.views.poses import Look
+from server.views.shared_secret import closed
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0

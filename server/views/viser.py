@@ -4,8 +4,8 @@
     /viser/ID/       a scene of one device                       key: the device's id
     /viser/replay-…/ a scene of a recording that a page plays    key: given by `begin`, gone with `end`
 
-viser runs in a process of its own (server/views/viser_aside.py), fed as server/views/aside.py says, and is reached
-through server/views/proxy.py. Its page opens a WebSocket at its own address without the last slash.
+viser runs in a process of its own (server/views/viser_worker.py), fed as server/views/viewer_process.py says, and is
+reached through server/views/proxy.py. Its page opens a WebSocket at its own address without the last slash.
 
     nobody looked yet ──a page or a WebSocket──> starting ──port told──> running ──nobody for IDLE_S──> stopped
                                                      ^                      │ it ended by itself: told as an event
@@ -25,13 +25,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from server.live.hub import Hub
-from server.views.aside import Aside
-from server.views.door import Door, new_secret
-from server.views.playout import MESSAGES_PER_S
+from server.views.playout_buffer import MESSAGES_PER_S
 from server.views.proxy import ViewError
-from server.views.replayed import Replayed
+from server.views.replay_sync import Replayed
+from server.views.shared_secret import Door, new_secret
+from server.views.viewer_process import Aside
 
-MODULE = "server.views.viser_aside"
+MODULE = "server.views.viser_worker"
 IDLE_S = 15.0
 START_S = 60.0
 MOST_STARTS, STARTS_WITHIN_S = 5, 60.0

@@ -33,9 +33,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
-from tests.bench import feed as feeding  # noqa: E402
+from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.process import ServerProcess, tied  # noqa: E402
+from tests.server_process import ServerProcess, tied  # noqa: E402
 
 SETTLE_S = 4.0
 
@@ -91,7 +91,7 @@ def product(browser: Browser, pages: int, readers: int, rate: float, seconds: fl
         server = contexts.enter_context(ServerProcess(f"serial://{feed.terminal}?baud=2000000", data=Path(data)))
         workers = []
         if readers:
-            reading = tied([sys.executable, str(ROOT / "tests/bench/readers.py"), server.url, str(readers)])
+            reading = tied([sys.executable, str(ROOT / "tests/bench/remote_browsers.py"), server.url, str(readers)])
             others = contexts.enter_context(subprocess.Popen(reading))
             contexts.callback(others.terminate)
         for _ in range(pages):

@@ -38,13 +38,13 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
-from recordings.container import Writer  # noqa: E402
-from tests import crowd  # noqa: E402
+from recordings.mcap_writer import Writer  # noqa: E402
+from tests import load_clients  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.bench.speakers import Speakers, frames, heard_in, numbered  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.bench.serial_devices import Speakers, frames, heard_in, numbered  # noqa: E402
+from tests.server_process import ServerProcess  # noqa: E402
 
 EARLIER, EARLIER_S = "20260101T000000Z-earlier", 60  # the recording that is exported
 SETTLE_S = 8.0
@@ -89,7 +89,7 @@ async def exported(api: Api) -> dict[str, Any]:
         await asyncio.sleep(0.5)
 
 
-def figures_of(goods: list[crowd.Good]) -> dict[str, Any]:
+def figures_of(goods: list[load_clients.Good]) -> dict[str, Any]:
     """What the clients that keep up saw since they were told to count."""
     ages = sorted(age for good in goods for age in good.ages)
     return {
@@ -109,7 +109,7 @@ class Run:
         self.options, self.server, self.speakers = options, server, speakers
         self.seconds = options.minutes * 60
         self.api = Api(server.url)
-        self.goods = [crowd.Good() for _ in range(options.clients)]
+        self.goods = [load_clients.Good() for _ in range(options.clients)]
         self.tasks: list[asyncio.Task[Any]] = []
         self.out: dict[str, Any] = {}
         self.thrown_out: list[float] = []
@@ -163,9 +163,9 @@ class Run:
         await asyncio.sleep(self.seconds / 2)
         calm = figures_of(self.goods)
         for work in (
-            crowd.stalled(self.server.url, self.thrown_out),
-            crowd.slow(self.server.url, 20_000),
-            crowd.flooding(self.server.url, self.answered),
+            load_clients.stalled(self.server.url, self.thrown_out),
+            load_clients.slow(self.server.url, 20_000),
+            load_clients.flooding(self.server.url, self.answered),
         ):
             self.start(work)
         for good in self.goods:

@@ -70,8 +70,8 @@ def frames(first: int, count: int) -> np.ndarray[Any, Any]:
 
 def make(path: Path, minutes: float) -> None:
     """The recording."""
-    from recordings.container import Writer
-    from recordings.packing import pack
+    from recordings.compaction import pack
+    from recordings.mcap_writer import Writer
 
     writer = Writer(path, {"title": "An hour"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 2_000_000, "protocol": "xbus"})
@@ -90,10 +90,10 @@ def make(path: Path, minutes: float) -> None:
 def measure(path: Path, store: Path) -> dict[str, float]:
     """What the process of its own does; figures in s and MB."""
     from protocols.registry import warm
-    from recordings.columns import Columns
-    from recordings.parts import McapSource
-    from server.library.opening import decode
-    from server.live.speech import speech
+    from recordings.column_store import Columns
+    from recordings.sources import McapSource
+    from server.library.decode import decode
+    from server.live.protocol_set import speech
 
     warm()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -28,11 +28,11 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench import feed as feeding  # noqa: E402
+from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
 from tests.server.test_recorder import lost_by_kill  # noqa: E402
+from tests.server_process import ServerProcess  # noqa: E402
 
 SETTLE_S = 3.0
 PAUSE_S = 0.5

@@ -39,7 +39,7 @@ sys.path.insert(0, str(ROOT))
 from tests import chromium  # noqa: E402
 from tests.bench.opening import make  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.server_process import ServerProcess  # noqa: E402
 
 NAME = "hour"
 TICK = os.sysconf("SC_CLK_TCK")

@@ -41,10 +41,10 @@ LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.inclu
 
 def export(store: Path, out: Path) -> dict[str, float]:
     """What the process of its own does."""
-    from recordings.columns import Columns
+    from recordings.column_store import Columns
 
     start = time.perf_counter()
-    from recordings.rrd.file import write_rrd
+    from recordings.rrd.writer import write_rrd
 
     imported = time.perf_counter() - start
     columns = Columns(store)
@@ -73,7 +73,7 @@ def fill(folder: Path) -> dict[str, float]:
     from playwright.sync_api import sync_playwright
 
     from tests import chromium
-    from tests.process import ServerProcess
+    from tests.server_process import ServerProcess
 
     with ServerProcess("udp://:0", data=folder, timeout_s=120) as server, sync_playwright() as playwright:
         urllib.request.urlopen(f"{server.url}/rerun/re_viewer.js", timeout=120).read()
@@ -113,9 +113,9 @@ def main() -> None:
         (folder / "recordings").mkdir()
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
-        from recordings.parts import McapSource
-        from server.library.opening import decode
-        from server.live.speech import speech
+        from recordings.sources import McapSource
+        from server.library.decode import decode
+        from server.live.protocol_set import speech
 
         decode(McapSource(path), folder / "store", speech())
         out = folder / "hour.rrd"

@@ -36,12 +36,12 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # c
 
 from server.config import Config  # noqa: E402
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress  # noqa: E402
-from tests import crowd  # noqa: E402
+from tests import load_clients  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import curve, resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.bench.speakers import frames, numbered  # noqa: E402
-from tests.process import tied  # noqa: E402
+from tests.bench.serial_devices import frames, numbered  # noqa: E402
+from tests.server_process import tied  # noqa: E402
 
 RATE = 2000
 CHUNKS_PER_S = 50  # 20 ms each: what a USB adapter with its timer as delivered makes of a stream
@@ -103,14 +103,14 @@ class Quick(Link):
 
 def serve(options: argparse.Namespace) -> None:
     """The server, in this process, until it is ended."""
-    from server import logs, serving
+    from server import http_server, logging_setup
     from server.app import create_app
     from server.auth import Access
-    from server.compiled import prepare_cache
+    from server.jit_cache import prepare_cache
     from server.live import sessions
 
     prepare_cache(options.data)
-    logs.install("text", "error")  # that a client does not keep up with a day in minutes is no news
+    logging_setup.install("text", "error")  # that a client does not keep up with a day in minutes is no news
     sessions.WALL_STEP_S = float("inf")  # its wall clock goes at another pace, all the time
     clock = Time()
     config = Config(
@@ -127,10 +127,10 @@ def serve(options: argparse.Namespace) -> None:
     def open_link(source: str, settings: LinkSettings) -> Link:
         return Quick(source, settings, clock, options.speed, options.hours)
 
-    listener = serving.listen("127.0.0.1", 0)
+    listener = http_server.listen("127.0.0.1", 0)
     app = create_app(config, Access(config), open_link=open_link, now_ns=clock)
     url = f"http://127.0.0.1:{listener.getsockname()[1]}"
-    serving.run(app, listener, lambda: print(url, flush=True))
+    http_server.run(app, listener, lambda: print(url, flush=True))
 
 
 class Soaked:
@@ -194,7 +194,7 @@ async def watched(soaked: Soaked, options: argparse.Namespace, look: Any) -> dic
 
 async def server_soak(soaked: Soaked, options: argparse.Namespace, data: Path) -> dict[str, Any]:
     points: list[tuple[float, float]] = []
-    good = crowd.Good()
+    good = load_clients.Good()
     reading = asyncio.create_task(good.run(soaked.url))
     try:
         out = await watched(soaked, options, lambda hours: points.append((hours, resident_mb(soaked.process.pid))))

@@ -27,7 +27,7 @@ sys.path.insert(0, str(ROOT))
 
 from tests import chromium  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.server_process import ServerProcess  # noqa: E402
 
 USABLE = "window.imuscope?.store.channels.value.some(channel => channel.ring.length > 10)"
 

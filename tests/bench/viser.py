@@ -5,9 +5,9 @@
     feed (2 kHz, pty) ──> server ──pipe──> viser's process ──loopback──> server ──> viewers
 
 Shares of one core, from /proc: of viser's process, and of the server beyond what it takes with nobody looking. A viewer
-here takes what a browser would and draws nothing (tests/looker.py); it is another process's time. Beside them how many
-orientations of the body each viewer got a second, and the yardstick: the share that the same feed costs the server with
-nobody looking.
+here takes what a browser would and draws nothing (tests/viser_client.py); it is another process's time. Beside them how
+many orientations of the body each viewer got a second, and the yardstick: the share that the same feed costs the server
+with nobody looking.
 
 Budget (issue "Rerun and viser"): `core`, both together, at most 10 % of a core at 60 Hz with one viewer.
 """
@@ -29,11 +29,11 @@ import httpx
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.bench import feed as feeding  # noqa: E402
+from tests.bench import serial_device as feeding  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.report import percentile, report  # noqa: E402
-from tests.looker import looking, turns  # noqa: E402
-from tests.process import ServerProcess  # noqa: E402
+from tests.server_process import ServerProcess  # noqa: E402
+from tests.viser_client import looking, turns  # noqa: E402
 
 RATE = 2000.0
 SETTLE_S = 3.0

@@ -14,7 +14,7 @@ from playwright.sync_api import sync_playwright
 
 from tests import chromium
 from tests.conftest import READY
-from tests.process import ROOT, ServerProcess
+from tests.server_process import ROOT, ServerProcess
 
 PICTURE = ROOT / "web" / "screenshot.png"
 FILLED_S = 42  # the twin has turned by then, and the window is full

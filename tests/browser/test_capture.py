@@ -18,8 +18,8 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.chromium import until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 TIMES = (0.1, 0.3, 0.5, 0.7, 0.9)  # as a share of the capture
 

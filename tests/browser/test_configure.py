@@ -20,8 +20,8 @@ from tests.browser.test_page import TARGETS, serious
 from tests.browser.test_pictures import picture
 from tests.chromium import until
 from tests.faults.test_kill import until as held_until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 Serve = Callable[..., ServerProcess]
 OpenPage = Callable[..., Page]

@@ -12,8 +12,8 @@ from playwright.sync_api import Page
 
 from tests.browser.test_configure import ACCELERATION, asked, configured, set_baud
 from tests.chromium import until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 Serve = Callable[..., ServerProcess]
 OpenPage = Callable[..., Page]

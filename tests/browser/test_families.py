@@ -21,16 +21,16 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from protocols.idtp.device import IdtpDevice
 from protocols.idtp.frames import build as idtp_frame
+from protocols.idtp.simulator import IdtpDevice
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_frame
 from tests.browser.test_capture import number
 from tests.browser.test_page import TARGETS, serious
 from tests.chromium import until
 from tests.conftest import READY
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 Serve = Callable[..., ServerProcess]
 OpenPage = Callable[..., Page]

@@ -18,8 +18,8 @@ import pytest
 from playwright.sync_api import Page, sync_playwright
 
 from tests import chromium
-from tests.patience import get
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import get
 
 NAME = "rebound.example"
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.bench.feed import frame
+from tests.bench.serial_device import frame
 from tests.chromium import until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 RATE = 100.0
 STATUS = "window.imuscope?.store.devices.value[0]?.status"

@@ -14,7 +14,7 @@ from playwright.sync_api import Page
 
 from tests.chromium import until
 from tests.conftest import READY
-from tests.process import ROOT, ServerProcess
+from tests.server_process import ROOT, ServerProcess
 
 AXE = ROOT / "web" / "node_modules" / "axe-core" / "axe.min.js"
 DESKTOP, PHONE = (1440, 900), (390, 844)

@@ -15,7 +15,7 @@ from playwright.sync_api import Page
 
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
 
 SIZES = {"1440": (1440, 900), "phone": (390, 844)}
 

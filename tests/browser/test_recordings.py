@@ -18,16 +18,16 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from protocols.isb.device import IsbDevice
-from protocols.xbus.device import XbusDevice
-from recordings.container import Writer
-from recordings.packing import pack
-from recordings.parts import McapSource
+from protocols.isb.simulator.device import IsbDevice
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.compaction import pack
+from recordings.mcap_writer import Writer
+from recordings.sources import McapSource
 from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
 from tests.chromium import until
 from tests.conftest import READY
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 TITLE = "Yard loop"
 RATE, SECONDS, START = 400, 8, 1_760_000_000_000_000_000

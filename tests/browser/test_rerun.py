@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route
 
-from protocols.xbus.device import XbusDevice
-from recordings.container import Writer
-from recordings.rrd.amount import amount as amount_told
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.mcap_writer import Writer
+from recordings.rrd.size_limit import amount as amount_told
 from tests.chromium import until
 from tests.conftest import ARTIFACTS
-from tests.process import ServerProcess
 from tests.server.test_opening import START, drive
+from tests.server_process import ServerProcess
 
 BODY_VIEW = (0, 40, 440, 250)  # of a window of 900 × 600: left, top, right, bottom
 

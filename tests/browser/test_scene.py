@@ -20,7 +20,7 @@ from recordings.rotations import of_euler
 from tests import conftest
 from tests.chromium import until
 from tests.conftest import ARTIFACTS, READY
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
 
 # A part of viser that nothing here uses (it sorts Gaussian splats) compiles text, which the policy forbids.
 FORBIDDEN = "Evaluating a string as JavaScript violates"

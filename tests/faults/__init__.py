@@ -26,5 +26,5 @@ say the outcomes. Where a fault was tested beside what it happens to, the test i
     browser closed in a command          faults/test_people; of a trial: browser/test_configure
     two people command at once           faults/test_people, server/test_control, server/test_configure
     SIGTERM                              faults/test_ending, server/test_recorder, server/test_cli, server/test_control;
-                                         within 2 s: tests/bench/ending.py
+                                         within 2 s: tests/bench/shutdown.py
 """

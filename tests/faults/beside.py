@@ -16,13 +16,13 @@ from pathlib import Path
 
 from httpx import Client
 
-from recordings.blocks import LENGTH, TIME, Recording
+from recordings.mcap_reader import LENGTH, TIME, Recording
+from tests.faults.fault_harness import frames
 from tests.faults.floods import RECORDING, Place
-from tests.faults.stage import frames
 from tests.faults.test_kill import received, recording, until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
-from tests.server.line import Line
+from tests.server.tcp_device import Line
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 RATE = 500.0  # of the other device, frames/s
 WITHIN_S = 1.0

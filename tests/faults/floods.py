@@ -31,11 +31,11 @@ from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
 from protocols.idtp.frames import build
-from recordings.blocks import CHUNK, LARGEST_CHUNK, MAGIC
+from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC
 from server import wire
-from tests.bench.feed import frame
-from tests.patience import PATIENCE_S, client, connect
+from tests.bench.serial_device import frame
 from tests.protocols.test_nmea import sentence
+from tests.timeouts import PATIENCE_S, client, connect
 
 DATAGRAMS = 1400, 60_000  # bytes, in turn
 PIECE = 1 << 20  # of what is sent over TCP

@@ -4,7 +4,7 @@
     the device's clock jumps      one event with its size; no sample is lost, none is shown before the one before it
     this host's clock is set back one event with its size; recorded and shown times go on as if nothing had been
 
-(Where times are mapped to: tests/protocols/test_clocks.py. Resets, turns of a loop: tests/server/test_session.py.)
+(Where times are mapped to: tests/protocols/test_counters.py. Resets, turns of a loop: tests/server/test_session.py.)
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from recordings.blocks import TIME, Recording
+from recordings.mcap_reader import TIME, Recording
 from server.config import Config
-from tests.bench.feed import frame
-from tests.faults.stage import stage, until
+from tests.bench.serial_device import frame
+from tests.faults.fault_harness import stage, until
 from tests.faults.test_kill import until as until_now
-from tests.links.bench import pty
+from tests.links.link_fixtures import pty
 from tests.server.fakes import sample
-from tests.server.running import Running
+from tests.server.in_process_server import Running
 from tests.server.test_recorder import Links, send, settled
 
 

@@ -8,8 +8,8 @@
     a recording damaged at random bytes         it opens up to the damage or around it, and says so
     … asked for over HTTP                       a detail with `damaged`, or one sentence and a hint; never 500
 
-(A folder that is removed while it is recorded: tests/recordings/test_tape.py, tests/server/test_recorder.py. Trials and
-snapshots on a full disk: tests/server/test_trials.py, test_snapshots.py.)
+(A folder that is removed while it is recorded: tests/recordings/test_recording_writer.py,
+tests/server/test_recorder.py. Trials and snapshots on a full disk: tests/server/test_rollback.py, test_snapshots.py.)
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from typing import Any
 
 import pytest
 
-from recordings.columns import Columns
-from recordings.container import RecordingError
+from recordings.column_store import Columns
+from recordings.compaction import pack
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
-from recordings.packing import pack
+from recordings.mcap_writer import RecordingError
 from server.config import Config
-from server.library.opening import decode
-from server.live.speech import speech
+from server.library.decode import decode
+from server.live.protocol_set import speech
 from tests.faults.test_kill import received, until
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, tied
 from tests.server.fakes import sample
-from tests.server.running import Running
+from tests.server.in_process_server import Running
 from tests.server.test_opening import drive
 from tests.server.test_recorder import Links, send, settled
+from tests.server_process import ROOT, tied
+from tests.timeouts import PATIENCE_S
 
 
 @pytest.fixture
@@ -84,8 +84,8 @@ def ended(running: Running) -> dict[str, Any]:
 FULL = """
 import sys, time
 from pathlib import Path
-from recordings.tape import Tape
-from recordings.blocks import Recording
+from recordings.recording_writer import Tape
+from recordings.mcap_reader import Recording
 
 folder = Path(sys.argv[1])
 tape = Tape(lambda part: folder / "a.mcap", {}, time.time_ns)

@@ -7,7 +7,7 @@
     takes an upload, writes a note   nothing of it but what was there before
     packs a recording                it is packed anew, and what the old packing still does harms nothing
 
-(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A rate on trial: tests/server/test_trials.py.)
+(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A rate on trial: tests/server/test_rollback.py.)
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from protocols.xbus.device import XbusDevice
-from recordings import packing
-from recordings.blocks import Recording
-from recordings.container import RecordingError, Writer
-from recordings.packing import is_loose
-from server.library.leftovers import LOCK, Tenancy
-from server.library.packer import left_behind
-from server.links.twin import Bench
-from tests.faults.stage import frames
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess
-from tests.server.desk import bench, outputs
-from tests.server.line import Line
+from protocols.xbus.simulator.device import XbusDevice
+from recordings import compaction
+from recordings.compaction import is_loose
+from recordings.mcap_reader import Recording
+from recordings.mcap_writer import RecordingError, Writer
+from server.library.cleanup import LOCK, Tenancy
+from server.library.compaction_worker import left_behind
+from server.links.simulator import Bench
+from tests.faults.fault_harness import frames
+from tests.server.control_harness import bench, outputs
+from tests.server.tcp_device import Line
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
 
 
 def until(condition: Callable[[], Any], what: str) -> Any:
@@ -147,7 +147,7 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3
     recording(path, wanted)
-    begin = "import sys\nfrom pathlib import Path\nfrom recordings.packing import pack\n"
+    begin = "import sys\nfrom pathlib import Path\nfrom recordings.compaction import pack\n"
     code = f"{begin}pack(Path({str(path)!r}), progress=%s)"
     held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
     with subprocess.Popen(
@@ -165,7 +165,7 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
             old.wait(60)
 
         with pytest.raises(RecordingError, match="replaced while it was packed"):
-            packing.pack(path, progress=let_it_end)
+            compaction.pack(path, progress=let_it_end)
     assert received(path) == wanted
     assert not is_loose(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

@@ -28,10 +28,10 @@ from typing import Any
 
 import pytest
 
-from tests.faults.stage import Stage, frames, stage, told, until
-from tests.links.bench import Pty, device, pty
-from tests.patience import PATIENCE_S
-from tests.process import tied
+from tests.faults.fault_harness import Stage, frames, stage, told, until
+from tests.links.link_fixtures import Pty, device, pty
+from tests.server_process import tied
+from tests.timeouts import PATIENCE_S
 
 TCP_REPAIR = 19  # Linux: close such a socket, and the other side hears nothing
 

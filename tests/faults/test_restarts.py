@@ -19,17 +19,17 @@ from pathlib import Path
 
 from httpx import Client
 
-from recordings.blocks import TIME, Recording
-from recordings.packing import is_loose, pack
+from recordings.compaction import is_loose, pack
+from recordings.mcap_reader import TIME, Recording
 from server.config import Config
-from tests.faults.stage import frames
+from tests.faults.fault_harness import frames
 from tests.faults.test_kill import received, recording, until
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess, begun
 from tests.server.fakes import sample
-from tests.server.line import Line
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.server.tcp_device import Line
 from tests.server.test_recorder import Links, send, settled
+from tests.server_process import ServerProcess, begun
+from tests.timeouts import PATIENCE_S
 
 ENOUGH = 60_000  # bytes, of more than what was lost: the recording used to end after 0.8 s
 

@@ -18,6 +18,6 @@ goes on from them. The same seed gives the same cases in the same order, whateve
 `findings/` keeps every input that ever broke something, with a sentence on what it showed; test_fuzz.py replays them
 all, and runs a short burst, with every run of the tests. `runs.json` says how long each target has run.
 
-What comes from outside is fuzzed by time: `python -m tests.fuzz http|ws|files --minutes 10` (outside.py); its findings
-and a few new cases are in test_outside.py.
+What comes from outside is fuzzed by time: `python -m tests.fuzz http|ws|files --minutes 10` (external_inputs.py); its
+findings and a few new cases are in test_outside.py.
 """

@@ -1,6 +1,6 @@
 """Run a fuzz target: `python -m tests.fuzz PROTOCOL [--minutes M | --cases N] [--seed S]`. See the package.
 
-Other targets than protocols are what comes from outside: http, ws, files (outside.py); they go by time.
+Other targets than protocols are what comes from outside: http, ws, files (external_inputs.py); they go by time.
 
 What breaks an invariant is minimised and kept under findings/; the exit status is 1 then. With --keep-account the run
 is noted in runs.json.
@@ -23,7 +23,7 @@ from tests.fuzz.cases import write
 from tests.fuzz.search import Search, minimised
 from tests.fuzz.targets import TARGETS
 
-OUTSIDE = ("http", "ws", "files")  # as in outside.py, which takes a while to load
+OUTSIDE = ("http", "ws", "files")  # as in external_inputs.py, which takes a while to load
 RUNS = Path(__file__).parent / "runs.json"
 HANG_S = 60  # no case takes a second; one that takes so long does not end
 _MOST_FINDINGS = 12
@@ -71,7 +71,7 @@ def main() -> int:
 
 def _outside(given: argparse.Namespace) -> int:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).parents[2] / "artifacts" / "numba"))
-    from tests.fuzz.outside import Run  # after that: it loads what is compiled
+    from tests.fuzz.external_inputs import Run  # after that: it loads what is compiled
 
     begin = time.monotonic()
     run = Run(given.protocol, given.seed)

@@ -36,18 +36,18 @@ import zstandard
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
-from recordings.blocks import MAGIC
-from recordings.container import RecordingError, Writer
+from recordings.compaction import pack
 from recordings.importers import open_file
 from recordings.library import Library
-from recordings.packing import pack
-from recordings.peek import peek
+from recordings.mcap_reader import MAGIC
+from recordings.mcap_writer import RecordingError, Writer
+from recordings.probe import peek
 from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
 from server.control.snapshots import SnapshotError, from_text
-from server.library.opening import decode
-from server.live.reading import ReadingError, reading
-from server.live.speech import speech
+from server.library.decode import decode
+from server.live.decode_options import ReadingError, reading
+from server.live.protocol_set import speech
 from server.views import meshes
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import Search as Decoders

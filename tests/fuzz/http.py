@@ -36,8 +36,8 @@ from schemathesis import GenerationMode
 from schemathesis.checks import CHECKS, load_all_checks
 
 from tests.fuzz.cases import FINDINGS, BrokenError
-from tests.patience import PATIENCE_S  # what takes longer does not answer
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S  # what takes longer does not answer
 
 MOST_GROWN_MB = 400.0  # of the server's memory, over all that is asked
 TWINS = ("twin:xbus", "twin:isb", "twin:idtp")

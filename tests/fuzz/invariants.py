@@ -21,12 +21,12 @@ from itertools import pairwise
 from typing import Any
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.nmea_quantities import Sentences
 from protocols.registry import PROTOCOLS, guess
-from protocols.sentences import Sentences
 from tests.fuzz import columns
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle
-from tests.protocols.speakers import KEY, UNFINISHED_TEXT, Speaker, canonical
+from tests.protocols.protocol_cases import KEY, UNFINISHED_TEXT, Speaker, canonical
 
 Lines = list[dict[str, Any]]
 Features = frozenset[tuple[Any, ...]]

@@ -11,16 +11,16 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
-from protocols.isb.tables import SETS
-from protocols.xbus.device import XbusDevice
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.dataset_loader import SETS
+from protocols.isb.simulator.device import IsbDevice
+from protocols.xbus.simulator.device import XbusDevice
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as xbus_oracle
 from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
-from tests.protocols.speakers import KEY, SPEAKERS, Speaker
+from tests.protocols.protocol_cases import KEY, SPEAKERS, Speaker
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CAPTURES = Path(__file__).parents[3] / "shared"

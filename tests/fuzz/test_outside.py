@@ -123,7 +123,7 @@ def test_files_of_nothing(files_search: files.Search, kind: str, data: bytes) ->
 @pytest.mark.parametrize("packing", ["zstd", "lz4"])
 def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path, packing: str) -> None:
     """It claimed 1 kB; zstd believed its own header instead, lz4 had no limit at all."""
-    from recordings.blocks import _unpack
+    from recordings.mcap_reader import _unpack
 
     whole = bytes(files.ROOM // 4)
     body = files.squeezed(packing, whole)

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from protocols.isb.device import IsbDevice
 from protocols.isb.frames import DATA, NACK, get_data
-from protocols.xbus.device import XbusDevice
+from protocols.isb.simulator.device import IsbDevice
 from protocols.xbus.frames import build
+from protocols.xbus.simulator.device import XbusDevice
 from tests.fuzz.mutations import spoil
 from tests.fuzz.targets import TARGETS
 from tests.protocols import isb_vectors, xbus_vectors

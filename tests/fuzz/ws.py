@@ -29,7 +29,7 @@ from websockets.typing import Subprotocol
 from server.wire import SUBPROTOCOL
 from tests.fuzz.cases import FINDINGS, BrokenError
 from tests.fuzz.http import Server
-from tests.patience import PATIENCE_S, connect
+from tests.timeouts import PATIENCE_S, connect
 
 ANSWERS = {
     "hello", "devices", "channels", "health", "raws", "events", "control", "recorder", "library", "exports", "exchange",

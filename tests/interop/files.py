@@ -16,8 +16,8 @@ from typing import Any
 import httpx
 
 from tests.interop.running import DiffersError, from_pip, imuscope, run
-from tests.process import ServerProcess
-from tests.server.test_corrections import STREAM
+from tests.server.test_correction_stream import STREAM
+from tests.server_process import ServerProcess
 
 PYMCAP = "pymcap-cli==0.34.0"
 PYGNSSUTILS = "pygnssutils==1.3.1"

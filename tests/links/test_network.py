@@ -10,10 +10,10 @@ import pytest
 
 from server.links import open_link
 from server.links.tcp import TcpLink, TcpListenLink
+from server.links.text import is_ours
 from server.links.udp import MOST_SENDERS, UdpLink
-from server.links.words import is_ours
-from tests.links.bench import dies, fails, gather, joined, left_behind, opened, settings
-from tests.patience import PATIENCE_S
+from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, settings
+from tests.timeouts import PATIENCE_S
 
 
 def run(coroutine: Any) -> Any:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.blocks import MAGIC
+from recordings.mcap_reader import MAGIC
 from server.links import LinkError, open_link
 from server.links.pipe import PipeLink
-from tests.links.bench import frame, gather, joined, settings
+from tests.links.link_fixtures import frame, gather, joined, settings
 
 
 @pytest.fixture

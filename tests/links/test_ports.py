@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from server.links import ports
-from tests.links.bench import device, pty
+from tests.links.link_fixtures import device, pty
 
 
 def run(coroutine: Any) -> Any:
@@ -55,8 +55,8 @@ def test_ports_are_described_by_maker_and_product(monkeypatch: pytest.MonkeyPatc
 
 
 def test_scan_listens_on_free_ports_and_leaves_the_others_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.scan.WINDOW_S", 0.1)
-    monkeypatch.setattr("server.links.scan.LONG_WINDOW_S", 0.05)
+    monkeypatch.setattr("server.links.baud_scan.WINDOW_S", 0.1)
+    monkeypatch.setattr("server.links.baud_scan.LONG_WINDOW_S", 0.05)
 
     async def check() -> None:
         with device(921_600) as bench, pty() as silent, pty() as taken, pty() as refused:

@@ -10,7 +10,7 @@ import pytest
 
 from server.links import LinkError, open_link
 from server.links.serial import SerialLink, try_rate
-from tests.links.bench import fails, gather, joined, settings
+from tests.links.link_fixtures import fails, gather, joined, settings
 
 
 def run(coroutine: Any) -> Any:

@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from recordings.container import Writer
-from recordings.packing import pack
+from recordings.compaction import pack
+from recordings.mcap_writer import Writer
 from server.config import Config
 from server.links import Link, LinkError, expanded, open_link
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
-from server.live.speech import speech
-from tests.links.bench import fails, frame, joined, left_behind, opened, settings, xbus
-from tests.patience import PATIENCE_S
-from tests.server.running import Running
+from server.live.protocol_set import speech
+from tests.links.link_fixtures import fails, frame, joined, left_behind, opened, settings, xbus
+from tests.server.in_process_server import Running
+from tests.timeouts import PATIENCE_S
 
 START = 1_760_000_000_000_000_000
 

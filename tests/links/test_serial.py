@@ -15,7 +15,7 @@ import serial
 
 from server.links import open_link
 from server.links.serial import Line, cannot_open, holder, latency_notices, lock_of, open_port
-from tests.links.bench import dies, fails, gather, joined, left_behind, opened, pty, settings
+from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 
 
 def run(coroutine: Any) -> Any:

@@ -1,8 +1,8 @@
 """Is mapped time as good as the design promises, behind every line and adapter, whatever the device's clock does?
 
 After 10 s: the spread around truth at most 0.2 ms, the constant bias within ±, and never backwards. Truth is the end of
-the frame on the wire (airtime.py). Where the adapter's timer is in step with the stream, nobody who sees arrivals alone
-can tell a slow clock from a delay that shrinks: there the ± must say so, and is all that is promised.
+the frame on the wire (timing_model.py). Where the adapter's timer is in step with the stream, nobody who sees arrivals
+alone can tell a slow clock from a delay that shrinks: there the ± must say so, and is all that is promised.
 """
 
 from __future__ import annotations
@@ -12,8 +12,21 @@ import itertools
 import numpy as np
 import pytest
 
-from protocols.hostclock import HostClock
-from tests.protocols.airtime import MS, PACKET, Device, S, Stream, Way, errors, mapped, reset, settled, stepped, stream
+from protocols.clock_sync import HostClock
+from tests.protocols.timing_model import (
+    MS,
+    PACKET,
+    Device,
+    S,
+    Stream,
+    Way,
+    errors,
+    mapped,
+    reset,
+    settled,
+    stepped,
+    stream,
+)
 
 SPREAD_NS = 0.2 * MS
 SIZES = (20, 45, 88, 200)
@@ -90,7 +103,7 @@ def any_stream(seed: int) -> tuple[Device, Way]:
 @pytest.mark.parametrize("is_known", [False, True], ids=["timer not known", "timer known"])
 @pytest.mark.parametrize("seed", [*range(8), 101, 126, 186, 191, 217])
 def test_any_line_and_adapter(seed: int, is_known: bool) -> None:
-    """The last five were the worst of 600, before pieces told what the last bytes of frames do not (pieces.py)."""
+    """The last five were the worst of 600, before chunk_boundaries.py told what last bytes do not."""
     device, way = any_stream(seed)
     given = stream(device, way, 30, seed=seed)
     clock = clock_of(given, way)

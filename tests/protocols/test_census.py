@@ -12,17 +12,17 @@ import pytest
 from protocols import nmea, rtcm, ubx
 from protocols.events import Text
 from protocols.idtp import messages as idtp_messages
-from protocols.idtp.plain import frame_of, plain
+from protocols.idtp.json_codec import frame_of, plain
+from protocols.isb import dataset_loader as isb_tables
 from protocols.isb import frames as isb_frames
 from protocols.isb import messages as isb_messages
-from protocols.isb import tables as isb_tables
 from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits
-from protocols.xbus import codes as xbus_codes
-from protocols.xbus import items as xbus_items
+from protocols.xbus import data_identifiers as xbus_items
+from protocols.xbus import enums as xbus_codes
 from protocols.xbus import messages as xbus_messages
-from tests.protocols.census import FOREIGN, GROUPS, PROVENANCES
 from tests.protocols.idtp_vectors import COMPUTED, KEY, frame
+from tests.protocols.vector_coverage import FOREIGN, GROUPS, PROVENANCES
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 SHARED = Path(__file__).parents[3] / "shared" / "vectors"

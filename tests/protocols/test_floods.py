@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from protocols import nmea, registry
-from protocols.xbus import strings
+from protocols.xbus import binary_strings
 from tests.protocols.test_nmea import sentence
 
 SIZE = 4 * 1024
@@ -85,7 +85,7 @@ def test_each_beginning_of_a_sentence_compared_all_that_followed() -> None:
 
 
 def test_each_record_was_compared_with_every_string() -> None:
-    assert growth(lambda data: strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MOST
+    assert growth(lambda data: binary_strings.find(data, final=True), TSS2 + EM1000, 64 * 1024) < MOST
 
 
 def test_noise_is_linear() -> None:

@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.idtp.custom_payloads import SchemaError, parse
 from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.detect import likeness
 from protocols.idtp.frames import CRC_AT, LITE, SAFETY, SECURE, VERSION_AT, build
-from protocols.idtp.likeness import likeness
-from protocols.idtp.listing import IdtpListing
-from protocols.idtp.plain import frame_of, plain
-from protocols.idtp.vendor import SchemaError, parse
+from protocols.idtp.inspect import IdtpListing
+from protocols.idtp.json_codec import frame_of, plain
 from protocols.layouts import EncodeError
 from tests.oracles import idtp as oracle
 from tests.protocols.idtp_vectors import KEY, everything

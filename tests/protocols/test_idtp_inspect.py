@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.plain import frame_of
+from protocols.idtp.json_codec import frame_of
 from server.cli import main
 from tests.protocols.idtp_vectors import KEY, VECTORS, frame, key_of
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols import motion
 from protocols.events import Batch, Gap, Reject, Step
 from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.device import EARTH_UT, IdtpDevice
 from protocols.idtp.messages import MESSAGES
+from protocols.idtp.simulator import EARTH_UT, IdtpDevice
+from protocols.simulator import trajectory
 from tests.protocols.idtp_vectors import KEY
 
 S = 1_000_000_000
@@ -31,7 +31,7 @@ def test_it_measures_the_drive() -> None:
     events = events_of(IdtpDevice(rate=50).advance(20 * S - 1))
     assert not [event for event in events if not isinstance(event, Batch)]
     t = np.arange(1000) / 50
-    truth = motion.drive(t)
+    truth = trajectory.drive(t)
     times = next(event.time_ns for event in events if isinstance(event, Batch) and event.message.name == "Imu10")
     assert times.tolist() == (np.arange(1000) * 20_000_000).tolist()
     for name, wanted, tolerance in (

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from protocols.checksums import crc8_autosar, crc32_autosar
-from protocols.clocks import Unwrap
+from protocols.counters import Unwrap
 from protocols.events import Batch, Gap, Reject
 from protocols.framing import REASONS
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.frames import SECURE, Seal, build
-from protocols.idtp.listing import IdtpListing
+from protocols.idtp.inspect import IdtpListing
+from protocols.idtp.json_codec import frame_of, plain
 from protocols.idtp.messages import MESSAGES, STATUS, WIRE
-from protocols.idtp.plain import frame_of, plain
 from tests.oracles import idtp as oracle
 from tests.protocols.idtp_vectors import ALL, KEY, NEGATIVE, VECTORS, frame, key_of
 

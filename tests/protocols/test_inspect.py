@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from protocols.framing import REASONS
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
+from protocols.idtp.simulator import IdtpDevice
 from protocols.isb.frames import get_data, set_data, stop
+from protocols.isb.simulator.device import IsbDevice
 from protocols.xbus.frames import build
-from protocols.xbus.plain import frame_of
+from protocols.xbus.json_codec import frame_of
 from server.commands.inspect import EXPLAINED, inspect_file
-from server.live.reading import Reading
+from server.live.decode_options import Reading
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"

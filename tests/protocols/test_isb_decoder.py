@@ -13,9 +13,9 @@ from protocols.checksums import crc24q, fletcher16
 from protocols.events import Batch, Event, Reject, Reply, Step, Text
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
+from protocols.isb.detect import likeness
 from protocols.isb.frames import build
-from protocols.isb.likeness import likeness
-from protocols.isb.timeline import leap_seconds, remember, tell, utc_ns
+from protocols.isb.time_base import leap_seconds, remember, tell, utc_ns
 
 S = 1_000_000_000
 WEEK = 2392  # 2025-11-09

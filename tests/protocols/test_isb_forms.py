@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, Reply
+from protocols.isb.dataset_loader import CURRENT, SETS, TABLES
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import DATA, build
+from protocols.isb.json_codec import packet_of, plain
 from protocols.isb.messages import RAW_KINDS
-from protocols.isb.plain import packet_of, plain
-from protocols.isb.tables import CURRENT, SETS, TABLES
 from tests.protocols.isb_vectors import FORMS, by_did, leaves, packet
 
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known, RefusedError
 from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dialogues import IsbDriver
+from protocols.isb.dataset_loader import SETS
+from protocols.isb.driver import IsbDriver
 from protocols.isb.gpx import GpxDevice
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
-from protocols.isb.tables import SETS
-from server.control.forms_of import forms_of
+from protocols.transactions import Known, RefusedError
+from server.control.form_builder import forms_of
 from server.links.simulated_device import FAMILIES
-from tests.dialogues import Wire, play
+from tests.transaction_player import Wire, play
 
 DRIVER = IsbDriver()
 KNOWN = Known(product="GPX-1.0.3", firmware="2.7.1", baud=921_600)

@@ -24,7 +24,7 @@ from protocols.events import Batch, Text
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import build
-from protocols.isb.plain import packet_of, plain
+from protocols.isb.json_codec import packet_of, plain
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import GOLDEN
 

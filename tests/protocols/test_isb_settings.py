@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from protocols import limits
+from protocols import validation
 from protocols.isb.commands import COMMAND_ROWS
+from protocols.isb.dataset_loader import VERSIONS
+from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from protocols.isb.kept import fields_of, settings_of
-from protocols.isb.manual import BAUD_RATES, CAN_RATES
-from protocols.isb.tables import VERSIONS
 from protocols.schema import Field
-from server.control.forms_of import field_form
+from server.control.form_builder import field_form
 from tests.vendor.inertial_sense import KEPT
 
 FLASH = 12
@@ -63,9 +63,9 @@ def test_ranges_are_the_vendors() -> None:
         {"startupNavDtMs": 500},
         {"insRotation": [-math.pi, math.pi, 4.7]},
     ):
-        limits.check(fields, good, partial=True)
+        validation.check(fields, good, partial=True)
     with pytest.raises(ValueError, match="startupGPSDtMs lies between 200 and"):
-        limits.check(fields, {"startupGPSDtMs": 100}, partial=True)
+        validation.check(fields, {"startupGPSDtMs": 100}, partial=True)
 
 
 def test_every_field_and_command_says_what_it_means() -> None:

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Dialogue, Send, stop
 from protocols.isb import frames
-from protocols.isb.device import IsbDevice
+from protocols.isb.dataset_loader import SETS
 from protocols.isb.kept import PERSISTENT
+from protocols.isb.simulator.device import IsbDevice
 from protocols.isb.streams import PRESETS, dids_of
-from protocols.isb.tables import SETS
-from tests.dialogues import Wire, play
-from tests.protocols.test_isb_dialogues import DRIVER, KNOWN, S, read, wire
+from protocols.transactions import Dialogue, Send, stop
+from tests.protocols.test_isb_driver import DRIVER, KNOWN, S, read, wire
+from tests.transaction_player import Wire, play
 
 
 def test_reading_does_not_end_what_streams() -> None:

@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols import motion
 from protocols.events import Event, Reject, Reply, Step, batches
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.device import BOOT_NS, IsbDevice
-from protocols.isb.measurement import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from protocols.isb.messages import ROWS
+from protocols.isb.simulator.device import BOOT_NS, IsbDevice
+from protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
+from protocols.simulator import trajectory
 
 S = 10**9
 
@@ -77,13 +77,13 @@ def test_all_of_it_is_read_and_the_device_tells_its_name_first() -> None:
 def test_readings_are_the_drive_seen_from_a_body_that_looks_down() -> None:
     events = decode(run(IsbDevice(), 40))
     time = column(events, 58, "time")
-    truth = motion.drive(time)
+    truth = trajectory.drive(time)
     flip = np.array([1, -1, -1])
     assert np.abs(column(events, 58, "I.acc") - truth.force * flip).std(axis=0).max() < 0.02
     assert np.abs(column(events, 58, "I.pqr") - np.degrees(truth.rate * flip)).max() < 0.5
-    field = motion.drive(column(events, 52, "time")).field * flip
+    field = trajectory.drive(column(events, 52, "time")).field * flip
     assert np.abs(column(events, 52, "mag") - field).max() < 0.01
-    pressure = motion.pressure(motion.drive(column(events, 53, "time")).position[:, 2] + 13.0)
+    pressure = trajectory.pressure(trajectory.drive(column(events, 53, "time")).position[:, 2] + 13.0)
     assert np.abs(column(events, 53, "bar") * 1e3 - pressure).max() < 40
 
 
@@ -91,14 +91,14 @@ def test_attitude_place_and_velocity_are_the_drive_in_ned() -> None:
     events = decode(run(IsbDevice(), 30))
     fixed = column(events, 4, "week") > 0
     up = (column(events, 4, "timeOfWeek") - _tow_at_power_on())[fixed]
-    truth = motion.drive(up)
+    truth = trajectory.drive(up)
     theta, ned = column(events, 4, "theta")[fixed], column(events, 4, "ned")[fixed]
     heading = np.degrees(np.pi / 2 - truth.euler[:, 2])  # yaw of the drive counts from east, anticlockwise
     assert np.abs((theta[:, 2] - heading + 180) % 360 - 180).max() < 1
     assert np.abs(theta[:, 0] - np.degrees(truth.euler[:, 0])).max() < 1  # left side up is right side down
     assert np.abs(theta[:, 1] + np.degrees(truth.euler[:, 1])).max() < 1  # nose up is positive
     assert np.abs(ned - truth.position[:, [1, 0, 2]] * [1, 1, -1]).max() < 4
-    assert np.abs(column(events, 4, "lla")[fixed] - motion.geodetic(truth.position)).max(axis=0)[2] < 4
+    assert np.abs(column(events, 4, "lla")[fixed] - trajectory.geodetic(truth.position)).max(axis=0)[2] < 4
     speed = np.linalg.norm(truth.velocity, axis=1)
     assert np.abs(column(events, 4, "uvw")[fixed][:, 0] - speed).max() < 0.3
     velocity = column(events, 30, "vel")
@@ -109,7 +109,7 @@ def test_quaternion_and_angles_are_the_same_attitude() -> None:
     events = decode(run(IsbDevice(rate=50), 20))
     q = column(events, 5, "qn2b")
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-6
-    assert np.abs(np.degrees(motion.euler(q)) - column(events, 4, "theta")).max() < 1e-3
+    assert np.abs(np.degrees(trajectory.euler(q)) - column(events, 4, "theta")).max() < 1e-3
 
 
 def _tow_at_power_on() -> float:

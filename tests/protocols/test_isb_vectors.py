@@ -11,11 +11,11 @@ import pytest
 
 from protocols.events import Batch, Reply
 from protocols.isb import frames
+from protocols.isb.dataset_loader import SETS, TABLES
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import build, get_data, set_data, stop
+from protocols.isb.json_codec import packet_of, plain
 from protocols.isb.messages import COMMANDS, ROWS
-from protocols.isb.plain import packet_of, plain
-from protocols.isb.tables import SETS, TABLES
 from protocols.layouts import size_of
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import COMMANDS as COMMAND_VECTORS

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols import machine_code
+from protocols import native_cache
 from protocols.checksums import check_sum8, sum8
 from protocols.framing import Buffer
 from protocols.layouts import EncodeError, Layout, fit, pack, size_of, unpack
@@ -153,7 +153,7 @@ def test_no_place_for_machine_code(tmp_path: Path) -> None:
         "import numpy\n"
         "assert checksums.sum8(numpy.frombuffer(b'ab', numpy.uint8), 0, 2) == 195\n"
     )
-    env = {name: value for name, value in os.environ.items() if name != machine_code.VARIABLE}  # a server's, if one ran
+    env = {name: value for name, value in os.environ.items() if name != native_cache.VARIABLE}  # a server's, if one ran
     subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2], env=env, check=True)
 
 

@@ -31,7 +31,7 @@ from protocols.isb import frames as isb
 from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import build
 from tests.protocols import idtp_vectors, isb_vectors
-from tests.protocols.speakers import KEY, SPEAKERS, Speaker, canonical, cut, run
+from tests.protocols.protocol_cases import KEY, SPEAKERS, Speaker, canonical, cut, run
 from tests.protocols.xbus_vectors import everything
 
 ROOT = Path(__file__).parents[2]
@@ -289,7 +289,7 @@ def test_plain_values_are_the_frame(speaker: Speaker, data: st.DataObject) -> No
 SCRIPT = """
 import sys
 from pathlib import Path
-from tests.protocols.speakers import SPEAKERS, canonical, run
+from tests.protocols.protocol_cases import SPEAKERS, canonical, run
 data = Path(sys.argv[2]).read_bytes()
 for line in canonical(run(SPEAKERS[sys.argv[1]], [data[:1000], data[1000:]])):
     print(line)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.nmea import Found
-from protocols.xbus.strings import WINDOW, find
+from protocols.xbus.binary_strings import WINDOW, find
 
 TSS2 = b":12345  0000H-0150  0250F"
 EM1000 = bytes.fromhex("00 90 6A FF FA 00 00 00 39 30")  # −150, 250, 0, 12345: least significant byte first

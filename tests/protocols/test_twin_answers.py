@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.xbus import frames
-from protocols.xbus.device import XbusDevice
-from protocols.xbus.moods import Moods
-from protocols.xbus.settings import SETTINGS
-from tests.protocols.test_twin import S, ask, column, decode, in_config, replies, run
+from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.faults import Moods
+from protocols.xbus.simulator.settings import SETTINGS
+from tests.protocols.test_xbus_simulator import S, ask, column, decode, in_config, replies, run
 
 VECTORS = Path(__file__).parents[1] / "golden" / "xbus"
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols import motion
-from protocols.dialogues import Known
 from protocols.events import Batch, Reject, Reply, Text
-from protocols.xbus.codes import STRING_TYPES
-from protocols.xbus.device import XbusDevice
-from protocols.xbus.sentences import LINES
-from tests.protocols.test_twin import S, ask, decode, in_config, run
+from protocols.simulator import trajectory
+from protocols.transactions import Known
+from protocols.xbus.enums import STRING_TYPES
+from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.strings import LINES
+from tests.protocols.test_xbus_simulator import S, ask, decode, in_config, run
 from tests.protocols.xbus_values import DRIVER
 
 EM1000 = "EM1000"  # is believed only where records are near each other, and may look like the start of a frame
@@ -66,7 +66,7 @@ def test_strings_say_what_the_drive_does() -> None:
     data = told(in_config("MTi-680G"), word(*HEADINGS))
     found = [event for event in decode(data) if isinstance(event, Text)]
     times = np.arange(101) / 10 + 2
-    axes = motion.matrix(motion.drive(times).q_enu_from_body_wxyz)
+    axes = trajectory.matrix(trajectory.drive(times).q_enu_from_body_wxyz)
     truth = np.degrees(np.arctan2(axes[:, 0, 0], axes[:, 1, 0]))
     for name, key in HEADINGS.items():
         heading = np.array([line.fields[key] for line in found if line.name == name])

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.xbus.data_identifiers import ITEMS
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.items import ITEMS
 from tests.protocols.xbus_vectors import GOLDEN, flat
 
 NAMES = {row.id: row.name for row in ITEMS}

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from protocols.schema import Command, Setting
 from protocols.xbus import commands
 from protocols.xbus.commands import GROUPS
+from protocols.xbus.json_codec import frame_of, plain
 from protocols.xbus.messages import BY_NAME, MESSAGES
-from protocols.xbus.outputs import OUTPUTS
-from protocols.xbus.plain import frame_of, plain
+from protocols.xbus.output_configuration import OUTPUTS
 from protocols.xbus.products import MODELS, model_of
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, UNKNOWN, sensible, sync
 from tests.protocols.xbus_vectors import COMMANDS, GOLDEN, everything

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.dialogues import Known
 from protocols.layouts import EncodeError, is_open
-from protocols.limits import bounds, is_whole
 from protocols.schema import Command, Field
-from protocols.xbus.plain import plain
+from protocols.transactions import Known
+from protocols.validation import bounds, is_whole
+from protocols.xbus.json_codec import plain
 from protocols.xbus.products import model_of
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, sensible, sync
 

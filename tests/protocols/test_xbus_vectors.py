@@ -10,10 +10,10 @@ import pytest
 from protocols.events import Batch, Reply
 from protocols.layouts import shown
 from protocols.schema import Message
+from protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.items import BY_NAME, ITEMS, item
+from protocols.xbus.json_codec import frame_of, plain
 from protocols.xbus.messages import MESSAGES, form_of
-from protocols.xbus.plain import frame_of, plain
 from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, everything, flat, frame
 
 SAMPLES = [v for v in DATA if v.get("kind") is None]

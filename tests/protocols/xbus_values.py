@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocols.dialogues import Known
-from protocols.limits import bounds
 from protocols.schema import Command, Field
-from protocols.xbus.dialogues import XbusDriver
+from protocols.transactions import Known
+from protocols.validation import bounds
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 
 DRIVER = XbusDriver()

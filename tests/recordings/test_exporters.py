@@ -17,12 +17,12 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from protocols.xbus.frames import build
-from recordings.blocks import Recording
-from recordings.columns import Columns, ColumnsWriter, Exact, Shape
-from recordings.container import Writer
-from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, comma, export
-from recordings.exporters.joined import join, tables, windows
-from tests.recordings.stores import ACCELERATION, START, store
+from recordings.column_store import Columns, ColumnsWriter, Exact, Shape
+from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, csv_tables, export
+from recordings.exporters.message_table import join, tables, windows
+from recordings.mcap_reader import Recording
+from recordings.mcap_writer import Writer
+from tests.recordings.store_fixtures import ACCELERATION, START, store
 
 Array = NDArray[Any]
 BYTES = {"mtb", "raw", "bytes"}
@@ -66,7 +66,9 @@ def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
 
 def test_no_heading_of_csv_is_a_formula_to_a_spreadsheet() -> None:
     file = io.BytesIO()
-    comma.heading(file, ["time (s)", '=HYPERLINK("http://elsewhere")', "@SUM(A1)", "+1", "-1", "Acceleration.x (m/s²)"])
+    csv_tables.heading(
+        file, ["time (s)", '=HYPERLINK("http://elsewhere")', "@SUM(A1)", "+1", "-1", "Acceleration.x (m/s²)"]
+    )
     names = next(csv.reader(io.StringIO(file.getvalue().decode())))
     assert [name[0] for name in names] == ["t", "'", "'", "'", "'", "A"]
 

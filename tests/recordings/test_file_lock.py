@@ -10,17 +10,17 @@ from pathlib import Path
 import pytest
 
 from recordings import file_lock, quota
-from recordings.container import RecordingError, Writer
+from recordings.compaction import ASIDE, is_loose, pack
 from recordings.library import Library
-from recordings.packing import ASIDE, is_loose, pack
-from server.library.packer import left_behind
-from tests.process import ROOT, tied
-from tests.recordings.test_container import ABOUT, read
+from recordings.mcap_writer import RecordingError, Writer
+from server.library.compaction_worker import left_behind
+from tests.recordings.test_mcap_writer import ABOUT, read
+from tests.server_process import ROOT, tied
 
 HOLDER = """
 import sys
 from pathlib import Path
-from recordings.container import Writer
+from recordings.mcap_writer import Writer
 writer = Writer(Path(sys.argv[1]), {})
 writer.chunk("1", "rx", b"a minute of driving", 1)
 print("there", flush=True)

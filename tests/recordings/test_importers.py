@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from protocols.registry import PROTOCOLS
-from recordings.container import RecordingError
 from recordings.importers import open_file
-from recordings.inertial_logs import HEADER, MARKER, log_name, parts_of
-from recordings.parts import Source
+from recordings.inertial_sense_logs import HEADER, MARKER, log_name, parts_of
+from recordings.mcap_writer import RecordingError
+from recordings.sources import Source
 from tests.protocols.isb_vectors import leaves
 
 LOGS = Path(__file__).parents[3] / "shared" / "vectors" / "isb" / "logs"

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recordings.container import RecordingError, Writer
+from recordings.compaction import pack
 from recordings.importers import SUFFIXES
 from recordings.library import INDEX, KEPT_S, Library, clean_name
-from recordings.packing import pack
+from recordings.mcap_writer import RecordingError, Writer
 from recordings.quota import BIN, cull, is_pinned
 from recordings.sidecar import Edits, Marker, beside
-from tests.recordings.stores import START, store
+from tests.recordings.store_fixtures import START, store
 
 NS = round(START * 1e9)
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.container import Writer
-from recordings.packing import pack
-from recordings.parts import McapSource
+from recordings.compaction import pack
+from recordings.mcap_writer import Writer
 from recordings.replay import TURN_NS, Played, Replay, extent
+from recordings.sources import McapSource
 
 MS = 1_000_000
 START = 1_760_000_000_000_000_000

@@ -14,19 +14,19 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
-from protocols.xbus.device import XbusDevice
-from recordings.columns import Columns, ColumnsWriter, Shape
-from recordings.container import Writer
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.column_store import Columns, ColumnsWriter, Shape
 from recordings.exporters import Wish, by_suffix, export
-from recordings.parts import McapSource
-from recordings.rrd.amount import MOST, WHOLE, amount
+from recordings.mcap_writer import Writer
 from recordings.rrd.chunks import name_of
-from recordings.rrd.file import Work, fill, stream_of, write_rrd
-from recordings.rrd.layout import devices_of
-from server.library.opening import decode
-from server.live import speech
+from recordings.rrd.entities import devices_of
+from recordings.rrd.size_limit import MOST, WHOLE, amount
+from recordings.rrd.writer import Work, fill, stream_of, write_rrd
+from recordings.sources import McapSource
+from server.library.decode import decode
+from server.live import protocol_set
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there
@@ -46,7 +46,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Columns:
                 writer.chunk(id, "rx", data, START + n * 10_000_000)
     writer.note("marker", "bump", START + 2_000_000_000)
     writer.close()
-    return decode(McapSource(folder / "a.mcap"), folder / "store", speech.speech())
+    return decode(McapSource(folder / "a.mcap"), folder / "store", protocol_set.speech())
 
 
 @pytest.fixture(scope="module")
@@ -239,8 +239,8 @@ def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(s
 def test_curves_of_one_message_with_units_of_their_own_have_colours_of_their_own() -> None:
     import rerun as rr
 
-    from recordings.rrd.layout import Curve
-    from recordings.rrd.still import send_style
+    from recordings.rrd.entities import Curve
+    from recordings.rrd.static import send_style
 
     columns = [{"name": name, "label": "", "axis": ""} for name in ("lat", "lon", "alt")]
     stream = rr.RecordingStream("imuscope")

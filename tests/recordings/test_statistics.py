@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.columns import BLOCK_ROWS, ColumnsWriter, Shape
+from recordings.column_store import BLOCK_ROWS, ColumnsWriter, Shape
 from recordings.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
 
 

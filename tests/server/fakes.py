@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
-from protocols.xbus.identity import identity
+from protocols.xbus.device_info import identity
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
-from server.live.intake import About
-from server.live.recognition import Speech
+from server.live.ingest import About
+from server.live.protocol_detection import Speech
 
 NOW_NS = 1_700_000_000_000_000_000
 

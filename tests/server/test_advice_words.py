@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.device import IdtpDevice
 from protocols.idtp.frames import LITE, SAFETY, build
+from protocols.idtp.simulator import IdtpDevice
 from server.links.base import LinkSettings
-from server.links.sources import READING_OPTIONS
-from server.live.reading import OPTIONS, Reading
-from server.live.recognition import unknown_hint
+from server.links.source_url import READING_OPTIONS
+from server.live.decode_options import OPTIONS, Reading
+from server.live.protocol_detection import unknown_hint
 from server.live.session import Session
 from tests.protocols.test_idtp_decoder import with_version
 from tests.server.fakes import FakeLink

@@ -16,15 +16,15 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.typing import Origin, Subprotocol
 
-from server.api import page
+from server.api import static_files
 from server.auth import LOOKING
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
-from server.live.outbox import Outbox
+from server.live.send_queue import Outbox
 from server.wire import SUBPROTOCOL
-from tests.patience import PATIENCE_S, connect
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.timeouts import PATIENCE_S, connect
 
 
 def open_link(source: str, settings: LinkSettings) -> Link:
@@ -297,7 +297,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
     (tmp_path / "assets" / "a-123.js.br").write_bytes(b"brotli")
     (tmp_path / "assets" / "a-123.js.gz").write_bytes(b"gzip")
     with Running(Config(sources=("/dev/one",)), open_link) as running:
-        running.state.files = page.Files(tmp_path)
+        running.state.files = static_files.Files(tmp_path)
         client = running.client
         index = client.get("/", headers={"accept-encoding": "identity"})
         assert (index.text, index.headers["cache-control"]) == ("<p>page</p>", "no-cache")
@@ -322,7 +322,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
 
 def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
     with Running(Config(sources=("/dev/one",)), open_link) as running:
-        running.state.files = page.Files(tmp_path)
+        running.state.files = static_files.Files(tmp_path)
         client = running.client
         answer = client.get("/")
         assert answer.status_code == 503

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known, RefusedError
-from protocols.xbus.device import XbusDevice
-from protocols.xbus.dialogues import XbusDriver
-from server.control.desk import Desk
+from protocols.transactions import Known, RefusedError
+from protocols.xbus.driver import XbusDriver
+from protocols.xbus.simulator.device import XbusDevice
+from server.control.device_controller import Desk
 from server.wire import Job
-from tests.dialogues import Wire, play
-from tests.server.desk import House, bench, house, over, until
+from tests.server.control_harness import House, bench, house, over, until
 from tests.server.test_shared_line import both
+from tests.transaction_player import Wire, play
 
 DRIVER = XbusDriver()
 

@@ -25,21 +25,21 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from recordings import bounds
-from recordings.blocks import CHUNK, LARGEST_CHUNK, MAGIC, Recording
-from recordings.peek import peek
-from server import serving, wire
+from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, Recording
+from recordings.probe import peek
+from server import http_server, wire
 from server.api.devices import check_path
 from server.api.errors import ApiError
 from server.config import Config
-from server.control.correction_desk import CorrectionDesk
-from server.control.corrections import file_of
-from server.library import windows
+from server.control.correction_manager import CorrectionDesk
+from server.control.correction_stream import file_of
+from server.library import range_query
 from server.links import open_link
 from server.links.base import LinkSettings
 from server.links.replay import expanded
-from tests.patience import PATIENCE_S
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.timeouts import PATIENCE_S
 
 
 def connected(running: Running) -> socket.socket:
@@ -66,7 +66,7 @@ def answers(running: Running) -> bool:
 
 
 def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(serving, "HEAD_S", 0.1)
+    monkeypatch.setattr(http_server, "HEAD_S", 0.1)
     with (
         Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connected(running) as silent,
@@ -81,8 +81,8 @@ def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytes
 
 def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """About 1,010 of them, without a token, stopped a recording and every link that had to be opened again."""
-    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 20)
-    monkeypatch.setattr(serving, "HEAD_S", 10 * PATIENCE_S)  # their number is what is bounded here
+    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
+    monkeypatch.setattr(http_server, "HEAD_S", 10 * PATIENCE_S)  # their number is what is bounded here
     with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         ends = time.monotonic() + 2 * PATIENCE_S
         while not answers(running) and time.monotonic() < ends:
@@ -100,7 +100,7 @@ def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.M
 
 def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Who kept a thousand open, without a token, kept everybody else out: /healthz was refused for as long."""
-    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 20)
+    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
     with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         idle = [connected(running) for _ in range(40)]
         assert all(answers(running) for _ in range(3))
@@ -109,7 +109,7 @@ def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.Mon
 
 
 def test_websockets_leave_room_for_requests(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 6)
+    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 6)
     with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running, contextlib.ExitStack() as held:
         protocols = [Subprotocol(wire.SUBPROTOCOL)]
         for _ in range(3):
@@ -125,9 +125,9 @@ def test_half_of_the_descriptors_are_not_for_browsers() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (min(256, hard), hard))
-        assert serving.most_connections() == 128
-        serving.raise_limit()
-        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(hard, serving.MOST_FILES)
+        assert http_server.most_connections() == 128
+        http_server.raise_limit()
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(hard, http_server.MOST_FILES)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
@@ -137,9 +137,9 @@ def test_a_table_is_made_in_small_pieces() -> None:
     n = 300_000
     info = wire.ChannelInfo(1, "1", "M", "Force", "Force", "scalar", "N", "", [wire.ColumnInfo("value", "f8")])
     clock = np.arange(n, dtype=np.float64)
-    answer = windows.held(info, [clock, clock, clock], 0, n, 0)
-    assert max(map(len, windows.json_of(answer))) < 100_000, "a column is not spelled at once"
-    assert max(map(len, windows.arrow_of(answer))) < 2_000_000
+    answer = range_query.held(info, [clock, clock, clock], 0, n, 0)
+    assert max(map(len, range_query.json_of(answer))) < 100_000, "a column is not spelled at once"
+    assert max(map(len, range_query.arrow_of(answer))) < 2_000_000
 
 
 def test_a_pipe_that_nobody_writes_to_holds_up_nobody(tmp_path: Path) -> None:
@@ -295,7 +295,7 @@ def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.Mon
 @pytest.mark.parametrize("piece", ["", " "])
 def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> None:
     """Empty pieces are of no size, and were kept: 40 MB a minute from who may only look."""
-    pieces = ["{", *[piece] * (2 * serving.MOST_FRAGMENTS), '"op": "ping", "t": 1}']
+    pieces = ["{", *[piece] * (2 * http_server.MOST_FRAGMENTS), '"op": "ping", "t": 1}']
     with (
         Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None) as browser,

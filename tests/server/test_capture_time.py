@@ -14,17 +14,17 @@ from mcap.reader import make_reader
 from pyarrow.parquet import read_table
 
 from protocols.idtp.frames import build as idtp
-from protocols.isb.device import IsbDevice
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb
-from protocols.xbus.device import XbusDevice
+from protocols.isb.simulator.device import IsbDevice
 from protocols.xbus.frames import build as xbus
-from recordings.columns import Columns
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.column_store import Columns
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
-from recordings.peek import peek
-from server.library.opening import decode
-from server.live import speech
+from recordings.probe import peek
+from server.library.decode import decode
+from server.live import protocol_set
 
 UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 
@@ -32,7 +32,7 @@ UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 def opened(path: Path, data: bytes, modified: float = 1.7e9) -> Columns:
     path.write_bytes(data)
     os.utime(path, (modified, modified))
-    return decode(open_file(path), path.with_name(f"{path.name}.store"), speech.speech())
+    return decode(open_file(path), path.with_name(f"{path.name}.store"), protocol_set.speech())
 
 
 def times(store: Columns, name: str, device: str = "") -> np.ndarray:  # type: ignore[type-arg]
@@ -266,7 +266,7 @@ def test_an_import_of_an_export_has_its_units_again(tmp_path: Path) -> None:
     frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
     (path,) = export("csv", Wish(store), tmp_path / "out.csv")
-    again = decode(open_file(path), tmp_path / "again", speech.speech())
+    again = decode(open_file(path), tmp_path / "again", protocol_set.speech())
     units = {column["unit"] for info in again.manifest["channels"] for column in info["columns"]}
     assert "m/s" in units
     assert not any(";" in unit or "NED" in unit for unit in units)

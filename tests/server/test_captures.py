@@ -11,11 +11,11 @@ import pytest
 from protocols.xbus.decoder import XbusDecoder
 from server import wire
 from server.links.base import Chunk
-from server.live.health import Figures
+from server.live.device_demux import Reader, Senders
+from server.live.device_state import Portrait
 from server.live.hub import Hub
-from server.live.intake import Line
-from server.live.portrait import Portrait
-from server.live.senders import Reader, Senders
+from server.live.ingest import Line
+from server.live.link_stats import Figures
 from tests.server.fakes import Clock
 
 RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture

@@ -135,7 +135,7 @@ def test_satellites_are_rows_of_one_time() -> None:
 
 
 def test_bytes_are_no_channel() -> None:
-    """They are shown as bytes: tests/server/test_raws.py."""
+    """They are shown as bytes: tests/server/test_unknown_payloads.py."""
     page = Page()
     row = Message(1, "M", (Field("0x4FF0", "bytes", (3,)),), split=True)
     assert split(page, batch(row, {"0x4FF0": np.zeros((2, 3), "u1")}, [0, 10])) == {}

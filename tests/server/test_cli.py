@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from protocols import machine_code
-from protocols.idtp.device import IdtpDevice
+from protocols import native_cache
+from protocols.idtp.simulator import IdtpDevice
 from protocols.isb.frames import get_data, stop
-from server import compiled
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess, begun, imuscope
+from server import jit_cache
+from tests.server_process import ROOT, ServerProcess, begun, imuscope
+from tests.timeouts import PATIENCE_S
 
 
 def test_version_and_help_are_answered() -> None:
@@ -159,47 +159,47 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def unset(monkeypatch: pytest.MonkeyPatch) -> None:
     """No place for compiled code is set; what a test sets is taken back."""
-    for variable in (compiled.VARIABLE, machine_code.VARIABLE):
+    for variable in (jit_cache.VARIABLE, native_cache.VARIABLE):
         monkeypatch.setenv(variable, "")
         monkeypatch.delenv(variable)
 
 
 @pytest.mark.usefixtures("unset")
 def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not compiled.is_there(tmp_path / "data")
-    first, words = compiled.prepare_cache(tmp_path / "data")
+    assert not jit_cache.is_there(tmp_path / "data")
+    first, words = jit_cache.prepare_cache(tmp_path / "data")
     assert (first, words) == (True, [])
-    place = Path(os.environ[compiled.VARIABLE])
+    place = Path(os.environ[jit_cache.VARIABLE])
     assert place.parent == tmp_path / "data" / "compiled"
-    assert os.environ[machine_code.VARIABLE] == str(place / machine_code.NAME)
-    machine_code.keep(place / machine_code.NAME, {})
-    monkeypatch.delenv(compiled.VARIABLE)
-    assert compiled.is_there(tmp_path / "data")
-    assert compiled.prepare_cache(tmp_path / "data") == (False, [])
+    assert os.environ[native_cache.VARIABLE] == str(place / native_cache.NAME)
+    native_cache.keep(place / native_cache.NAME, {})
+    monkeypatch.delenv(jit_cache.VARIABLE)
+    assert jit_cache.is_there(tmp_path / "data")
+    assert jit_cache.prepare_cache(tmp_path / "data") == (False, [])
 
 
 @pytest.mark.usefixtures("unset")
 def test_other_sources_have_other_compiled_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A function may call one of another file, which has changed; what was compiled before is swept away."""
-    compiled.prepare_cache(tmp_path)
-    before = Path(os.environ[compiled.VARIABLE])
-    machine_code.keep(before / machine_code.NAME, {})
-    monkeypatch.delenv(compiled.VARIABLE)
+    jit_cache.prepare_cache(tmp_path)
+    before = Path(os.environ[jit_cache.VARIABLE])
+    native_cache.keep(before / native_cache.NAME, {})
+    monkeypatch.delenv(jit_cache.VARIABLE)
     package = tmp_path / "protocols"
     package.mkdir()
-    (package / "machine_code.py").write_text("changed = True")
-    monkeypatch.setattr(machine_code, "__file__", str(package / "machine_code.py"))
-    monkeypatch.setattr(machine_code, "sources_mark", machine_code.sources_mark.__wrapped__)
-    assert compiled.prepare_cache(tmp_path) == (True, [])
-    assert os.environ[compiled.VARIABLE] != str(before)
+    (package / "native_cache.py").write_text("changed = True")
+    monkeypatch.setattr(native_cache, "__file__", str(package / "native_cache.py"))
+    monkeypatch.setattr(native_cache, "sources_mark", native_cache.sources_mark.__wrapped__)
+    assert jit_cache.prepare_cache(tmp_path) == (True, [])
+    assert os.environ[jit_cache.VARIABLE] != str(before)
     assert not before.exists()
 
 
 @pytest.mark.usefixtures("unset")
 def test_a_place_that_is_given_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(compiled.VARIABLE, str(tmp_path / "given"))
-    compiled.prepare_cache(tmp_path / "data")
-    assert os.environ[compiled.VARIABLE] == str(tmp_path / "given")
+    monkeypatch.setenv(jit_cache.VARIABLE, str(tmp_path / "given"))
+    jit_cache.prepare_cache(tmp_path / "data")
+    assert os.environ[jit_cache.VARIABLE] == str(tmp_path / "given")
 
 
 @pytest.mark.usefixtures("unset")
@@ -207,29 +207,29 @@ def test_a_read_only_place_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """A container image is warmed when it is built and read-only when it runs."""
     given = tmp_path / "given"
     given.mkdir()
-    machine_code.keep(given / machine_code.NAME, {})
-    monkeypatch.setenv(compiled.VARIABLE, str(given))
-    monkeypatch.setattr(compiled, "_writable", lambda folder: False)
-    assert compiled.prepare_cache(tmp_path) == (False, [])
-    assert os.environ[machine_code.VARIABLE] == str(given / machine_code.NAME)
-    damaged = bytearray((given / machine_code.NAME).read_bytes())
+    native_cache.keep(given / native_cache.NAME, {})
+    monkeypatch.setenv(jit_cache.VARIABLE, str(given))
+    monkeypatch.setattr(jit_cache, "_writable", lambda folder: False)
+    assert jit_cache.prepare_cache(tmp_path) == (False, [])
+    assert os.environ[native_cache.VARIABLE] == str(given / native_cache.NAME)
+    damaged = bytearray((given / native_cache.NAME).read_bytes())
     damaged[-3] ^= 1
-    (given / machine_code.NAME).write_bytes(damaged)
-    first, (words,) = compiled.prepare_cache(tmp_path)
+    (given / native_cache.NAME).write_bytes(damaged)
+    first, (words,) = jit_cache.prepare_cache(tmp_path)
     assert first
     assert "for this run only" in words
-    assert os.environ[compiled.VARIABLE] != str(given)
+    assert os.environ[jit_cache.VARIABLE] != str(given)
 
 
 @pytest.mark.usefixtures("unset")
 def test_nowhere_to_write_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(compiled.VARIABLE, "/proc/none")
+    monkeypatch.setenv(jit_cache.VARIABLE, "/proc/none")
 
     def refuse(prefix: str) -> str:
         raise OSError("read-only")
 
     monkeypatch.setattr("tempfile.mkdtemp", refuse)
-    first, (words,) = compiled.prepare_cache(tmp_path)
+    first, (words,) = jit_cache.prepare_cache(tmp_path)
     assert first
     assert "for this run only" in words
-    assert compiled.VARIABLE not in os.environ
+    assert jit_cache.VARIABLE not in os.environ

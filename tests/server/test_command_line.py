@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 
 from protocols.idtp.frames import SAFETY, SECURE, build
-from server.commands import options
+from server.commands import arguments
 from server.commands.completion import script
-from tests.patience import PATIENCE_S
-from tests.process import ROOT, ServerProcess, imuscope
+from tests.server_process import ROOT, ServerProcess, imuscope
+from tests.timeouts import PATIENCE_S
 
 KEY = bytes(range(16))
 
@@ -32,7 +32,7 @@ def frames(mode: int = SAFETY, count: int = 40) -> bytes:
     )
 
 
-COMMANDS = options.parser().commands
+COMMANDS = arguments.parser().commands
 """From the parser itself: a new command is held to all of this, too."""
 
 
@@ -67,10 +67,10 @@ def test_options_may_stand_anywhere_among_the_arguments(name: str) -> None:
     for option in given:
         others = [] if option in needed + doors else rest
         alike = {
-            repr(sorted(vars(options.parse([name, *others, *words[:at], *option, *words[at:]])).items()))
+            repr(sorted(vars(arguments.parse([name, *others, *words[:at], *option, *words[at:]])).items()))
             for at in range(len(words) + 1)
         }
-        alike |= {repr(sorted(vars(options.parse([name, *words[:at], *option, *words[at:], *others])).items()))
+        alike |= {repr(sorted(vars(arguments.parse([name, *words[:at], *option, *words[at:], *others])).items()))
                   for at in range(len(words) + 1)}  # fmt: skip
         assert len(alike) == 1, option
 
@@ -89,8 +89,8 @@ def test_every_option_is_explained_with_its_values(name: str) -> None:
 
 
 def test_every_command_is_listed_with_what_it_is_for() -> None:
-    assert set(COMMANDS) == set(options.COMMANDS)
-    shown = options.parser().format_help()
+    assert set(COMMANDS) == set(arguments.COMMANDS)
+    shown = arguments.parser().format_help()
     for name in COMMANDS:
         assert re.search(rf"^    {name}\s+\S", shown, re.MULTILINE), name
 
@@ -119,7 +119,7 @@ def test_what_is_written_wrongly_is_one_line_and_no_traceback(name: str, capsys:
             wrong.append([name, *words, f"{action.option_strings[-1]}=wrong"])
     for line in wrong:
         with pytest.raises(SystemExit) as ended:
-            options.parse(line)
+            arguments.parse(line)
         assert ended.value.code == 1, line
         said = capsys.readouterr().err
         assert said.count("\n") == 1, line
@@ -131,7 +131,7 @@ def test_the_readme_names_every_command_and_variable() -> None:
     text = (ROOT / "README.md").read_text()
     for name in COMMANDS:
         assert re.search(rf"imuscope {name}\b", text), name
-    for variable in options.ENVIRONMENT.values():
+    for variable in arguments.ENVIRONMENT.values():
         assert variable in text, variable
 
 
@@ -142,24 +142,24 @@ def test_an_option_between_arguments_was_not_recognised() -> None:
 
 
 def test_older_spellings_still_do() -> None:
-    assert options.parse(["inspect", "a", "--json"]).format == "jsonl"
-    assert options.parse(["doctor", "--json"]).format == "json"
+    assert arguments.parse(["inspect", "a", "--json"]).format == "jsonl"
+    assert arguments.parse(["doctor", "--json"]).format == "json"
 
 
 def test_the_environment_stands_in_for_options(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in options.ENVIRONMENT.values():
+    for name in arguments.ENVIRONMENT.values():
         monkeypatch.setenv(name, "there")
-        assert name in options.ENVIRONMENT_HELP
-    assert options.parse(["serve"]).key == "there"
-    assert options.parse(["serve", "--key", "here"]).key == "here"
-    assert options.parse(["serve"]).data == Path("there")
-    assert options.parse(["rearm"]).token == "there"
+        assert name in arguments.ENVIRONMENT_HELP
+    assert arguments.parse(["serve"]).key == "there"
+    assert arguments.parse(["serve", "--key", "here"]).key == "here"
+    assert arguments.parse(["serve"]).data == Path("there")
+    assert arguments.parse(["rearm"]).token == "there"
 
 
-@pytest.mark.parametrize("shell", options.SHELLS)
+@pytest.mark.parametrize("shell", arguments.SHELLS)
 def test_completion_knows_every_command_and_option(shell: str) -> None:
-    made = script(options.parser().commands, shell)
-    for name in options.COMMANDS:
+    made = script(arguments.parser().commands, shell)
+    for name in arguments.COMMANDS:
         assert name in made
     assert "min-mode" in made
     assert "lite safety secure" in made

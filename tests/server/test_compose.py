@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known
-from protocols.idtp.device import IdtpDevice
 from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.isb.device import IsbDevice
-from protocols.isb.writing import sentence
-from protocols.xbus.device import XbusDevice
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.encoder import sentence
+from protocols.isb.simulator.device import IsbDevice
+from protocols.transactions import Known
+from protocols.xbus.simulator.device import XbusDevice
 from server.commands.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
 from server.commands.inspect import inspect_file
-from server.live.reading import Reading
-from tests.process import imuscope
+from server.live.decode_options import Reading
+from tests.server_process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 KEY = bytes(range(32))

@@ -13,9 +13,9 @@ import pytest
 from httpx import Client
 
 from server.wire import SUBPROTOCOL
-from tests.patience import PATIENCE_S, connect
-from tests.process import ServerProcess
-from tests.server.desk import at_rate, outputs
+from tests.server.control_harness import at_rate, outputs
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connect
 
 VIEW, CONTROL = "only-looking", "may-command"
 

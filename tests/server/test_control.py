@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Expect, Known, Pause, Relink, Send, stop
 from protocols.events import Event
-from protocols.xbus.dialogues import XbusDriver
-from server.control.desk import MOST_WAITING, Desk, DeskError
-from server.control.runner import Runner
+from protocols.transactions import Expect, Known, Pause, Relink, Send, stop
+from protocols.xbus.driver import XbusDriver
+from server.control.device_controller import MOST_WAITING, Desk, DeskError
+from server.control.transaction_runner import Runner
 from server.links.base import LinkError
 from server.wire import ExchangeEntry
-from tests.server.desk import house, outputs, over, until
+from tests.server.control_harness import house, outputs, over, until
 
 GO_TO_MEASUREMENT = "faff1000f1"
 

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from recordings.parts import McapSource
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
-from tests.server.test_corrections import NUMBERS, STREAM
+from recordings.sources import McapSource
+from tests.server.test_correction_stream import NUMBERS, STREAM
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 
 @pytest.fixture

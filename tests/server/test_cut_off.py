@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from server.control import cut_off
-from server.control.desk import Desk, Task
-from server.links.twin import TwinLink
-from tests.server.desk import House, house, outputs, over, until
+from server.control.device_controller import Desk, Task
+from server.links.simulator import TwinLink
+from tests.server.control_harness import House, house, outputs, over, until
 
 SOURCE = "twin:xbus?baud=921600&unplug_s=86400"
 BOTH: dict[str, dict[str, object]] = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(10)}

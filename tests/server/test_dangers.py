@@ -9,18 +9,18 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known
-from protocols.isb import listening
+from protocols.isb import stream_discovery
+from protocols.isb.baud_change import line_change
 from protocols.isb.commands import COMMAND_ROWS
-from protocols.isb.dialogues import IsbDriver
-from protocols.isb.line import line_change
-from server.commands import sending
-from server.commands.sending import SendError
+from protocols.isb.driver import IsbDriver
+from protocols.transactions import Known
+from server.commands import send
+from server.commands.send import SendError
 from server.control.dangers import dangers_of_write
-from server.control.forms_of import forms_of
-from server.control.wishes import command_of
-from server.live.reading import Reading
-from tests.server.desk import house
+from server.control.form_builder import forms_of
+from server.control.risk_check import command_of
+from server.live.decode_options import Reading
+from tests.server.control_harness import house
 
 DRIVER = IsbDriver()
 KNOWN = Known(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
@@ -36,8 +36,8 @@ OLD: dict[str, Any] = {
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Streams are not what is looked at here: they are listened to for a moment only."""
-    monkeypatch.setattr(listening, "LEAST_S", 0.1)
-    monkeypatch.setattr(listening, "LISTEN_S", 0.1)
+    monkeypatch.setattr(stream_discovery, "LEAST_S", 0.1)
+    monkeypatch.setattr(stream_discovery, "LISTEN_S", 0.1)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
 )
 def test_the_command_line_asks_for_a_yes_where_the_page_asks(message: str, pairs: list[str], words: str) -> None:
     """What cuts the line or turns the frame went through, although its help promises a question."""
-    wish = sending.Wish("twin:isb", message, pairs)
+    wish = send.Wish("twin:isb", message, pairs)
     with pytest.raises(SendError, match=words) as refused:
-        asyncio.run(sending.send(wish, Reading(), io.StringIO(), io.StringIO()))
+        asyncio.run(send.send(wish, Reading(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)

@@ -17,7 +17,7 @@ import pytest
 from server.commands import doctor
 from server.host import checks
 from server.host.checks import Finding, Machine, look
-from tests.process import imuscope
+from tests.server_process import imuscope
 
 NOW = 1_760_000_000.0
 

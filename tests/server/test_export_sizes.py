@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
-from protocols.xbus.device import XbusDevice
-from recordings.container import Writer
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
+from protocols.xbus.simulator.device import XbusDevice
 from recordings.exporters import FORMATS, Wish, export
 from recordings.importers import open_file
+from recordings.mcap_writer import Writer
 from server.library import export_sizes
+from server.library.decode import decode
 from server.library.one_file import one_file
-from server.library.opening import decode
-from server.live import speech
+from server.live import protocol_set
 from tests.server.test_opening import START
 
 SECONDS = 14
@@ -33,7 +33,7 @@ def recorded(folder: Path, device: Any, protocol: str) -> Wish:
             writer.chunk("1", "rx", data, START + now)
     writer.close()
     source = open_file(folder / "drive.mcap")
-    return Wish(decode(source, folder / "store", speech.speech()), folder / "drive.mcap", "drive")
+    return Wish(decode(source, folder / "store", protocol_set.speech()), folder / "drive.mcap", "drive")
 
 
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])

@@ -13,17 +13,17 @@ from typing import Any
 import pytest
 
 from protocols.events import batches
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
 from protocols.registry import PROTOCOLS
 from protocols.schema import Message
-from protocols.xbus.device import XbusDevice
-from server import codec, wire
+from protocols.xbus.simulator.device import XbusDevice
+from server import wire, wire_codec
 from server.links.base import LinkError, LinkSettings
+from server.live.decode_options import Reading, changed
 from server.live.hub import Hub
-from server.live.reading import Reading, changed
+from server.live.protocol_set import speech
 from server.live.session import Session
-from server.live.speech import speech
 from tests.server.fakes import Clock, FakeLink
 
 KEY = bytes(range(32))
@@ -86,7 +86,8 @@ def play(
         await asyncio.sleep(0.001)
         await test(stage)
         told = "".join(
-            codec.encode_text(wire.Events(list(stage.hub.log))) + codec.encode_text(wire.Devices([stage.info]))
+            wire_codec.encode_text(wire.Events(list(stage.hub.log)))
+            + wire_codec.encode_text(wire.Devices([stage.info]))
         )
         assert KEY.hex() not in told
         await stage.session.close()

@@ -14,10 +14,10 @@ from mcap.reader import make_reader
 
 from recordings.topics import Encoder, bodies, stamps, tables
 from server.cli import main
-from tests.patience import get
-from tests.process import ServerProcess
-from tests.recordings.stores import channel, column
+from tests.recordings.store_fixtures import channel, column
 from tests.server.test_foxglove import attached, protobuf
+from tests.server_process import ServerProcess
+from tests.timeouts import get
 
 LATEST = {"/MTi-680G/position", "/MTi-680G/attitude", "/IMX-5/position", "/IMX-5/attitude"}
 # The store works angles out of quaternions; the device's own clock is of no interest while it is live.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from foxglove.messages import FrameTransform, LocationFix
 
-from recordings.names import device_names
-from server.codec import Samples
-from server.views import foxglove_aside
-from tests.recordings.stores import channel, column
+from recordings.file_names import device_names
+from server.views import foxglove_worker
+from server.wire_codec import Samples
+from tests.recordings.store_fixtures import channel, column
 
 
 class Server:
@@ -49,10 +49,10 @@ def quaternion(number: int, device: str) -> dict[str, Any]:
     return channel(number, device, "MTData2", "Quaternion", "quaternion", columns, frame="ENU from body")
 
 
-def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_aside.Bridge, Server]:
+def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.Bridge, Server]:
     server = Server()
-    monkeypatch.setattr(foxglove_aside, "FoxgloveServer", lambda *_: server)
-    made = foxglove_aside.Bridge(told)  # type: ignore[arg-type]
+    monkeypatch.setattr(foxglove_worker, "FoxgloveServer", lambda *_: server)
+    made = foxglove_worker.Bridge(told)  # type: ignore[arg-type]
     made.arrange()
     return made, server
 

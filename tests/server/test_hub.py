@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import codec, wire
+from server import wire, wire_codec
 from server.live.channels import Piece
 from server.live.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
-from server.live.outbox import Outbox
+from server.live.send_queue import Outbox
 from tests.server.fakes import Clock
 
 
@@ -49,7 +49,7 @@ class Browser:
             if isinstance(message, str):
                 self._text(json.loads(message))
                 continue
-            for samples in codec.decode_samples(message, self.dtypes):
+            for samples in wire_codec.decode_samples(message, self.dtypes):
                 held = self.sequences.setdefault(samples.channel, [])
                 numbers = list(range(samples.sequence, samples.sequence + samples.n))
                 assert samples.columns[2].tolist() == numbers  # the value is the sequence number

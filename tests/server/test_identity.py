@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from protocols.events import Reply
-from protocols.xbus.codes import STATUS_BITS
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.device import XbusDevice
-from protocols.xbus.identity import identity as xbus_identity
+from protocols.xbus.device_info import identity as xbus_identity
+from protocols.xbus.enums import STATUS_BITS
+from protocols.xbus.simulator.device import XbusDevice
+from server.live.device_state import Portrait
 from server.live.hub import Hub
-from server.live.intake import Identity
-from server.live.portrait import Portrait
+from server.live.ingest import Identity
 from server.wire import DeviceInfo
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from protocols.idtp.custom_payloads import parse
 from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.idtp.vendor import parse
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_packet
 from protocols.xbus.frames import build as xbus_frame
 from server.commands.inspect import inspect_file
-from server.live.reading import Reading
+from server.live.decode_options import Reading
 from server.printable import json_text, printable
 
 SCHEMA = """

@@ -13,16 +13,16 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from recordings.blocks import Recording
 from recordings.importers import open_file
 from recordings.library import Library
-from recordings.parts import McapSource
-from recordings.tables import TableSource
+from recordings.mcap_reader import Recording
+from recordings.sources import McapSource
+from recordings.tabular import TableSource
 from server.config import Config
 from server.library.one_file import one_file
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
 from tests.server.test_api import assert_problem
 from tests.server.test_opening import drive
 

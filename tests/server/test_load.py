@@ -17,15 +17,15 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from server.api.live import REQUESTS_AT_ONCE, REQUESTS_PER_S, Pace
+from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S, Pace
 from server.config import Config
 from server.wire import SUBPROTOCOL
-from tests import crowd
-from tests.bench.speakers import Speakers, heard_in
-from tests.patience import PATIENCE_S, connect
-from tests.process import ServerProcess
+from tests import load_clients
+from tests.bench.serial_devices import Speakers, heard_in
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connect
 
 PROTOCOL = Subprotocol(SUBPROTOCOL)
 RATE, SECONDS, DEVICES = 500.0, 3.0, 2
@@ -38,14 +38,14 @@ async def until(done: Callable[[], bool], what: str) -> None:
         await asyncio.sleep(0.05)
 
 
-async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[crowd.Good, dict[str, Any]]:
+async def crowded(server: ServerProcess, speakers: Speakers) -> tuple[load_clients.Good, dict[str, Any]]:
     """One who keeps up, among one who takes nothing, one who takes little and one who floods."""
-    good, flood = crowd.Good(), [0]
+    good, flood = load_clients.Good(), [0]
     tasks = [
         asyncio.create_task(good.run(server.url)),
-        asyncio.create_task(crowd.stalled(server.url, [])),
-        asyncio.create_task(crowd.slow(server.url, 20_000)),
-        asyncio.create_task(crowd.flooding(server.url, flood)),
+        asyncio.create_task(load_clients.stalled(server.url, [])),
+        asyncio.create_task(load_clients.slow(server.url, 20_000)),
+        asyncio.create_task(load_clients.flooding(server.url, flood)),
     ]
     began = time.monotonic()
     try:

@@ -13,7 +13,7 @@ from httpx import Client
 from server.api.map_tiles import MOST_BYTES
 from server.config import Config, ConfigError, MapTiles, load
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
 
 PNG = bytes.fromhex("89504e470d0a1a0a")
 

@@ -14,13 +14,13 @@ from prometheus_client.parser import text_string_to_metric_families
 from websockets.typing import Subprotocol
 
 from server.config import Config
-from server.exposition import Histogram, Page
 from server.links.base import Link, LinkSettings
+from server.prometheus_text import Histogram, Page
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
-from tests.patience import PATIENCE_S, connect
 from tests.server.fakes import FakeLink, sample
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.timeouts import PATIENCE_S, connect
 
 links: dict[str, FakeLink] = {}
 

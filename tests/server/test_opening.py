@@ -9,15 +9,15 @@ import pytest
 
 from protocols import events
 from protocols.registry import PROTOCOLS
-from protocols.xbus.device import XbusDevice
-from recordings.columns import Columns
-from recordings.container import Writer
-from recordings.fared import fared
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.column_store import Columns
+from recordings.compaction import pack
+from recordings.health_history import fared
 from recordings.importers import open_file
-from recordings.packing import pack
-from recordings.parts import McapSource
-from server.library.opening import decode
-from server.live import speech
+from recordings.mcap_writer import Writer
+from recordings.sources import McapSource
+from server.library.decode import decode
+from server.live import protocol_set
 from server.live.channels import Channels
 from server.wire import ChannelInfo
 
@@ -50,7 +50,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     kept = drive(path)
     pack(path)
     shares: list[float] = []
-    store = decode(McapSource(path), tmp_path / "store", speech.speech(), progress=shares.append)
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech(), progress=shares.append)
     decoder = PROTOCOLS["xbus"].decoder()
     decoder.feed(kept, 0)
     names: list[str] = []
@@ -76,7 +76,7 @@ def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
 def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path)
-    manifest = decode(McapSource(path), tmp_path / "store", speech.speech()).manifest
+    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.speech()).manifest
     texts = [event["text"] for event in manifest["events"]]
     assert "told live" not in texts
     assert "Opened." in texts
@@ -90,7 +90,7 @@ def test_what_follows_from_the_bytes_is_found_anew_and_what_a_person_did_is_kept
 def test_times_are_mapped_as_they_were_live(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path)
-    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
     number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
     rows = store.exact(number, 0, store.rows(number))
     steps = np.diff(rows.time)
@@ -103,14 +103,14 @@ def test_times_are_mapped_as_they_were_live(tmp_path: Path) -> None:
 def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     drive(path, seconds=1.0, named=False)
-    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
     assert store.manifest["devices"][0]["protocol"] == "xbus"
     assert store.manifest["channels"]
 
 
 def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tmp_path: Path) -> None:
     """An IMX that is recorded from power-on counts from zero until its receiver knows the week."""
-    from protocols.isb.device import IsbDevice
+    from protocols.isb.simulator.device import IsbDevice
 
     path = tmp_path / "a.mcap"
     device = IsbDevice(start_ns=0)
@@ -121,7 +121,7 @@ def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tm
         if data:
             writer.chunk("1", "rx", data, START + n * 10_000_000)
     writer.close()
-    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
     told = store.span()
     assert told is not None
     assert told[0] > START / 1e9 - 1.0
@@ -141,15 +141,15 @@ def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None
         if n % 20:
             writer.chunk("1", "rx", data, START + n * 10_000_000)
     writer.close()
-    manifest = decode(McapSource(path), tmp_path / "store", speech.speech()).manifest
+    manifest = decode(McapSource(path), tmp_path / "store", protocol_set.speech()).manifest
     gaps = [event for event in manifest["events"] if event["kind"] == "gap"]
     assert len(gaps) == manifest["figures"]["1"]["gaps"] > 40
     assert max(event["t1"] - event["t0"] for event in gaps) < 0.1
 
 
 def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from server.library import opening
-    from server.library.details import channels_of
+    from server.library import decode as opening
+    from server.library.recording_detail import channels_of
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
     monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)
@@ -165,7 +165,7 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
         told = store.manifest
         seen.append((told["progress"], store.rows(number), told["ended"]))
 
-    store = decode(McapSource(path), tmp_path / "store", speech.speech(), shown=shown)
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech(), shown=shown)
     number = next(info["id"] for info in store.manifest["channels"] if info["name"] == "Acceleration")
     assert seen
     assert seen == sorted(seen)
@@ -176,12 +176,12 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A long CSV was a progress bar to its last row."""
-    from recordings import tables
-    from server.library import opening
+    from recordings import tabular
+    from server.library import decode as opening
 
     monkeypatch.setattr(opening, "FIRST_SHOWN_S", 0.0)
     monkeypatch.setattr(opening, "LAST_SHOWN_S", 0.0)
-    monkeypatch.setattr(tables, "BLOCK_BYTES", 4096)
+    monkeypatch.setattr(tabular, "BLOCK_BYTES", 4096)
     path = tmp_path / "bench.csv"
     path.write_text("time (s),acc_x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n % 7}\n" for n in range(2000)))
     seen: list[tuple[float, int, float]] = []
@@ -190,7 +190,7 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
         store = Columns(folder)
         seen.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
 
-    store = decode(open_file(path), tmp_path / "store", speech.speech(), shown=shown)
+    store = decode(open_file(path), tmp_path / "store", protocol_set.speech(), shown=shown)
     assert len(seen) > 2
     assert seen == sorted(seen)
     assert 0 < seen[0][1] < store.rows(1) == 2000
@@ -218,7 +218,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
     writer.event({**outage, "text": "down", "t0": first + 3.0, "t1": first + 3.1, "time": first + 3.1}, START)
     writer.event({**outage, "text": "no time", "t0": None, "t1": float("nan")}, START)
     writer.close()
-    store = decode(McapSource(again), tmp_path / "store", speech.speech())
+    store = decode(McapSource(again), tmp_path / "store", protocol_set.speech())
     gaps = [event for event in store.manifest["events"] if event["kind"] == "gap"]
     assert [event["text"] for event in gaps if event["samples"] == 0] == ["down"]
     assert gaps[-1]["t0"] == pytest.approx(first + 3.0)
@@ -228,7 +228,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
 def test_how_it_fared_is_known_for_every_second(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     kept = drive(path)
-    store = decode(McapSource(path), tmp_path / "store", speech.speech())
+    store = decode(McapSource(path), tmp_path / "store", protocol_set.speech())
     second = START // 1_000_000_000
     told = fared(store.folder, store.manifest["fared"], "1", "1", second - 1, second + 4)
     assert told.bytes[0] == 0

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
-from protocols.xbus.device import XbusDevice
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
+from protocols.xbus.simulator.device import XbusDevice
 from server.links.base import LinkError, LinkSettings
+from server.live.decode_options import Reading
 from server.live.hub import Hub
-from server.live.reading import Reading
+from server.live.protocol_set import speech
 from server.live.session import Session
-from server.live.speech import speech
 from tests.server.fakes import NOW_NS, Clock, FakeLink
 
 

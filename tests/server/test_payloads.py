@@ -15,13 +15,13 @@ from mcap.reader import make_reader
 from protocols.idtp.frames import SAFETY, build
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_packet
-from recordings.columns import Columns
+from recordings.column_store import Columns
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
 from recordings.rrd.chunks import name_of
-from server.library.opening import decode
-from server.live.reading import Reading
-from server.live.speech import speech
+from server.library.decode import decode
+from server.live.decode_options import Reading
+from server.live.protocol_set import speech
 from tests.recordings.test_rrd import column, entities
 
 COUNT = 30

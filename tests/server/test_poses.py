@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recordings import rotations
-from recordings.columns import Exact
-from recordings.derived import euler_columns
-from server.codec import Samples
+from recordings.column_store import Exact
+from recordings.euler import euler_columns
 from server.views import meshes, poses
-from server.views.replayed import Replayed
+from server.views.replay_sync import Replayed
+from server.wire_codec import Samples
 
 Q = rotations.Quaternion
 

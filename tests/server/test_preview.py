@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.dialogues import Known
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
-from protocols.xbus.dialogues import XbusDriver
-from server.control.forms_of import field_form, forms_of, output_choices
+from protocols.transactions import Known
+from protocols.xbus.driver import XbusDriver
+from server.control.form_builder import field_form, forms_of, output_choices
 from server.control.preview import Line, Present, fit, preview_command, preview_setting
-from server.control.values import numbers, words
-from tests.server.desk import outputs
+from server.control.value_format import numbers, words
+from tests.server.control_harness import outputs
 
 XBUS = Present(PROTOCOLS["xbus"].driver, Known(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]
 ISB = Present(PROTOCOLS["isb"].driver, Known(product="IMX-5"), Line(921_600, 92_160.0))  # type: ignore[arg-type]

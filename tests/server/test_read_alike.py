@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
+from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
-from protocols.idtp.vendor import parse, written
 from recordings.importers import open_file
-from server.library.opening import decode
-from server.library.shelf import Shelf
-from server.live.reading import Reading, reading, recorded, words_of
-from server.live.speech import speech
-from tests.process import imuscope
+from server.library.column_cache import Shelf
+from server.library.decode import decode
+from server.live.decode_options import Reading, reading, recorded, words_of
+from server.live.protocol_set import speech
+from tests.server_process import imuscope
 
 KEY = bytes(range(16))
 SCHEMA = """

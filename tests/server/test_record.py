@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from recordings.blocks import Recording
+from recordings.compaction import is_loose
 from recordings.importers import open_file
-from recordings.packing import is_loose
+from recordings.mcap_reader import Recording
 from server.commands.record import amount
-from tests.patience import PATIENCE_S
-from tests.process import begun, imuscope
-from tests.server.line import Line
+from tests.server.tcp_device import Line
 from tests.server.test_recorder import chunks
+from tests.server_process import begun, imuscope
+from tests.timeouts import PATIENCE_S
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from recordings.blocks import Recording, json_messages
-from server import codec
+from recordings.mcap_reader import Recording, json_messages
+from server import wire_codec
+from server.library.recorded_settings import settings_of
 from server.library.recorder import Plan
-from server.library.settings import settings_of
-from tests.server.desk import outputs, until
+from tests.server.control_harness import outputs, until
 from tests.server.test_recorder import chunks, in_a_loop, recorder
 
 OUTPUTS = [
@@ -108,7 +108,7 @@ async def test_settings_that_are_known_are_in_the_recording_and_those_read_later
         await until(lambda: one.state.behind_s == 0, "it is written")
         with Recording(path) as recording:
             ((_, body),) = json_messages(recording, "snapshot/1")
-        assert body["values"] == json.loads(json.dumps(codec.plain(desk.values)))
+        assert body["values"] == json.loads(json.dumps(wire_codec.plain(desk.values)))
         assert body["serial_number"] == "0080800001"
         await made.apply(desk, {"OutputConfiguration": outputs(200)})
         await one.stop()

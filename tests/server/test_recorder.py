@@ -19,24 +19,24 @@ import pytest
 from httpx import Client
 from mcap.reader import make_reader
 
-from recordings.blocks import Recording, json_messages
-from recordings.container import RecordingError, Writer, _Whole
-from recordings.names import free_path, slug
-from recordings.packing import is_loose, pack
-from recordings.parts import McapSource
-from recordings.tape import Limits
+from recordings.compaction import is_loose, pack
+from recordings.file_names import free_path, slug
+from recordings.mcap_reader import Recording, json_messages
+from recordings.mcap_writer import RecordingError, Writer, _Whole
+from recordings.recording_writer import Limits
+from recordings.sources import McapSource
 from server.config import Config
-from server.library.packer import Packer, left_behind
-from server.library.recorded import Mark
+from server.library.api_models import Mark
+from server.library.compaction_worker import Packer, left_behind
 from server.library.recorder import Plan, Recorder, RecorderError
 from server.links.base import Link, LinkSettings
 from server.wire import RecorderState
-from tests.patience import PATIENCE_S
-from tests.process import ServerProcess
-from tests.server.desk import House, house, until
+from tests.server.control_harness import House, house, until
 from tests.server.fakes import FakeLink, sample
-from tests.server.line import Line
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.server.tcp_device import Line
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S
 
 LOST_S = 0.020  # what a killed server may lose
 

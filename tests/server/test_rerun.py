@@ -26,15 +26,15 @@ from websockets.exceptions import ConnectionClosed
 
 from recordings.rrd.chunks import name_of
 from server import wire
-from server.codec import Samples
 from server.live.channels import Piece
 from server.live.hub import Hub
 from server.views.proxy import ViewError
 from server.views.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
-from tests.patience import PATIENCE_S, connect
-from tests.process import ROOT, ServerProcess, imuscope
+from server.wire_codec import Samples
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
+from tests.server_process import ROOT, ServerProcess, imuscope
+from tests.timeouts import PATIENCE_S, connect
 
 PAGE = ROOT / "server" / "views" / "rerun_page"
 
@@ -249,16 +249,16 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Three seconds of a device, told 60 times a second, on a clock of the test's."""
-    from server.views import rerun_feed
+    from server.views import rerun_worker
 
     clock = SimpleNamespace(now=50.0)
-    monkeypatch.setattr(rerun_feed, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
+    monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
     columns = [{"name": name, "unit": "m/s²", "label": "", "axis": name, "bits": []} for name in "xyz"]
     info = {"id": 7, "device": "d", "message": "m", "name": "a", "title": "Acceleration", "group": "", "doc": ""}
     told = Said(
         [{"id": "d", "name": "D"}], {7: info | {"kind": "vector", "unit": "m/s²", "frame": "", "columns": columns}}
     )
-    feed = rerun_feed.Feed(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    feed = rerun_worker.Feed(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
     feed.lay_out()
     sent = 0
     for tick in range(180):
@@ -296,7 +296,7 @@ def listens(port: int) -> None:
 
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     """Rerun's own program in the viewer's place; what reached it is saved and read."""
-    from server.views.rerun_files import program
+    from server.views.rerun_assets import program
 
     out, log = tmp_path / "got.rrd", tmp_path / "log"
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "NO_COLOR": "1"}
@@ -333,7 +333,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> None:
     """One that hangs: it accepts the connection and reads nothing. Rerun's SDK keeps all that is sent to such a one."""
-    from server.views import rerun_elsewhere
+    from server.views import rerun_remote
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time
@@ -341,7 +341,7 @@ def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> 
         hub.set_device(wire.DeviceInfo("1", "D", "twin:xbus", "twin", "live"))
         columns = [wire.ColumnInfo(name, "f8", axis=name) for name in "xyz"]
         channel = hub.advertise(wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns))
-        elsewhere = rerun_elsewhere.Elsewhere(hub, address, again_s=0.1, stuck_s=1.0)
+        elsewhere = rerun_remote.Elsewhere(hub, address, again_s=0.1, stuck_s=1.0)
         elsewhere.start()
         highest, pids = 0, set[int]()
         try:

@@ -16,14 +16,14 @@ from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from server.cli import main
 from server.config import Config
 from server.links.base import LinkError, LinkSettings
-from server.live import speech
+from server.live import protocol_set
+from server.live.decode_options import Reading
 from server.live.hub import Hub
-from server.live.reading import Reading
 from server.live.sequence_store import MOST, SequenceStore, newer
 from server.live.session import Session
-from tests.server.desk import until
+from tests.server.control_harness import until
 from tests.server.fakes import Clock, FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
 
 KEY = bytes(range(32))
 SECURELY = Reading("idtp", KEY)
@@ -37,7 +37,7 @@ class Stage:
         self.hub = Hub(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
         self.link.kind = kind  # type: ignore[assignment]
-        self.session = Session("1", self.link, self.hub, speech.speech(), reading, store)
+        self.session = Session("1", self.link, self.hub, protocol_set.speech(), reading, store)
 
     async def settle(self) -> None:
         for _ in range(3):
@@ -246,7 +246,7 @@ def secured(tmp_path: Path) -> Iterator[tuple[Running, FakeLink]]:
         return links[-1]
 
     config = Config(sources=("/dev/one",), protocol="idtp", key=KEY.hex(), data=tmp_path)
-    with Running(config, open_link, speech.speech()) as running:
+    with Running(config, open_link, protocol_set.speech()) as running:
         for sequence in (1000, 0):
             running.call(links[0].send, b"".join(captured(sequence)))
         asyncio.run(until(lambda: running.state.hub.devices["1"].rearm == ["102"], "the server says that it waits"))

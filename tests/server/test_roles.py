@@ -18,9 +18,9 @@ from starlette.routing import Route, WebSocketRoute
 from server import wire
 from server.app import create_app
 from server.auth import Access, Guard, is_protected
-from server.codec import WireError, decode_text
 from server.config import Config
-from tests.server.asking import ACCEPTED, Answer, ask
+from server.wire_codec import WireError, decode_text
+from tests.server.asgi_client import ACCEPTED, Answer, ask
 
 VIEW, CONTROL = "view-token-of-this-test", "control-token-of-this-test"
 TOKENS = {"none": "", "view": VIEW, "control": CONTROL, "wrong": "w" * 30}
@@ -31,7 +31,7 @@ METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "PATCH", "DELETE", "TRACE", 
 ASKING = {f"/api/devices/{{device}}/{what}" for what in ("preview", "fit", "compare")}
 # Without a token: they hold nothing of the devices.
 OPEN = {"/healthz", "/{name:path}"}
-# WebSockets, all of which only look; a scene's panel is dealt with in test_doors.py.
+# WebSockets, all of which only look; a scene's panel is dealt with in test_viewer_secrets.py.
 SOCKETS = {"/ws", "/ws/scene/{recording}", "/viser", "/viser/{key}", "/rerun/live", "/foxglove", "/foxglove/"}
 
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known
-from protocols.isb.dialogues import IsbDriver
-from protocols.xbus.dialogues import XbusDriver
+from protocols.isb.driver import IsbDriver
+from protocols.transactions import Known
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 from server.control.budget import overload
-from server.control.compare import SideValues, compare
 from server.control.preview import Line, Present
 from server.control.products import alike, base_name, mismatch
-from tests.server.desk import house, outputs
+from server.control.settings_diff import SideValues, compare
+from tests.server.control_harness import house, outputs
 
 LINE = Line(115_200, 11_520.0)
 OVER = outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)

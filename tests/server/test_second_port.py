@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.device import XbusDevice
-from server.control.wishes import changes_of
+from protocols.xbus.simulator.device import XbusDevice
+from server.control.risk_check import changes_of
 from server.links import LinkError, open_link
 from server.links.simulated_device import TwinOptions, make_device
-from server.links.sources import Source
-from tests.server.desk import house, over, until
+from server.links.source_url import Source
+from tests.server.control_harness import house, over, until
 
 UART, FAST = "twin:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
 XBUS_115200 = 0x10002

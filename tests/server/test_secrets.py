@@ -13,8 +13,8 @@ import httpx
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from tests.patience import PATIENCE_S, connecting
-from tests.process import ServerProcess
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connecting
 
 VIEW, CONTROL, NEAR = "view-7Qx1-of-this-test", "control-9Zk4-of-this-test", "control-9Zk4-of-this-tesT"
 SECRETS = (VIEW, CONTROL, NEAR)  # also one that is nearly right: who mistypes a token has given most of it away

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.process import imuscope
+from tests.server_process import imuscope
 
 
 def sent(*arguments: str) -> list[dict[str, Any]]:

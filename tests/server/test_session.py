@@ -12,9 +12,9 @@ import pytest
 
 from protocols.events import Batch, Event, Reject, Reply
 from server.links.base import LinkError, LinkSettings
-from server.live import portrait, recognition
+from server.live import device_state, protocol_detection
+from server.live.decode_options import Reading
 from server.live.hub import Hub
-from server.live.reading import Reading
 from server.live.session import Session
 from server.live.sessions import Sessions
 from tests.server.fakes import SPEECH, Clock, FakeLink, sample
@@ -169,7 +169,7 @@ def test_retries_wait_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
         assert stage.status == "denied"
         (event,) = stage.events("link")  # said once, not at every retry
         assert event.level == "fault"
-        assert len(stage.hub.devices["1"].tries) <= portrait.TRIES_KEPT
+        assert len(stage.hub.devices["1"].tries) <= device_state.TRIES_KEPT
 
     async def run() -> None:
         stage = Stage()
@@ -238,7 +238,7 @@ def test_the_protocol_is_guessed_and_no_byte_is_lost_by_it() -> None:
     async def test(stage: Stage) -> None:
         await stage.send(*(sample(k) for k in range(10)))
         assert stage.status == "connecting"
-        stage.clock.move(recognition.GUESS_S)
+        stage.clock.move(protocol_detection.GUESS_S)
         await stage.send(sample(10))
         device = stage.hub.devices["1"]
         assert (device.status, device.protocol, device.name) == ("live", "fake", "Fake sensor")
@@ -263,9 +263,9 @@ def test_a_silent_port_costs_nothing_and_is_live_with_its_first_samples(monkeypa
         await stage.settle(60.0)
         assert (guessed, told, stage.link.opened) == ([], [], 1)
         monkeypatch.undo()
-        await stage.send(*(sample(k % 250) for k in range(recognition.GUESS_BYTES // 4)), every=0.0005)
+        await stage.send(*(sample(k % 250) for k in range(protocol_detection.GUESS_BYTES // 4)), every=0.0005)
         assert stage.status == "live"
-        assert stage.channel("Count").ring.total == recognition.GUESS_BYTES // 4
+        assert stage.channel("Count").ring.total == protocol_detection.GUESS_BYTES // 4
 
     play(test, protocol="")
 
@@ -278,7 +278,7 @@ def test_bytes_that_mean_nothing_are_described() -> None:
         assert device.status == "connecting"
         assert "look like no known protocol" in device.message
         assert device.hint
-        assert stage.session._unknown.size <= recognition.UNKNOWN_BYTES + 1200
+        assert stage.session._unknown.size <= protocol_detection.UNKNOWN_BYTES + 1200
 
     play(test, protocol="")
 

@@ -11,31 +11,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.dialogues import Known, SilentError
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.transactions import Known, SilentError
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.device import XbusDevice
-from protocols.xbus.dialogues import XbusDriver
+from protocols.xbus.driver import XbusDriver
 from protocols.xbus.frames import build
-from recordings.blocks import Recording, json_messages
-from recordings.container import Writer
-from recordings.parts import McapSource
+from protocols.xbus.simulator.device import XbusDevice
+from recordings.mcap_reader import Recording, json_messages
+from recordings.mcap_writer import Writer
+from recordings.sources import McapSource
 from server.api.errors import ApiError
 from server.cli import main
 from server.control.budget import overload
-from server.control.correction_desk import CorrectionDesk
-from server.control.desk import Desk
+from server.control.correction_manager import CorrectionDesk
+from server.control.device_controller import Desk
 from server.control.preview import fit, preview_setting
-from server.control.wishes import SHARED, changes_of
-from server.library.opening import decode
+from server.control.risk_check import SHARED, changes_of
+from server.library.decode import decode
 from server.library.recorder import Plan, Recorder
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, TwinOptions, make_device
-from server.links.sources import Source
-from server.live.speech import speech
-from tests.dialogues import Wire, play
-from tests.server.desk import House, house, outputs, over, until
-from tests.server.test_corrections import NUMBERS, STREAM
+from server.links.source_url import Source
+from server.live.protocol_set import speech
+from tests.server.control_harness import House, house, outputs, over, until
+from tests.server.test_correction_stream import NUMBERS, STREAM
+from tests.transaction_player import Wire, play
 
 SOURCE = "twin:xbus?bus_ids=1,2&rate=20&baud=115200"
 DRIVER = XbusDriver()

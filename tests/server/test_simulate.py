@@ -13,8 +13,8 @@ import pytest
 import serial
 
 from protocols.registry import PROTOCOLS
-from tests.patience import PATIENCE_S
-from tests.process import begun, imuscope
+from tests.server_process import begun, imuscope
+from tests.timeouts import PATIENCE_S
 
 GO_TO_CONFIG, REQUEST_ID = bytes.fromhex("faff3000d1"), bytes.fromhex("faff000001")
 

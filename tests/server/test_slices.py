@@ -12,16 +12,16 @@ import pytest
 
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
-from server.links.pump import Inbox
+from server.links.reader_thread import Inbox
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.live import slices
-from server.live.health import MOST_MESSAGES
-from server.live.incidents import TEXT_SORTS
+from server.live.event_reporter import TEXT_SORTS
+from server.live.link_stats import MOST_MESSAGES
 from server.live.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from server.metrics import Metrics, Sources
 from server.wire import RecorderState
-from tests.faults.stage import stage, until
+from tests.faults.fault_harness import stage, until
 from tests.protocols.test_nmea import sentence
 
 
@@ -117,7 +117,7 @@ def put(inbox: Inbox, count: int, size: int) -> None:
 
 def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """64 MB were kept, and decoded in one turn of the event loop. A recording is told before anything is dropped."""
-    monkeypatch.setattr("server.links.pump.MOST_HELD", 10_000)
+    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 10_000)
 
     async def check() -> None:
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
@@ -192,7 +192,7 @@ def test_a_datagram_is_cut_where_nothing_is_framed_by_its_end(protocol: str, who
 
 
 def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.links.pump.MOST_HELD", 10_000)
+    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 10_000)
 
     async def check() -> None:
         link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
@@ -214,7 +214,7 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
 
 def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 MB of sentence heads by UDP froze the server for good; here 2 MB, of which most cannot wait."""
-    monkeypatch.setattr("server.links.pump.MOST_HELD", 300_000)
+    monkeypatch.setattr("server.links.reader_thread.MOST_HELD", 300_000)
 
     async def check() -> None:
         async with stage("udp://127.0.0.1:0?protocol=xbus") as made:

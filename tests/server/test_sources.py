@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from server.library import sources
-from tests.process import ROOT
+from tests.server_process import ROOT
 
 RUN = """
 import sys
@@ -31,6 +31,15 @@ def test_what_was_once_forgotten_counts_and_simulators_do_not() -> None:
     assert found >= {
         *(f"recordings/{name}.py" for name in ("derived", "tables", "importers", "inertial_logs", "foreign", "fared")),
         *(f"server/{name}.py" for name in ("codec", "wire", "live/causes", "live/reading", "library/opening")),
-        *("protocols/registry.py", "protocols/xbus/decoder.py", "protocols/isb/timeline.py", "protocols/hostclock.py"),
+        *(
+            "protocols/registry.py",
+            "protocols/xbus/decoder.py",
+            "protocols/isb/time_base.py",
+            "protocols/clock_sync.py",
+        ),
     }
-    assert not [name for name in found if name.endswith(("motion.py", "moods.py", "device.py", "measurement.py"))]
+    assert not [
+        name
+        for name in found
+        if name.endswith(("simulator/trajectory.py", "simulator/faults.py", "device.py", "measurement.py"))
+    ]

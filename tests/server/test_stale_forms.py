@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known
 from protocols.registry import PROTOCOLS
-from server.control.desk import Desk
+from protocols.transactions import Known
+from server.control.device_controller import Desk
 from server.control.preview import load_of
-from tests.server.desk import House, house, outputs, over, until
+from tests.server.control_harness import House, house, outputs, over, until
 
 IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"
 

@@ -14,15 +14,15 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from server import codec, wire
-from server.api import live
+from server import wire, wire_codec
+from server.api import websocket
 from server.config import Config
 from server.live.channels import Piece
 from server.live.hub import Hub
-from tests.patience import PATIENCE_S, connect
-from tests.process import ServerProcess
 from tests.server.fakes import FakeLink
-from tests.server.running import Running
+from tests.server.in_process_server import Running
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connect
 
 PROTOCOLS = [Subprotocol(wire.SUBPROTOCOL)]
 
@@ -34,11 +34,11 @@ class Reader:
         self.connection = connection
         self.channels: dict[int, dict[str, Any]] = {}
         self.texts: list[dict[str, Any]] = []
-        self.live: dict[int, list[codec.Samples]] = defaultdict(list)
-        self.history: dict[int, list[codec.Samples]] = defaultdict(list)
+        self.live: dict[int, list[wire_codec.Samples]] = defaultdict(list)
+        self.history: dict[int, list[wire_codec.Samples]] = defaultdict(list)
 
     def subscribe(self, history: float = 600) -> None:
-        self.connection.send(codec.encode_text(wire.Subscribe(history)))
+        self.connection.send(wire_codec.encode_text(wire.Subscribe(history)))
 
     def read(self, seconds: float, until: Any = lambda reader: False) -> None:
         end = time.monotonic() + seconds
@@ -56,7 +56,7 @@ class Reader:
                 self.channels[channel["id"]] = channel
             return
         dtypes = {number: [column["dtype"] for column in one["columns"]] for number, one in self.channels.items()}
-        for samples in codec.decode_samples(message, dtypes):
+        for samples in wire_codec.decode_samples(message, dtypes):
             (self.history if samples.history else self.live)[samples.channel].append(samples)
 
     def said(self, op: str) -> list[dict[str, Any]]:
@@ -189,7 +189,7 @@ def _dropped(reader: Reader) -> int:
 
 
 def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "STUCK_S", 0.5)
+    monkeypatch.setattr(websocket, "STUCK_S", 0.5)
     with Running(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)
         with (

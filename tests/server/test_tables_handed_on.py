@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from recordings.columns import Exact
+from recordings.column_store import Exact
 from server.api.errors import ApiError
-from server.api.recordings import _only_one
-from server.library.exports import _stem
-from server.library.recorded import Export
-from server.library.windows import Answer, ordered
+from server.api.recording_data import _only_one
+from server.library.api_models import Export
+from server.library.export_jobs import _stem
+from server.library.range_query import Answer, ordered
 from server.wire import ChannelInfo
 
 

@@ -13,22 +13,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from protocols.clock_sync import HostClock
 from protocols.events import Batch, Event
-from protocols.hostclock import HostClock
-from protocols.idtp.device import IdtpDevice
-from protocols.isb.device import IsbDevice
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
 from protocols.registry import PROTOCOLS
-from protocols.xbus.device import XbusDevice
+from protocols.xbus.simulator.device import XbusDevice
 from server import wire
 from server.links.base import LinkSettings
-from server.links.cable import Cable, Faults
-from server.links.timing import BUS_NS, byte_time_ns, holds_ns
-from server.live.causes import cause_of
+from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
+from server.links.simulated_line import Cable, Faults
+from server.live.decode_options import Reading
 from server.live.hub import Hub
-from server.live.reading import Reading
+from server.live.jitter_causes import cause_of
+from server.live.protocol_set import speech
 from server.live.session import Session
-from server.live.speech import speech
-from tests.protocols.airtime import EPOCH_NS, Device, Way, mapped, stream
+from tests.protocols.timing_model import EPOCH_NS, Device, Way, mapped, stream
 from tests.server.fakes import Clock, FakeLink
 
 PPM = 50

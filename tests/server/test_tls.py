@@ -21,10 +21,10 @@ import viser
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
-from server import handshakes, serving, tls
+from server import handshakes, http_server, tls
 from server.config import Config, ConfigError, load
-from tests.patience import PATIENCE_S, connecting
-from tests.process import ServerProcess, imuscope
+from tests.server_process import ServerProcess, imuscope
+from tests.timeouts import PATIENCE_S, connecting
 
 PEM = serialization.Encoding.PEM
 DAY = datetime.timedelta(days=1)
@@ -183,8 +183,8 @@ async def serving_with(keeper: tls.Keeper) -> AsyncIterator[int]:
             if message["type"] == "lifespan.shutdown":
                 return
 
-    listener, ready = serving.listen("127.0.0.1", 0), asyncio.Event()
-    server = serving.server(nothing, ready.set, keeper)
+    listener, ready = http_server.listen("127.0.0.1", 0), asyncio.Event()
+    server = http_server.server(nothing, ready.set, keeper)
     task = asyncio.create_task(server.serve(sockets=[listener]))
     await ready.wait()
     try:
@@ -220,7 +220,7 @@ def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: 
 
         install(old.cert, old.key)
         keeper = tls.Keeper(config)
-        looking = asyncio.create_task(serving.look_after(keeper, 0.02))
+        looking = asyncio.create_task(http_server.look_after(keeper, 0.02))
         async with serving_with(keeper) as port:
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, old.key)  # half way
@@ -327,7 +327,7 @@ def test_handshakes_that_do_not_end_leave_room_for_one_that_does(
 ) -> None:
     """They were counted nowhere: about a thousand, without a token, took every descriptor of a server with TLS."""
     monkeypatch.setattr(handshakes, "HANDSHAKE_S", PATIENCE_S)
-    monkeypatch.setattr(serving, "MOST_CONNECTIONS", 10)
+    monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 10)
 
     async def play() -> None:
         keeper = tls.Keeper(Config(data=tmp_path, tls=True))

@@ -16,9 +16,9 @@ import httpx
 import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
-from tests.looker import looking, subprotocol, turns
-from tests.patience import PATIENCE_S, connecting, get
-from tests.process import ROOT, ServerProcess
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S, connecting, get
+from tests.viser_client import looking, subprotocol, turns
 
 
 @pytest.fixture(scope="module")

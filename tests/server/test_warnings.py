@@ -6,13 +6,13 @@ from pathlib import Path
 
 from protocols.idtp.frames import build
 from recordings.importers import open_file
-from server.library.opening import decode
-from server.live import speech
+from server.library.decode import decode
+from server.live import protocol_set
 
 
 def test_a_warning_is_the_sentence_and_not_its_fields(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     path.write_bytes(b"".join(build(4, bytes(8), timestamp=10_000 * i, sequence=i, device=1) for i in range(50)))
-    store = decode(open_file(path), tmp_path / "store", speech.speech())
+    store = decode(open_file(path), tmp_path / "store", protocol_set.speech())
     texts = [event["text"] for event in store.manifest["events"] if event["kind"] == "reply"]
     assert texts == ["Imu9 comes with 8 bytes instead of 36 and is not decoded."]

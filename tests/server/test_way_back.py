@@ -9,21 +9,21 @@ from typing import Any
 
 import pytest
 
-from protocols.dialogues import Known
-from protocols.isb import listening
-from protocols.isb.device import IsbDevice
-from protocols.isb.dialogues import IsbDriver
-from protocols.isb.memory import FLASH, summed
+from protocols.isb import stream_discovery
+from protocols.isb.driver import IsbDriver
 from protocols.isb.messages import places
+from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.settings import FLASH, summed
 from protocols.layouts import EncodeError
-from recordings import durable
+from protocols.transactions import Known
+from recordings import atomic_write
 from server.api.errors import ApiError
-from server.control import trials
-from server.control.compare import SideValues, compare
-from server.control.desk import Desk
-from server.control.wishes import changes_of
-from server.links.twin import TwinLink
-from tests.server.desk import House, house, over, until
+from server.control import rollback
+from server.control.device_controller import Desk
+from server.control.risk_check import changes_of
+from server.control.settings_diff import SideValues, compare
+from server.links.simulator import TwinLink
+from tests.server.control_harness import House, house, over, until
 
 MODEL = 213  # of motion; the table knows no such one
 SOURCE = "twin:isb?baud=921600"
@@ -32,8 +32,8 @@ SOURCE = "twin:isb?baud=921600"
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Streams are not what is looked at here: they are listened to for a moment only."""
-    monkeypatch.setattr(listening, "LEAST_S", 0.1)
-    monkeypatch.setattr(listening, "LISTEN_S", 0.1)
+    monkeypatch.setattr(stream_discovery, "LEAST_S", 0.1)
+    monkeypatch.setattr(stream_discovery, "LISTEN_S", 0.1)
 
 
 def run(coroutine: Any) -> Any:
@@ -117,7 +117,7 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
 
 def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It stood in "reverting" for ever, where neither keeping nor going back is taken."""
-    monkeypatch.setattr(trials, "ROUNDS", 1)
+    monkeypatch.setattr(rollback, "ROUNDS", 1)
     write = IsbDriver.write
 
     def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
@@ -133,7 +133,7 @@ def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: 
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
             assert job.state == "failed"
             assert desk.trial is not None
-            assert (desk.trial.state, desk.trial.words) == ("unreachable", trials.BROKEN)
+            assert (desk.trial.state, desk.trial.words) == ("unreachable", rollback.BROKEN)
             assert [one.state for one in here.desks.trials.all()] == ["unreachable"]
 
     run(check())
@@ -142,7 +142,7 @@ def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: 
 def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trials, "ROUNDS", 1)
+    monkeypatch.setattr(rollback, "ROUNDS", 1)
     write = IsbDriver.write
 
     def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
@@ -156,7 +156,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
         async with house(tmp_path, trial_s=0.2) as here:
             desk, _ = await strange(here)
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, CHANGES, "")))
-            assert job.message == trials.NOT_TAKEN
+            assert job.message == rollback.NOT_TAKEN
             notes = [entry.text for entry in desk.log.tail(limit=2000) if entry.way == "note"]
             assert any("not sent: dynamicModel does not fit" in text for text in notes)
 
@@ -166,7 +166,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
 def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = durable.write
+    write = atomic_write.write
 
     def full(path: Path, text: str) -> None:
         if path.parent.name == "trials" and '"applying"' not in text:
@@ -176,7 +176,7 @@ def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     async def check() -> None:
         async with house(tmp_path, trial_s=0.2) as here:
             desk, device = await strange(here)
-            monkeypatch.setattr(durable, "write", full)
+            monkeypatch.setattr(atomic_write, "write", full)
             task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
             await until(task.over.is_set, "it is over")
             assert desk.trial is not None

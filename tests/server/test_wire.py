@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import codec, wire, wire_types
+from server import generate_ts_types, wire, wire_codec
 
 DTYPES = list(wire.Dtype.__args__)  # type: ignore[attr-defined]
 
@@ -20,9 +20,9 @@ def test_sample_frames_round_trip(data: st.DataObject, dtypes: list[str], n: int
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     columns = [rng.normal(size=n) for _ in range(2)]
     columns += [np.frombuffer(rng.bytes(n * int(dtype[1:])), dtype) for dtype in dtypes]
-    frame = codec.encode_samples(7, 2**40, columns, 1.5, history=True, dropped=3)
+    frame = wire_codec.encode_samples(7, 2**40, columns, 1.5, history=True, dropped=3)
     assert len(frame) % 8 == 0
-    first, second = codec.decode_samples(frame + codec.with_dropped(frame, 9), {7: dtypes})
+    first, second = wire_codec.decode_samples(frame + wire_codec.with_dropped(frame, 9), {7: dtypes})
     assert (first.channel, first.sequence, first.n, first.dropped, first.history, first.now) == (
         7,
         2**40,
@@ -39,7 +39,7 @@ def test_sample_frames_round_trip(data: st.DataObject, dtypes: list[str], n: int
 def test_columns_are_aligned() -> None:
     """Every column starts at a multiple of 8 in the message, which typed-array views in the page rely on."""
     columns = [np.zeros(3), np.zeros(3), np.ones(3, "u1"), np.full(3, 2.0, "f4")]
-    frame = codec.encode_samples(1, 0, columns, 0.0)
+    frame = wire_codec.encode_samples(1, 0, columns, 0.0)
     at = wire.HEADER.size + 2 * 24
     assert frame[at : at + 3] == b"\1\1\1"
     assert np.frombuffer(frame, "<f4", 3, at + 8).tolist() == [2.0, 2.0, 2.0]
@@ -48,8 +48,8 @@ def test_columns_are_aligned() -> None:
 @given(st.binary(max_size=200))
 def test_noise_is_a_wire_error(data: bytes) -> None:
     try:
-        codec.decode_samples(data, {0: ["f4"], 1: []})
-    except codec.WireError:
+        wire_codec.decode_samples(data, {0: ["f4"], 1: []})
+    except wire_codec.WireError:
         return
 
 
@@ -65,7 +65,7 @@ def test_json_is_what_javascript_can_read() -> None:
         "record": np.array([(1, 2.5)], dtype=[("a", "u1"), ("b", "f8")]),
         3: (True, None, np.bool_(False)),
     }
-    text = json.dumps(codec.plain(value), allow_nan=False)
+    text = json.dumps(wire_codec.plain(value), allow_nan=False)
     assert json.loads(text) == {
         "nan": None,
         "inf": None,
@@ -81,9 +81,9 @@ def test_json_is_what_javascript_can_read() -> None:
 
 def test_text_round_trip() -> None:
     asked = wire.Subscribe(history=20.0, channels=[1, 2])
-    assert codec.decode_text(codec.encode_text(asked)) == asked
-    assert codec.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
-    assert json.loads(codec.encode_text(wire.Backfilled())) == {"op": "backfilled"}
+    assert wire_codec.decode_text(wire_codec.encode_text(asked)) == asked
+    assert wire_codec.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
+    assert json.loads(wire_codec.encode_text(wire.Backfilled())) == {"op": "backfilled"}
 
 
 @pytest.mark.parametrize(
@@ -105,27 +105,27 @@ def test_text_round_trip() -> None:
     ],
 )
 def test_a_wrong_request_is_refused_in_words(text: str) -> None:
-    with pytest.raises(codec.WireError) as caught:
-        codec.decode_text(text)
+    with pytest.raises(wire_codec.WireError) as caught:
+        wire_codec.decode_text(text)
     assert str(caught.value).endswith(".")
 
 
 @given(st.text(max_size=100))
 def test_any_text_is_a_request_or_refused(text: str) -> None:
     try:
-        codec.decode_text(text)
-    except codec.WireError:
+        wire_codec.decode_text(text)
+    except wire_codec.WireError:
         return
 
 
-@pytest.mark.parametrize("target", wire_types.TARGETS, ids=lambda target: target.about)
-def test_types_of_the_page_are_not_stale(target: wire_types.Target) -> None:
-    """Run `python -m server.wire_types` when this fails."""
-    assert target.path.read_text(encoding="utf-8") == wire_types.generate(target)
+@pytest.mark.parametrize("target", generate_ts_types.TARGETS, ids=lambda target: target.about)
+def test_types_of_the_page_are_not_stale(target: generate_ts_types.Target) -> None:
+    """Run `python -m server.generate_ts_types` when this fails."""
+    assert target.path.read_text(encoding="utf-8") == generate_ts_types.generate(target)
 
 
 def test_the_generator_refuses_what_it_does_not_know() -> None:
     import ast
 
     with pytest.raises(ValueError, match="no TypeScript"):
-        wire_types.typescript_type(ast.parse("set[int]", mode="eval").body)
+        generate_ts_types.typescript_type(ast.parse("set[int]", mode="eval").body)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.codec import encode_samples
+from server.wire_codec import encode_samples
 
 GOLDEN = Path(__file__).parents[1] / "golden" / "wire" / "frames.json"
 ENTRIES: list[dict[str, Any]] = json.loads(GOLDEN.read_text())["frames"]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from recordings.container import RecordingError
+from recordings.mcap_writer import RecordingError
 from server.library.worker import Worker
 
 ECHO = "import json, sys; print(json.dumps({'asked': json.load(sys.stdin), 'words': sys.argv[1:]}))"

@@ -28,8 +28,8 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from protocols.isb.dataset_loader import SETS, SOURCE, TABLES
 from protocols.isb.streams import GPX_PRESETS, PRESETS
-from protocols.isb.tables import SETS, SOURCE, TABLES
 from protocols.schema import Bits
 from tests.vendor.constants import Constants, constants, expressions
 

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from protocols.schema import Bits
-from protocols.xbus import codes, items, messages
+from protocols.xbus import data_identifiers, enums, messages
 from tests.vendor.constants import Constants, constants
 
 KEPT = Path(__file__).parents[1] / "golden" / "xbus" / "vendor.json"
@@ -55,20 +55,20 @@ _RATE = re.compile(r"XBC_(\d+)(?:_(\d))?(k|MegaBaud)(\d?)")
 def differences(vendor: Constants) -> list[str]:
     """What the tables and the constants of the headers do not agree on."""
     return [
-        *_flags("status word", codes.STATUS_BITS, vendor["XsStatusFlag"], "XSF_", STATUS),
-        *_flags("option flags", codes.OPTION_FLAGS, vendor["XsDeviceOptionFlag"], "XDOF_", {}),
-        *_flags("string types", codes.STRING_TYPES, vendor["XsStringOutputType"], "XSOT_", {}),
-        *_flags("self-test", codes.SELFTEST_BITS, vendor["XsSelfTestFlag"], "XSTF_", {}),
+        *_flags("status word", enums.STATUS_BITS, vendor["XsStatusFlag"], "XSF_", STATUS),
+        *_flags("option flags", enums.OPTION_FLAGS, vendor["XsDeviceOptionFlag"], "XDOF_", {}),
+        *_flags("string types", enums.STRING_TYPES, vendor["XsStringOutputType"], "XSOT_", {}),
+        *_flags("self-test", enums.SELFTEST_BITS, vendor["XsSelfTestFlag"], "XSTF_", {}),
         *_rates(vendor["XsBaudCode"]),
-        *_numbers("sync function", codes.SYNC_FUNCTIONS, vendor["XsSyncFunction"], ("Invalid", "Count")),
-        *_numbers("platform", codes.GNSS_PLATFORMS, vendor["XsUbloxGnssPlatform"], ()),
-        *_numbers("polarity", codes.POLARITIES, vendor["XsSyncPolarity"], ()),
-        *_numbers("ICC command", codes.ICC_COMMANDS, vendor["XsIccCommand"], ()),
-        *_numbers("error mode", codes.ERROR_MODES, vendor["XsErrorMode"], ("Invalid",)),
-        *_numbers("device error", codes.DEVICE_ERRORS, vendor["XsDeviceErrorType"], ()),
-        *_numbers("alignment", codes.ALIGNMENTS, vendor["XsAlignmentFrame"], ()),
-        *_known("error code", (*codes.ERROR_CODES, *codes.WARNING_CODES), vendor["XsResultValue"]),
-        *_known("data identifier", (row.id for row in items.ITEMS), vendor["XsDataIdentifier"]),
+        *_numbers("sync function", enums.SYNC_FUNCTIONS, vendor["XsSyncFunction"], ("Invalid", "Count")),
+        *_numbers("platform", enums.GNSS_PLATFORMS, vendor["XsUbloxGnssPlatform"], ()),
+        *_numbers("polarity", enums.POLARITIES, vendor["XsSyncPolarity"], ()),
+        *_numbers("ICC command", enums.ICC_COMMANDS, vendor["XsIccCommand"], ()),
+        *_numbers("error mode", enums.ERROR_MODES, vendor["XsErrorMode"], ("Invalid",)),
+        *_numbers("device error", enums.DEVICE_ERRORS, vendor["XsDeviceErrorType"], ()),
+        *_numbers("alignment", enums.ALIGNMENTS, vendor["XsAlignmentFrame"], ()),
+        *_known("error code", (*enums.ERROR_CODES, *enums.WARNING_CODES), vendor["XsResultValue"]),
+        *_known("data identifier", (row.id for row in data_identifiers.ITEMS), vendor["XsDataIdentifier"]),
         *_messages(vendor["XsXbusMessageId"]),
     ]
 
@@ -96,11 +96,11 @@ def _rates(pool: Mapping[str, int]) -> Iterator[str]:
             whole, half, unit, tenth = found.groups()
             thousand = 1_000_000 if unit == "MegaBaud" else 1000
             told[code] = int(whole) * thousand + int(half or tenth or 0) * thousand // 10
-    for code, words in codes.BAUD_CODES.items():
+    for code, words in enums.BAUD_CODES.items():
         rate = re.sub(r"\D", "", words)
         if code != 0xFF and told.get(code) != int(rate):
             yield f"baud code {code:#x} is {words}; the header says {told.get(code)}"
-    for code in told.keys() - codes.BAUD_CODES.keys():
+    for code in told.keys() - enums.BAUD_CODES.keys():
         yield f"there is no baud code {code:#x}, {told[code]} Bd"
 
 

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import pytest
 
-from tests.process import ROOT
+from tests.server_process import ROOT
 
 
 @pytest.fixture

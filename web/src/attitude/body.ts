@@ -1,7 +1,7 @@
 /** How does the sensor lie in the world? A turning box with its own axes over a floor that names the frame's axes. */
 import { css, font, type Surface } from "../ui/canvas";
-import type { Matrix3, Vector3, WorldFrame } from "../data/derive";
-import { apply, axesOf, type Camera, project } from "./maths";
+import type { Matrix3, Vector3, WorldFrame } from "../data/rotations";
+import { apply, axesOf, type Camera, project } from "./projection";
 
 /** The viewer stands south-west and above, looking north-east: north goes away to the left, east to the right. */
 const CAMERA: Camera = { azimuth: 0.62, elevation: 0.46 };

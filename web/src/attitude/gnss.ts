@@ -1,5 +1,5 @@
 /** Where is it? Fix, satellites, position, accuracy and age, and the track of the window; only where the device sends a position. */
-import { type Deps, reading, sampleAt } from "../panels/deps";
+import { type Deps, reading, sampleAt } from "../panels/panel-context";
 import { surface } from "../ui/canvas";
 import { el, every, Live, type Panel, unit } from "../ui/dom";
 import { age, geographic, NONE, number } from "../ui/format";

@@ -1,7 +1,7 @@
 /** Where are up and down? The artificial horizon, drawn as the pilot's instrument: it shows the world, not a sign convention. */
 import { css, font, type Surface } from "../ui/canvas";
 import { number } from "../ui/format";
-import type { Horizon } from "./maths";
+import type { Horizon } from "./projection";
 
 const DEGREE = Math.PI / 180;
 /** Pitch from the centre to the rim, in °. */

@@ -4,19 +4,19 @@
  * that sends no attitude gets words that say which output to switch on, and no empty instrument.
  */
 import { effect } from "@preact/signals";
-import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/derive";
+import { eulerOfMatrix, matrixIn, type WorldFrame } from "../data/rotations";
 import { bodyOf, pairIn } from "../data/frames";
 import type { Channel } from "../data/channels";
-import { frame as chosenFrame } from "../data/view";
-import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/deps";
-import { trustOf } from "../panels/trust";
+import { frame as chosenFrame } from "../data/view-state";
+import { channelsOf, type Deps, reading, sampleAt, selected } from "../panels/panel-context";
+import { trustOf } from "../panels/authenticity";
 import { surface } from "../ui/canvas";
 import { el, every, Live, type Panel, unit } from "../ui/dom";
 import { number } from "../ui/format";
 import { drawBody } from "./body";
 import { mountGnss } from "./gnss";
 import { drawHorizon } from "./horizon";
-import { FRAMES, headingOf, horizonOf, pitchSign } from "./maths";
+import { FRAMES, headingOf, horizonOf, pitchSign } from "./projection";
 import { positionOf } from "./position";
 import { type Source, sourceOf } from "./source";
 

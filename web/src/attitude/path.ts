@@ -1,9 +1,9 @@
 /** The track of a window as points on a local metric grid, thinned to what a picture shows; gaps in the samples are breaks. */
-import { lowerBound } from "../data/gaps";
+import { lowerBound } from "../data/line-breaks";
 import type { Channel } from "../data/channels";
-import { view } from "../data/view";
-import type { Reading } from "../panels/reading";
-import { metresFrom } from "./maths";
+import { view } from "../data/view-state";
+import type { Reading } from "../panels/cursor-time";
+import { metresFrom } from "./projection";
 import { isPlace, type Position, qualityOf, wordsOf } from "./position";
 import type { Point, TrackPoint } from "./track";
 

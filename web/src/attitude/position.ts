@@ -4,7 +4,7 @@
  * of the same message, so that any family's message will do.
  */
 import type { Channel } from "../data/channels";
-import { choiceWords } from "../ui/words";
+import { choiceWords } from "../ui/labels";
 import type { BitsInfo } from "../wire/types";
 
 /** One number of one channel, or one bit group of it. */

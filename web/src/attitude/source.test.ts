@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { eulerOfMatrix, type Matrix3 } from "../data/derive";
+import { eulerOfMatrix, type Matrix3 } from "../data/rotations";
 import type { Channel } from "../data/channels";
 import type { ChannelInfo } from "../wire/types";
 import { sourceOf } from "./source";

@@ -4,9 +4,9 @@
  * A matrix is read through the Euler angles derived from it, so that the order of its elements is known in one place only.
  */
 import type { Channel } from "../data/channels";
-import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/derive";
-import { nedFromEcef, placeOf, product } from "./earth";
-import { FRAMES } from "./maths";
+import { type Matrix3, matrixOfEuler, matrixOfQuaternion, type WorldFrame } from "../data/rotations";
+import { nedFromEcef, placeOf, product } from "./ecef";
+import { FRAMES } from "./projection";
 
 export interface Source {
   /** "from quaternion", or the message where several carry an attitude: "from INS 1". */

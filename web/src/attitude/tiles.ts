@@ -3,7 +3,7 @@
  * track is in metres on a plain grid about its first point. The corners of each tile are put onto that grid, so track and map agree
  * where the track is. Tiles come through our own port (server/api/map_tiles.py), a few at a time, and the last are kept.
  */
-import { metresFrom } from "./maths";
+import { metresFrom } from "./projection";
 import type { Point, TrackView } from "./track";
 
 export const TILE_PX = 256;

@@ -11,11 +11,11 @@
 import { signal, type Signal } from "@preact/signals";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo } from "../wire/types";
-import type { WorldFrame } from "./derive";
-import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived";
+import type { WorldFrame } from "./rotations";
+import { addNorm, changedFrame, eulerFrame, eulerInfo, isRotation, normOf, withNorm } from "./derived-channels";
 import { type Change, changeOf, infoIn, worldOf } from "./frames";
 import type { Held } from "./past";
-import type { Ring } from "./ring";
+import type { Ring } from "./ring-buffer";
 
 /** One quantity of one device and its samples. */
 export interface Channel {

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { ChannelInfo } from "../wire/types";
-import { eulerOfMatrix, type Matrix3, matrixOfEuler, matrixOfQuaternion, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./derive";
+import { eulerOfMatrix, type Matrix3, matrixOfEuler, matrixOfQuaternion, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./rotations";
 import { type Change, changeOf, infoIn, pairIn, valueOf } from "./frames";
 
 const WORLDS: readonly WorldFrame[] = ["ENU", "NED", "NWU"];

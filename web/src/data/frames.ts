@@ -13,7 +13,7 @@
  * greatest stay bounds, and means follow.
  */
 import type { ChannelInfo } from "../wire/types";
-import { BETWEEN, type Matrix3, matrixIn, multiply, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./derive";
+import { BETWEEN, type Matrix3, matrixIn, multiply, type Quaternion, type Vector3, vectorIn, type WorldFrame } from "./rotations";
 
 export type BodyFrame = "FLU" | "FRD";
 

@@ -6,7 +6,7 @@
  */
 import type { ChannelInfo, DeviceInfo, EventInfo } from "../wire/types";
 import { type Loss, LossBook } from "./losses";
-import type { Ring } from "./ring";
+import type { Ring } from "./ring-buffer";
 
 /** A ring and what is in it, in the frame that the device sends. */
 export interface Held {

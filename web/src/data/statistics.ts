@@ -11,7 +11,7 @@
  * Where samples point everywhere alike (an axis that spins) the resultant has no direction: the mean is NaN, and the deviations
  * are counted from wherever the samples began.
  */
-import type { Values } from "./buckets";
+import type { Values } from "./minmax-pyramid";
 
 export interface Stats {
   readonly n: number;

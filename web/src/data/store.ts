@@ -13,15 +13,15 @@
 import { signal, type Signal } from "@preact/signals";
 import { localNow } from "../wire/clock";
 import type { SampleFrame } from "../wire/codec";
-import type { FromWorker, ToWorker } from "../wire/messages";
+import type { FromWorker, ToWorker } from "../wire/worker-messages";
 import type { ChannelInfo, ControlState, DeviceHealth, DeviceInfo, EventInfo, ExchangeEntry, ExportJob, RawPayload, RecorderState, ServerText } from "../wire/types";
 import { type Channel, Channels } from "./channels";
-import type { WorldFrame } from "./derive";
+import type { WorldFrame } from "./rotations";
 import type { Change } from "./frames";
 import { LossBook, type Loss } from "./losses";
 import { Past } from "./past";
 import { Refill } from "./refill";
-import { Budget, Ring } from "./ring";
+import { Budget, Ring } from "./ring-buffer";
 
 /** Most seconds of history asked for. The server keeps what it keeps, the rings hold what their budget allows. */
 const HISTORY_S = 3600;
@@ -85,7 +85,7 @@ export class Store {
   /** Connect to `url` (ws:// or wss://) and stay connected. */
   start(url: string): void {
     this.stop();
-    this.#worker = new Worker(new URL("../wire/worker.ts", import.meta.url), { type: "module" });
+    this.#worker = new Worker(new URL("../wire/socket-worker.ts", import.meta.url), { type: "module" });
     this.#worker.onmessage = ({ data }: MessageEvent<FromWorker>) => this.receive(data);
     this.#post({ kind: "start", url, history: HISTORY_S });
   }

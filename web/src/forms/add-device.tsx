@@ -4,7 +4,7 @@
  */
 import { type Signal, signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { api, type HowToRead, type Outcome, type Problem } from "../ui/api";
+import { api, type HowToRead, type Outcome, type Problem } from "../ui/http";
 import { Dialog } from "../ui/dialog";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";

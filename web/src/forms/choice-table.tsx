@@ -2,7 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { number } from "../ui/format";
 import { Icon } from "../ui/icons";
-import type { Sheet } from "./sheet";
+import type { Sheet } from "./form-context";
 import type { LoadInfo } from "./types";
 
 interface TableProps {

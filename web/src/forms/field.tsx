@@ -1,10 +1,10 @@
 /** A field of a form: its name and meaning, its input, its range, what it was. Records and lists are drawn from the fields inside them. */
 import { Message } from "../ui/message";
-import { words as named } from "../ui/words";
+import { words as named } from "../ui/labels";
 import { wasAt } from "./edits";
 import { BoolInput, ChoiceInput, FlagsInput, type InputProps, NumberInput, OptionInput, TextInput, VectorInput } from "./inputs";
-import { ListInput } from "./list";
-import { idOf, problemAt, type Sheet } from "./sheet";
+import { ListInput } from "./list-input";
+import { idOf, problemAt, type Sheet } from "./form-context";
 import type { FieldForm } from "./types";
 import { joined, type Path, rangeWords, words } from "./values";
 

@@ -1,8 +1,8 @@
 /** One input for each kind of value: number, choice, flags, switch, text, bytes, vector. What cannot be a value is told while it is typed. */
 import { useEffect, useState } from "preact/hooks";
 import { Icon } from "../ui/icons";
-import { words as named } from "../ui/words";
-import { idOf, type Sheet } from "./sheet";
+import { words as named } from "../ui/labels";
+import { idOf, type Sheet } from "./form-context";
 import type { FieldForm } from "./types";
 import { at, big, bitsOf, isReserved, offered, type Path, read, type Reading, small, textProblem, typed, withBits } from "./values";
 

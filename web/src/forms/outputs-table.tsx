@@ -3,7 +3,7 @@ import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
 import {
   baseOf, changed, type Entry, EVERY, FRAMES, frameOf, idWords, type OutputRow, outputRows, precisionOf, PRECISIONS, rateWords, toggled, withFrame, withPrecision,
 } from "./outputs";
-import type { Sheet } from "./sheet";
+import type { Sheet } from "./form-context";
 import type { FieldForm, LoadInfo, OutputChoice } from "./types";
 import { at } from "./values";
 

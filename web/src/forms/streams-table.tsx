@@ -1,6 +1,6 @@
 /** The streams of an Inertial Sense device: which data sets come, how often, and what each costs the line. */
 import { ChoiceRow, ChoiceTable, Pick } from "./choice-table";
-import type { Sheet } from "./sheet";
+import type { Sheet } from "./form-context";
 import { paceWords, PERIODS, streamed, type StreamEntry, type StreamRow, streamRows } from "./streams";
 import type { FieldForm, LoadInfo, StreamChoice } from "./types";
 import { at, initialElement } from "./values";

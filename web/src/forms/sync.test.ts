@@ -1,6 +1,6 @@
 import { expect, it } from "vitest";
 import { field } from "./fixtures";
-import type { Sheet } from "./sheet";
+import type { Sheet } from "./form-context";
 import { signedSheet, syncFields } from "./sync";
 import { at, read, typed } from "./values";
 

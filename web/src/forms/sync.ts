@@ -3,7 +3,7 @@
  *
  *     wire 0…65535 ──offset: two's complement──▶ −32768…32767 ──× 0.1──▶ ms
  */
-import type { Sheet } from "./sheet";
+import type { Sheet } from "./form-context";
 import type { FieldForm } from "./types";
 import { at, joined, type Path, put, type Values } from "./values";
 

@@ -28,7 +28,7 @@ export function startDrop(): void {
     const files = [...(event.dataTransfer?.files ?? [])];
     if (files.length === 0) return;
     if (route.peek().page !== "recordings" || route.peek().recording !== undefined) go("recordings");
-    void import("./recordings/shelf").then(({ add }) => add(files));
+    void import("./recordings/library-store").then(({ add }) => add(files));
   });
 }
 

@@ -1,11 +1,11 @@
 /** Makes keys do what the table in ui/keys.ts says. */
-import * as actions from "../data/actions";
-import { cursor, measure, view } from "../data/view";
+import * as actions from "../data/view-actions";
+import { cursor, measure, view } from "../data/view-state";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../ui/keys";
-import { type App, overlay, sheet } from "./app";
-import { showsPlots } from "../ui/state";
+import { type App, overlay, sheet } from "./app-state";
+import { showsPlots } from "../ui/page-state";
 import { shareLive } from "./share";
-import { askForRecord, beginNote, mark, toggleRecord } from "./record";
+import { askForRecord, beginNote, mark, toggleRecord } from "./record-button";
 import { go, PAGES, type PageName, route } from "./route";
 
 export function startKeyboard(app: App): () => void {

@@ -4,11 +4,11 @@
  *     #/?device=2&span=5&base=arrival&frame=NED&hide=…&show=…&panels=…     while it follows the newest sample
  *     #/?device=2&t0=…&t1=…&cursor=…&measure=…                             while it stands still: as long as the server remembers it
  */
-import { cursor, frame, hidden, measure, normsSeen, view } from "../data/view";
-import { asked } from "../plots/stack";
-import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/address";
+import { cursor, frame, hidden, measure, normsSeen, view } from "../data/view-state";
+import { asked } from "../plots/plot-stack";
+import { type Place, placeQuery, readPlace, seriesOf, takeSeries } from "../recordings/permalink";
 import { copyText } from "../ui/copy";
-import { select } from "./app";
+import { select } from "./app-state";
 import { href, route } from "./route";
 
 /** The address follows what is on screen this often, ms. */

@@ -1,29 +1,29 @@
 /** The Live page: devices on the left, attitude and plots in the middle, values and health on the right. */
-import { view } from "../data/view";
-import { mountLargeTrack } from "../attitude/large-track";
+import { view } from "../data/view-state";
+import { mountLargeTrack } from "../attitude/track-dialog";
 import { mountAttitude } from "../attitude/panel";
 import { AddDevice } from "../forms/add-device";
-import { mountHealth, mountStrip } from "../panels/health";
-import { mountNews } from "../panels/news";
-import { mountRaws } from "../panels/raws";
+import { mountHealth, mountStrip } from "../panels/health-panel";
+import { mountNews } from "../panels/event-list";
+import { mountRaws } from "../panels/unknown-payloads";
 import { mountSatellites } from "../panels/satellites";
-import { skyTables } from "../panels/sky";
+import { skyTables } from "../panels/satellite-data";
 import { mountValues } from "../panels/values";
-import { mountStack } from "../plots/stack";
+import { mountStack } from "../plots/plot-stack";
 import { Dialog } from "../ui/dialog";
 import { Help } from "../ui/help";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
-import { Mounted } from "../ui/mounted";
-import { showsPlots } from "../ui/state";
+import { Mounted } from "../ui/panel-host";
+import { showsPlots } from "../ui/page-state";
 import { LiveScene, LiveViews } from "../views/viser";
-import { type App, describing, folded, keyFor, overlay, select, sheet } from "./app";
-import { Bar, Dock } from "./bar";
-import { Describe } from "./describe";
-import { Rail } from "./rail";
+import { type App, describing, folded, keyFor, overlay, select, sheet } from "./app-state";
+import { Bar, Dock } from "./top-bar";
+import { Describe } from "./payload-dialog";
+import { Rail } from "./device-sidebar";
 import { openTable, RowsDialog } from "./rows";
-import { KeyBand, RearmBand } from "./trust";
-import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./states";
+import { KeyBand, RearmBand } from "./key-banner";
+import { Connecting, Denied, Empty, HeldBand, OfflineBand, ProblemBand, Silent, Starting, Unreached } from "./empty-states";
 
 export function LivePage({ app }: { readonly app: App }) {
   const state = app.state.value;

@@ -4,7 +4,7 @@
  *     #/?device=…&span=…                    Live, as the link says (pages/live-address.ts)
  *     #/configure/<device>/<place>/<more>   Configure; the place is a group, a setting, a command, or "compare", "corrections" …
  *     #/recordings                          the library
- *     #/recordings/<id>?t0=…&cursor=…       a recording, opened where the link says (recordings/address.ts)
+ *     #/recordings/<id>?t0=…&cursor=…       a recording, opened where the link says (recordings/permalink.ts)
  */
 import { signal } from "@preact/signals";
 import type { IconName } from "../ui/icons";

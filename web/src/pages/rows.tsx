@@ -2,8 +2,8 @@
 import { signal } from "@preact/signals";
 import { mountRows } from "../panels/rows";
 import { Dialog } from "../ui/dialog";
-import { Mounted } from "../ui/mounted";
-import type { App } from "./app";
+import { Mounted } from "../ui/panel-host";
+import type { App } from "./app-state";
 
 /** The table that is open: name and title of its channel. */
 export const openTable = signal<{ readonly name: string; readonly title: string } | undefined>(undefined);

@@ -3,7 +3,7 @@ import { signal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import type { Store } from "../data/store";
 import { Icon } from "../ui/icons";
-import type { App } from "./app";
+import type { App } from "./app-state";
 import { DropVeil } from "./drop";
 import { LivePage } from "./live";
 import { href, PAGES, route } from "./route";
@@ -33,7 +33,7 @@ function late<P>(load: () => Promise<{ default: ComponentType<P> }>): { readonly
 
 const configure = late<{ app: App }>(() => import("./configure/page"));
 const recordings = late<{ app: App }>(() => import("./recordings/page"));
-const decks = late<{ store: Store }>(() => import("./configure/decks"));
+const decks = late<{ store: Store }>(() => import("./configure/rollback-banner"));
 
 export function Shell({ app }: { readonly app: App }) {
   const { page } = route.value;

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring";
+import { Ring } from "../data/ring-buffer";
 import type { ChannelInfo } from "../wire/types";
 import { cellsOf } from "./rows";
 

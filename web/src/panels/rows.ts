@@ -2,8 +2,8 @@
 import type { Channel } from "../data/channels";
 import { el, every, type Panel } from "../ui/dom";
 import { decimalsOf, number } from "../ui/format";
-import { choiceWords } from "../ui/words";
-import { channelsOf, type Deps, reading, sampleAt } from "./deps";
+import { choiceWords } from "../ui/labels";
+import { channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 
 /** A table's rows are those that share the time of the row at `i`: the first of them, −1 where there is none. */
 export function firstRowAt({ ring }: Pick<Channel, "ring">, i: number): number {

@@ -4,8 +4,8 @@
  */
 import { el, every, Live, type Panel } from "../ui/dom";
 import { number } from "../ui/format";
-import { channelsOf, type Deps, reading, sampleAt } from "./deps";
-import { type Constellation, type Satellite, skyAt, type SkyTable, skyTables, tally, type Use } from "./sky";
+import { channelsOf, type Deps, reading, sampleAt } from "./panel-context";
+import { type Constellation, type Satellite, skyAt, type SkyTable, skyTables, tally, type Use } from "./satellite-data";
 
 /** A bar this long is full, dB-Hz: stronger than any satellite. */
 const FULL_DBHZ = 55;

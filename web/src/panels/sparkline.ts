@@ -1,6 +1,6 @@
 /** How did a figure go over the last minute? Small bars: grey where all was well, marked where samples were lost. */
 import { css, type Surface } from "../ui/canvas";
-import type { Bar } from "./minute";
+import type { Bar } from "./health-history";
 
 /** Bars from the left; a bar with nothing known is left empty, silence is a low mark. */
 export function drawBars(to: Surface, bars: readonly (Bar | undefined)[], gone: boolean): void {

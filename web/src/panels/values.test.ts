@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring";
+import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { staleness } from "./values";
 

@@ -4,14 +4,14 @@
  * because a long window of a fast device is millions of samples. Nothing moves when digits do.
  */
 import type { Channel } from "../data/channels";
-import { cursorBeside } from "../data/actions";
-import { view } from "../data/view";
+import { cursorBeside } from "../data/view-actions";
+import { view } from "../data/view-state";
 import { every, el, Live, type Panel, unit } from "../ui/dom";
 import { age, clock, decimalsOf, NONE, number, span } from "../ui/format";
-import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./deps";
+import { ageOf, channelsOf, type Deps, reading, sampleAt } from "./panel-context";
 import { DTYPE_SIZE } from "../wire/types";
-import { groupsOf, type ValueRow } from "./layout";
-import type { Reading } from "./reading";
+import { groupsOf, type ValueRow } from "./value-groups";
+import type { Reading } from "./cursor-time";
 
 /** What statistics may take of one frame's 16 ms, in ms; one line is done in any case. */
 const STATS_MS = 0.7;

@@ -1,10 +1,10 @@
 /**
  * What time is it along the axis? Ticks in steps that a clock has, labels in UTC, and the cursor's time to 1 ms.
  */
-import type { View } from "../data/view";
+import type { View } from "../data/view-state";
 import { clock } from "../ui/format";
-import { type Palette, setFont, type Sheet } from "./paint";
-import { xOf, type TimeWindow } from "./window";
+import { type Palette, setFont, type Sheet } from "./canvas-style";
+import { xOf, type TimeWindow } from "./time-window";
 
 /** Steps of a clock, s; below a second decimal ones. */
 const STEPS: readonly number[] = [

@@ -8,12 +8,12 @@
  * stands still is not drawn. `pan` frames move by a pixel every time, so that every frame draws everything; `zoom` frames change the
  * window's length, so that moreover no pixel can be kept from the frame before.
  */
-import * as actions from "../data/actions";
-import { onFrame } from "../data/loop";
+import * as actions from "../data/view-actions";
+import { onFrame } from "../data/render-loop";
 import { Store } from "../data/store";
-import { cursor, hidden, measure, view } from "../data/view";
+import { cursor, hidden, measure, view } from "../data/view-state";
 import { localNow } from "../wire/clock";
-import { mountStack } from "./stack";
+import { mountStack } from "./plot-stack";
 import { CHANNELS, DEVICE, frameOf } from "./synthetic";
 import "../ui/tokens.css";
 import "../ui/base.css";

@@ -11,9 +11,9 @@
  *
  * One finger moves along time; across time it scrolls the page, which `touch-action: pan-y` leaves to the browser.
  */
-import { cursorBeside, cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/actions";
-import { cursor, view } from "../data/view";
-import { timeAt, xOf, type TimeWindow } from "./window";
+import { cursorBeside, cursorTime, fit, live, panTo, pin, pinMeasure, rightEdge, select, unpin, zoom, centreAt } from "../data/view-actions";
+import { cursor, view } from "../data/view-state";
+import { timeAt, xOf, type TimeWindow } from "./time-window";
 
 /** A press that moved less than this is a click, px. */
 const CLICK_PX = 4;

@@ -1,11 +1,11 @@
 /** The names of the lanes in the gutter, and one line under them that says what a lane means: by pointer, finger or keyboard. */
 import type { Loss } from "../data/losses";
 import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view";
+import type { TimeBase } from "../data/view-state";
 import { count } from "../ui/format";
 import { el, messageNodes } from "../ui/dom";
 import type { Reads } from "./legend";
-import { firstLanes, inPlace, type Lane, LANE_PX, lanesOf, roomFor, lossWords, stateAt, stateWords } from "./lanes";
+import { firstLanes, inPlace, type Lane, LANE_PX, lanesOf, roomFor, lossWords, stateAt, stateWords } from "./status-lanes";
 
 export class LaneNames {
   lanes: readonly Lane[] = [];

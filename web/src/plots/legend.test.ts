@@ -1,8 +1,8 @@
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring";
+import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import { changeOf } from "./legend";
-import type { Series } from "./select";
+import type { Series } from "./plot-selection";
 import { CHANNELS, frameOf } from "./synthetic";
 
 /** A channel whose first column counts 10° a second from `start`, at `times`, around the circle. */

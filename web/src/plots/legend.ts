@@ -2,14 +2,14 @@
  * What stands beside a plot: its name and unit, and for every series its letter and the value at the cursor. A series is a
  * button: a click hides or shows it, with Shift it stands alone.
  */
-import { toggleKey } from "../data/actions";
-import { lowerBound } from "../data/gaps";
+import { toggleKey } from "../data/view-actions";
+import { lowerBound } from "../data/line-breaks";
 import { wrapped } from "../data/statistics";
 import type { Channel } from "../data/channels";
-import type { TimeBase } from "../data/view";
+import type { TimeBase } from "../data/view-state";
 import { number } from "../ui/format";
 import { el, Live, unit } from "../ui/dom";
-import type { PlotSpec, Series } from "./select";
+import type { PlotSpec, Series } from "./plot-selection";
 
 /** A cursor this long after the newest sample still reads it, s: samples are on their way. */
 const ON_THEIR_WAY_S = 0.25;

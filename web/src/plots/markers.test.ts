@@ -1,7 +1,7 @@
 import { expect, it } from "vitest";
 import type { EventInfo } from "../wire/types";
 import { markersIn, placed } from "./markers";
-import { timeWindow } from "./window";
+import { timeWindow } from "./time-window";
 
 const event = (kind: string, time: number, text: string, device = ""): EventInfo =>
   ({ seq: 0, time, device, kind, level: "info", text, t0: null, t1: null, samples: 0, data: {} }) as EventInfo;

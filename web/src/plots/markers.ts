@@ -1,7 +1,7 @@
 /** Markers and notes on the plots: a violet line through all of them, with a flag and its words at the top. */
 import type { EventInfo } from "../wire/types";
-import { fitting, type Palette, setFont } from "./paint";
-import { xOf, type TimeWindow } from "./window";
+import { fitting, type Palette, setFont } from "./canvas-style";
+import { xOf, type TimeWindow } from "./time-window";
 
 /** A marker as it is drawn. */
 export interface MarkLine {

@@ -9,18 +9,18 @@
  * A plot is drawn when something changed: the window moved by a pixel, samples came (ten times a second suffices when the window
  * stands still), a series was hidden, the theme or size changed.
  */
-import type { Extent } from "../data/buckets";
-import type { Ring } from "../data/ring";
+import type { Extent } from "../data/minmax-pyramid";
+import type { Ring } from "../data/ring-buffer";
 import { el } from "../ui/dom";
 import { number } from "../ui/format";
-import { PixelColumns } from "./columns";
+import { PixelColumns } from "./pixel-columns";
 import { Legend, valueAt } from "./legend";
-import { fitting, type Palette, setFont, Sheet } from "./paint";
+import { fitting, type Palette, setFont, Sheet } from "./canvas-style";
 import { Scale, ticks } from "./scale";
-import type { PlotSpec, Series } from "./select";
+import type { PlotSpec, Series } from "./plot-selection";
 import { traceDots, traceSeries, type Vertical } from "./trace";
 import { timeGrid } from "./axis";
-import { xOf, type TimeWindow } from "./window";
+import { xOf, type TimeWindow } from "./time-window";
 
 const LEGEND_HEIGHT = 26;
 const LINE = 1.15;

@@ -1,17 +1,17 @@
 import { describe, expect, it } from "vitest";
-import { Ring } from "../data/ring";
+import { Ring } from "../data/ring-buffer";
 import type { Channel } from "../data/channels";
 import type { ChannelInfo, ColumnInfo } from "../wire/types";
 import { duration, tickLabel, timeGrid, timeStep } from "./axis";
-import { PixelColumns } from "./columns";
-import { words } from "../ui/words";
+import { PixelColumns } from "./pixel-columns";
+import { words } from "../ui/labels";
 import { docOf } from "./lane-names";
-import { inPlace, lanesOf, roomFor, runsOf, stateWords } from "./lanes";
-import { stripLength } from "./memory";
+import { inPlace, lanesOf, roomFor, runsOf, stateWords } from "./status-lanes";
+import { stripLength } from "./history-strip";
 import { niceStep, Scale, ticks } from "./scale";
-import { plotsOf } from "./select";
+import { plotsOf } from "./plot-selection";
 import { CHANNELS, frameOf, STATUS_BITS } from "./synthetic";
-import { timeAt, timeWindow, xOf, type TimeWindow } from "./window";
+import { timeAt, timeWindow, xOf, type TimeWindow } from "./time-window";
 
 const windowOf = (end: number, span: number, width = 200): TimeWindow =>
   timeWindow({ device: "1", live: false, end, span, timeBase: "device" }, end, 100, width, 1);

@@ -1,8 +1,8 @@
 import { expect, it } from "vitest";
-import { Ring } from "../data/ring";
-import { PixelColumns } from "./columns";
+import { Ring } from "../data/ring-buffer";
+import { PixelColumns } from "./pixel-columns";
 import { isDense, traceSeries } from "./trace";
-import { timeWindow } from "./window";
+import { timeWindow } from "./time-window";
 
 /** Lengths, in units of the quantity, of all lines drawn. */
 class Pen {

@@ -5,11 +5,11 @@
  *     samples      ╱╲   ╱╲ ░░ ╱╲        columns      │╷│╵││ ░░ │╷││
  *                    break ▲  ▲ break                    ▲ the pen is lifted where a break lies
  */
-import { lowerBound } from "../data/gaps";
-import type { Ring } from "../data/ring";
-import type { Extent } from "../data/buckets";
-import type { PixelColumns } from "./columns";
-import { xOf, type TimeWindow } from "./window";
+import { lowerBound } from "../data/line-breaks";
+import type { Ring } from "../data/ring-buffer";
+import type { Extent } from "../data/minmax-pyramid";
+import type { PixelColumns } from "./pixel-columns";
+import { xOf, type TimeWindow } from "./time-window";
 
 /** Samples per pixel from which extremes are drawn instead of samples. */
 const DENSE = 1.5;

@@ -6,13 +6,13 @@
  *     GET …/window ──decode──▶ show ──clear, keep──▶ Ring of the channel ──▶ the plots and panels that are on Live
  *
  * A stretch with more samples than are asked for comes summarised: two rows at one time, the least and the greatest (of flags
- * those of any row, and of all). Rings draw that as they draw dense samples; `windows.py` is the other end.
+ * those of any row, and of all). Rings draw that as they draw dense samples; `range_query.py` is the other end.
  */
 import type { Channel } from "../data/channels";
 import { Store } from "../data/store";
 import type { SampleFrame } from "../wire/codec";
 import type { ChannelInfo, Dtype, EventInfo } from "../wire/types";
-import type { Stretch } from "./stretch";
+import type { Stretch } from "./time-range";
 import type { RecordingDetail } from "./types";
 
 /** A gap of more usual spacings than this is one, among samples as they came (design, "Plots"). */

@@ -4,8 +4,8 @@
  */
 import { type Row, valueOf } from "../data/frames";
 import type { Stats } from "../data/statistics";
-import type { TimeBase } from "../data/view";
-import { fetchStatistics } from "./server";
+import type { TimeBase } from "../data/view-state";
+import { fetchStatistics } from "./api";
 
 /** Of one column; null where there is no number. */
 export interface ColumnStatistics {

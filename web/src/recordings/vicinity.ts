@@ -4,11 +4,11 @@
  *     around(t) ── within what is held? ──▶ nothing to do
  *               └─ no ──▶ one Feed for each group of channels (`nearOf`) ──▶ GET …/window ──▶ store
  */
-import type { TimeBase } from "../data/view";
-import type { Problem } from "../ui/api";
-import { Feed } from "./feed";
+import type { TimeBase } from "../data/view-state";
+import type { Problem } from "../ui/http";
+import { Feed } from "./window-fetcher";
 import type { ReplayStore } from "./replay-store";
-import { type Bounds, type Near, nearOf } from "./stretch";
+import { type Bounds, type Near, nearOf } from "./time-range";
 import type { RecordingDetail } from "./types";
 
 /** Shortest reach of samples around the cursor, s. */

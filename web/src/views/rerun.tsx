@@ -4,7 +4,7 @@
  */
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import type { Replay } from "../recordings/replay";
+import type { Replay } from "../recordings/replay-controller";
 import { Icon } from "../ui/icons";
 import { theme } from "../ui/theme";
 import { viewerHref } from "./viewer-href";

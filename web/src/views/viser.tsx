@@ -7,15 +7,15 @@
  */
 import { signal } from "@preact/signals";
 import { useEffect, useRef, useState } from "preact/hooks";
-import { onFrame } from "../data/loop";
-import type { Replay } from "../recordings/replay";
-import { overlay } from "../pages/app";
-import { type Problem, request } from "../ui/api";
+import { onFrame } from "../data/render-loop";
+import type { Replay } from "../recordings/replay-controller";
+import { overlay } from "../pages/app-state";
+import { type Problem, request } from "../ui/http";
 import { Icon } from "../ui/icons";
 import { Message } from "../ui/message";
 import { theme } from "../ui/theme";
 import type { DeviceInfo } from "../wire/types";
-import { headNews, type Told } from "./head";
+import { headNews, type Told } from "./viewer-sync";
 import { liveHref } from "./viewer-href";
 import "./viser.css";
 

@@ -1,4 +1,4 @@
-/** Types of the wire. Generated from server/wire.py by `python -m server.wire_types`; do not edit. */
+/** Types of the wire. Generated from server/wire.py by `python -m server.generate_ts_types`; do not edit. */
 
 export const SUBPROTOCOL = "imuscope.v1";
 export const OPCODE_SAMPLES = 1;

@@ -9,10 +9,10 @@ import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
 import type { Model } from "./model";
 import { Rollout } from "./rollout";
-import { server } from "./server";
+import { server } from "./api";
 import { refOf, type Side, titleOf } from "./sides";
 import { SnapshotActs } from "./snapshot";
-import { goTo, here } from "./view";
+import { goTo, here } from "./view-state";
 
 export function Compare({ model, store }: { readonly model: Model; readonly store: Store }) {
   const difference = useSignal<Difference | undefined>(undefined);

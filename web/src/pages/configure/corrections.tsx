@@ -6,7 +6,7 @@ import type { Corrections as State } from "../../forms/types";
 import { age, byteRate, number } from "../../ui/format";
 import { Message } from "../../ui/message";
 import { type Model, viewOnly } from "./model";
-import { server } from "./server";
+import { server } from "./api";
 
 const ASK_EVERY_MS = 1000;
 

@@ -1,8 +1,8 @@
 /** A group: its settings one below the other, then its commands. */
 import type { CommandForm } from "../../forms/types";
 import type { Model } from "./model";
-import { Setting } from "./setting";
-import { all, CAUTIONS, linkTo, visibleSettings } from "./view";
+import { Setting } from "./setting-form";
+import { all, CAUTIONS, linkTo, visibleSettings } from "./view-state";
 
 export function Group({ model, name }: { readonly model: Model; readonly name: string }) {
   const forms = model.forms.value;

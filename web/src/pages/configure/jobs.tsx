@@ -1,9 +1,9 @@
 /** Jobs: what is being done to the device, what waits, what came of it. */
 import type { ControlState, FieldOutcome, Job } from "../../wire/types";
 import { Message } from "../../ui/message";
-import { words } from "../../ui/words";
+import { words } from "../../ui/labels";
 import type { Model } from "./model";
-import { server } from "./server";
+import { server } from "./api";
 
 /** A job of that number, wherever it is by now. */
 export const jobOf = (model: Model, id: number): Job | undefined => jobIn(model.control.value, id);

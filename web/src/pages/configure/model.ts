@@ -17,9 +17,9 @@ import { type Elsewhere, rebase } from "../../forms/rebase";
 import { indexOf } from "../../forms/search";
 import type { CommandForm, Forms, LoadInfo, PreviewAnswer, SettingForm, SnapshotBody, SnapshotInfo } from "../../forms/types";
 import { initials, joined, type Path, put, type Values, whereOf } from "../../forms/values";
-import { isRefusal, type Outcome, type Problem } from "../../ui/api";
+import { isRefusal, type Outcome, type Problem } from "../../ui/http";
 import type { ControlState, DeviceInfo, ExchangeEntry } from "../../wire/types";
-import { server } from "./server";
+import { server } from "./api";
 
 const PREVIEW_AFTER_MS = 150;
 const UNDO_KEPT = 100;

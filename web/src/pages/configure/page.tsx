@@ -1,26 +1,26 @@
 /** The Configure page: settings on the left, the form in the middle, the exchange on the right. Loaded when it is first opened. */
 import { useEffect } from "preact/hooks";
-import { view } from "../../data/view";
+import { view } from "../../data/view-state";
 import { BudgetLine } from "../../forms/budget-bar";
 import { Icon } from "../../ui/icons";
-import { type App, sheet } from "../app";
-import { Bar } from "../bar";
+import { type App, sheet } from "../app-state";
+import { Bar } from "../top-bar";
 import { route } from "../route";
-import { Empty, OfflineBand, ProblemBand, Starting } from "../states";
-import { ApplyBar } from "./apply";
-import { Ask } from "./ask";
-import { Command } from "./command";
+import { Empty, OfflineBand, ProblemBand, Starting } from "../empty-states";
+import { ApplyBar } from "./apply-bar";
+import { Ask } from "./confirm-dialog";
+import { Command } from "./command-form";
 import { Compare } from "./compare";
 import { Corrections } from "./corrections";
-import { Exchange } from "./exchange";
+import { Exchange } from "./traffic-log";
 import { Group } from "./group";
 import { type Model, modelOf, viewOnly } from "./model";
-import { ConfigureRail } from "./rail";
-import { Discard, Setting } from "./setting";
+import { ConfigureRail } from "./sidebar";
+import { Discard, Setting } from "./setting-form";
 import { KeepButton } from "./snapshot";
 import { Restore } from "./restore";
-import { ElsewhereBand, LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./states";
-import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view";
+import { ElsewhereBand, LostBand, NoForms, NotRead, ProblemLine, Reading, UnfinishedBand, ViewOnlyBand } from "./empty-states";
+import { all, linkTo, type Place, placeOf, question, readAll, visibleSettings } from "./view-state";
 import "./styles";
 
 export default function ConfigurePage({ app }: { readonly app: App }) {

@@ -1,7 +1,7 @@
 /** The guided procedure for a device that answers at no rate: a person switches its power while the server calls it. */
 import { isOver, JobLine, jobOf } from "./jobs";
 import { type Model, viewOnly } from "./model";
-import { server } from "./server";
+import { server } from "./api";
 
 export function Restore({ model }: { readonly model: Model }) {
   const id = model.restoring.value;

@@ -6,15 +6,15 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Store } from "../../data/store";
 import type { Difference, SideRef } from "../../forms/types";
-import type { Outcome, Problem } from "../../ui/api";
+import type { Outcome, Problem } from "../../ui/http";
 import { count } from "../../ui/format";
 import { Message } from "../../ui/message";
 import type { DeviceInfo, Job } from "../../wire/types";
 import { isOver, jobIn, Outcomes, stateWords } from "./jobs";
 import { type Model, viewOnly } from "./model";
-import { server } from "./server";
+import { server } from "./api";
 import { refFor, type Side } from "./sides";
-import { question } from "./view";
+import { question } from "./view-state";
 
 type Checks = Readonly<Record<string, Outcome<Difference>>>;
 /** What became of a device: the job that writes it, as last seen, or why there is none. */

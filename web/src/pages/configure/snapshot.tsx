@@ -3,8 +3,8 @@ import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { Dialog } from "../../ui/dialog";
 import { type Model, viewOnly } from "./model";
-import { server } from "./server";
-import { goTo, question } from "./view";
+import { server } from "./api";
+import { goTo, question } from "./view-state";
 
 export function SnapshotActs({ model, name }: { readonly model: Model; readonly name: string }) {
   const info = model.snapshots.value.find((snapshot) => snapshot.name === name);

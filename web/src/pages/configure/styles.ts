@@ -3,5 +3,5 @@ import "../../forms/forms.css";
 import "../../forms/tables.css";
 import "./configure.css";
 import "./compare.css";
-import "./exchange.css";
+import "./traffic-log.css";
 import "./phone.css";

@@ -1,15 +1,15 @@
 /** One recording of the library: what is in it, what a person says of it, and what can be done with it. */
 import { useSignal } from "@preact/signals";
-import { bytes, dateWords, daysLeft, deviceName, isKnown, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/listing";
-import { server } from "../../recordings/server";
+import { bytes, dateWords, daysLeft, deviceName, isKnown, length, lostOf, messagesOf, rejectsOf, titleOf } from "../../recordings/library-filter";
+import { server } from "../../recordings/api";
 import type { RecordingInfo } from "../../recordings/types";
 import { count, number } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type App, run, select, sheet } from "../app";
+import { type App, run, select, sheet } from "../app-state";
 import { go, href } from "../route";
-import { exporting, Jobs } from "./export";
-import { aboutToOpen, edit, remove, rename, undelete } from "./shelf";
+import { exporting, Jobs } from "./export-dialog";
+import { aboutToOpen, edit, remove, rename, undelete } from "./library-store";
 
 export function Details({ info, app }: { readonly info: RecordingInfo; readonly app: App }) {
   return (

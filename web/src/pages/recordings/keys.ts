@@ -1,12 +1,12 @@
 /** Keys of a recording that is open: those of Live, with playing in the place of living. */
-import * as actions from "../../data/actions";
-import { cursor, measure, view } from "../../data/view";
-import type { Replay } from "../../recordings/replay";
+import * as actions from "../../data/view-actions";
+import { cursor, measure, view } from "../../data/view-state";
+import type { Replay } from "../../recordings/replay-controller";
 import { actionFor, belongsToControl, type KeyAction, nextSpan } from "../../ui/keys";
-import { overlay, sheet } from "../app";
-import { exporting } from "./export";
+import { overlay, sheet } from "../app-state";
+import { exporting } from "./export-dialog";
 import { beginMarker } from "./markers";
-import { copyLink } from "./hand-on";
+import { copyLink } from "./share-menu";
 
 export function listenForKeys(replay: Replay): () => void {
   let chord = -Infinity;

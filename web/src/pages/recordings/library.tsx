@@ -1,18 +1,18 @@
 /** The library: every recording in the folder, newest first, with what is known of it without opening it. */
 import { useEffect, useRef } from "preact/hooks";
-import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally, titleOf } from "../../recordings/listing";
+import { bytes, CATEGORIES, dateWords, deviceName, flaw, inCategory, length, tally, titleOf } from "../../recordings/library-filter";
 import type { RecordingInfo } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
-import { type App, sheet } from "../app";
-import { Bar } from "../bar";
+import { type App, sheet } from "../app-state";
+import { Bar } from "../top-bar";
 import { href } from "../route";
-import { OfflineBand, ProblemBand } from "../states";
+import { OfflineBand, ProblemBand } from "../empty-states";
 import { PageOverlays } from "./overlays";
 import { Details } from "./details";
-import { aboutToOpen, add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./shelf";
-import { Thumb } from "./thumb";
+import { aboutToOpen, add, all, choice, choose, coming, current, dismiss, follow, gone, selected, shown, trouble, undelete } from "./library-store";
+import { Thumb } from "./thumbnail";
 
 export function LibraryPage({ app }: { readonly app: App }) {
   useEffect(() => follow(app), []);

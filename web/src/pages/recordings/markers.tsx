@@ -1,11 +1,11 @@
 /** Markers and notes of a recording: where they are, a press jumps there, and more can be put in later. */
 import { signal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
-import { length } from "../../recordings/listing";
-import type { Replay } from "../../recordings/replay";
-import { server } from "../../recordings/server";
+import { length } from "../../recordings/library-filter";
+import type { Replay } from "../../recordings/replay-controller";
+import { server } from "../../recordings/api";
 import { Icon } from "../../ui/icons";
-import { run, sheet } from "../app";
+import { run, sheet } from "../app-state";
 
 /** Where a marker is being put, unix s. */
 export const placing = signal<number | undefined>(undefined);

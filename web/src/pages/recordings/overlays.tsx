@@ -1,7 +1,7 @@
 /** What lies over the pages of recordings: the list of keys, and what is exported. */
 import { Help } from "../../ui/help";
-import { type App, overlay } from "../app";
-import { ExportDialog, exporting } from "./export";
+import { type App, overlay } from "../app-state";
+import { ExportDialog, exporting } from "./export-dialog";
 
 export function PageOverlays({ app }: { readonly app: App }) {
   if (overlay.value === "help") return <Help onClose={() => (overlay.value = undefined)} />;

@@ -1,8 +1,8 @@
 /** The Recordings page: the library, or one recording that is open. Loaded when it is first wanted. */
-import type { App } from "../app";
+import type { App } from "../app-state";
 import { route } from "../route";
 import { LibraryPage } from "./library";
-import { OpenPage } from "./open";
+import { OpenPage } from "./open-page";
 import "./library.css";
 import "./details.css";
 import "./phone.css";

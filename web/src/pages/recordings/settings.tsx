@@ -1,25 +1,25 @@
 /** The settings that a device had while it was recorded: as they were read, and beside those that it has now. */
 import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { view } from "../../data/view";
-import { dateWords, titleOf } from "../../recordings/listing";
-import type { Replay } from "../../recordings/replay";
-import { server as recordings } from "../../recordings/server";
+import { view } from "../../data/view-state";
+import { dateWords, titleOf } from "../../recordings/library-filter";
+import type { Replay } from "../../recordings/replay-controller";
+import { server as recordings } from "../../recordings/api";
 import type { RecordedSettings } from "../../recordings/types";
 import { count } from "../../ui/format";
 import { Dialog } from "../../ui/dialog";
 import { Icon } from "../../ui/icons";
 import { Message } from "../../ui/message";
 import type { DeviceInfo } from "../../wire/types";
-import { type App, run } from "../app";
-import { server } from "../configure/server";
+import { type App, run } from "../app-state";
+import { server } from "../configure/api";
 import { go } from "../route";
 
 const open = signal(false);
 
 type Fields = Readonly<Record<string, unknown>>;
 
-/** What server/library/taking.py writes of a device; of a file that says otherwise nothing is shown. */
+/** What server/library/recording_session.py writes of a device; of a file that says otherwise nothing is shown. */
 interface Settings {
   readonly values: Readonly<Record<string, Fields>>;
   readonly missing: Readonly<Record<string, string>>;

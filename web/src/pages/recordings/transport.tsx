@@ -1,16 +1,16 @@
 /** The controls of a recording's time: play, step, speed, loop, marker. */
-import * as actions from "../../data/actions";
-import { view } from "../../data/view";
-import { length } from "../../recordings/listing";
-import { SPEEDS } from "../../recordings/player";
-import type { Replay } from "../../recordings/replay";
+import * as actions from "../../data/view-actions";
+import { view } from "../../data/view-state";
+import { length } from "../../recordings/library-filter";
+import { SPEEDS } from "../../recordings/playback";
+import type { Replay } from "../../recordings/replay-controller";
 import { Live, type Panel } from "../../ui/dom";
 import { number } from "../../ui/format";
 import { Icon, type IconName } from "../../ui/icons";
 import { ZOOM_STEP } from "../../ui/keys";
-import { Mounted } from "../../ui/mounted";
-import { sheet } from "../app";
-import { said } from "./hand-on";
+import { Mounted } from "../../ui/panel-host";
+import { sheet } from "../app-state";
+import { said } from "./share-menu";
 import { zoomAtHead } from "./keys";
 import { beginMarker, MarkerField } from "./markers";
 

@@ -1,0 +1,313 @@
+"""One uninterrupted stretch of a device's clock, seen through a link that only ever delays.
+
+## The lower envelope
+
+A frame cannot arrive before it was sent. With `w` the time its own bytes take on the wire,
+
+    arrival = device + offset + drift × device + w + delay,      delay ≥ 0
+
+so the points (device, arrival − device − w) all lie on or above a straight line, and touch it whenever a frame met no
+delay. That line is what we look for: the lower envelope. (Where a frame came in pieces, the bytes that came first touch
+it, not the last ones, which waited in an adapter: chunk_boundaries.py.)
+
+    arrival − device − w
+       │   ·    ·      · ·        ·          each · a frame: delayed by scheduling, a 16 ms USB burst, a busy network
+       │ ·   · ·  ·  ·     · ·  ·    ·
+       │·_·____·_______·_______·_______·__   the line: offset, and the drift as its slope
+       └─────────────────────────────────── device
+
+Of each second of device time only the lowest point is kept, for `WINDOW_S` seconds. Once a second their lower convex
+hull is built; the hull's edge above the mean device time is the line under all points with the least mean distance
+to them. With little history a slope means nothing, so it is weighted by T² / (T² + S²) of the span T: points known to A
+need S = A / 50 ppm to tell the drift of a usual crystal: a second or two behind a good cable, eight behind an
+adapter.
+
+## The mapping
+
+The line moves as it is learned, but the mapping handed out never does: it is a chain of knots (device, host), fixed up
+to the newest device time added, and from there heading for the line, faster or slower than true by at most a few per
+cent. So host times are continuous, strictly increasing in device time, and a frame that carries an older time (a GNSS
+solution among IMU samples) falls on the very mapping its neighbours had.
+
+    host │            ╱ line now
+         │        _ ╱            the plan: reach the line within `SLEW` of slope error
+         │     __╱·
+         │  _╱   newest added    the past: never rewritten
+         └──────────────────── device
+
+## What this cannot know
+
+Truth is the end of a frame on the wire: a delay that every frame has (a buffering adapter which never delivers at once)
+looks like an offset. `uncertainty` says ± how much of that could be hidden, judged from how the delays are spread
+(delay_stats.py).
+
+Rules for editing: all times are int64 ns outside and float64 ns relative to the first row inside (exact for 100 days).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.delay_stats import RECENT_NS, Lateness, Spread
+
+Array = NDArray[Any]
+
+WINDOW_S = 120  # how long the envelope remembers: a beat between a 125 Hz stream and 16 ms polls takes 80 s at 100 ppm;
+# longer, and a drift that changes by 8 ppm a minute (a sensor warming up) would cost more than half a millisecond
+BUCKET_NS = 1e9  # one point is kept per bucket
+CRYSTAL = 50e-6  # drift that a usual crystal has
+SURE_S, UNSURE_S = 1.0, 8.0  # limits of S
+MAX_DRIFT = 1e-3  # a crystal is 20-100 ppm off; an RC oscillator may be worse
+PLAN_NS = 20e6  # the mapping is replanned at most this often
+PLAN_TIME_NS = 0.25e9  # ... to meet the line after this time
+SLEW, SLEW_EARLY, SLEW_FAR = 0.005, 0.05, 0.5  # slope error while settled; in the first seconds; when far off
+FAR_NS = 50e6
+EARLY_NS = 3e9
+KNOTS = 1024
+PRIOR_NS, PRIOR_ROWS = 16e6, 16  # before anything is known: one burst of a USB adapter; what so many rows halve
+COMMON_DRIFT = 1e-4  # what a drift not yet known may be
+FLOOR_NS = 100e3  # scheduling of the reading thread itself, and the tick of an MTi's clock
+SHARP_NS = 50e3  # what the least late point of a second is known to, at best
+FEWEST_POINTS = 6  # of the envelope, from which their own scatter says how well they are known
+FORGET_NS = 120e9  # a delay that an adapter hides moves with the drift between two crystals: for so long it is ...
+WANDER = 1.4  # ... held to have moved by what was hidden, and some more, while the drift was learned
+JUDGED_NS, JUDGED_FROM = 0.2e9, 64  # how often the delays are judged, once there are so many
+STEP_NS = 50e6  # rows that far below the line are a step of the clock: three times the longest USB burst
+SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is what is that much and so many ± below it
+
+
+class Mapping:
+    """One uninterrupted stretch of a device's clock: its envelope, its line, and the knots handed out.
+
+    Args:
+        origin: device time of its first row, ns.
+        host_origin: arrival of that row, ns since the Unix epoch.
+        late: what is to keep its delays.
+        unknown_ns: what nobody can know of the way here: the one-way time of a network.
+
+    Inside: x = device − origin; y = arrival − w − host origin − x; h = host − host origin; all float64 ns.
+    """
+
+    def __init__(self, origin: int, host_origin: int, late: Lateness, unknown_ns: float = 0.0) -> None:
+        self.origin = origin
+        self.host_origin = host_origin
+        self.slope = 0.0
+        self.intercept = 0.0
+        self.newest = 0.0  # greatest x added
+        self.oldest = 0.0
+        self.arrival = 0  # arrival of the newest good row
+        self._buckets: deque[tuple[float, float]] = deque(maxlen=WINDOW_S)
+        self._bucket_end = -np.inf
+        self._lowest: tuple[float, float] | None = None  # lowest point of the open bucket
+        self._knot_x = np.zeros(2 * KNOTS)
+        self._knot_h = np.zeros(2 * KNOTS)
+        self._knots = 1
+        self._final_slope = 1.0  # of the mapping after its last knot
+        self._planned = -np.inf
+        self.late = late
+        self.step_ns = STEP_NS
+        self.spread = Spread()
+        self._unknown_ns = unknown_ns
+        self._shrink_s = UNSURE_S
+        self._scatter: float | None = None  # of the envelope's points above their line; None: too few
+        self._judged = -np.inf
+        self._wander = 0.0  # how far a hidden delay may have moved while the drift was learned
+        self._uncertainty = PRIOR_NS
+
+    # -- learning
+
+    def learn(
+        self,
+        x: Array,
+        delay: Array,
+        arrival: int,
+        size: float = 0.0,
+        waited: Array | None = None,
+        *,
+        judged: bool = True,
+    ) -> None:
+        """Take rows with their delays over the line as it is; move the line, then the plan.
+
+        Args:
+            size: bytes of a frame.
+            waited: how much longer the last bytes of the frames were on their way, ns; None: no longer.
+            judged: its delays tell about the link; not those of a message that waits for others on the line.
+        """
+        settled = self.newest
+        first = self.late.rows == 0
+        at = int(delay.argmin())
+        low_x, low = float(x[at]), float(delay[at])
+        newest = float(x[-1])
+        if len(x) > 1:
+            newest = max(newest, float(x.max()))
+        if judged or first:
+            self._remember(x, delay, arrival, size, waited)
+        self.newest = max(settled, newest)
+        self.oldest = min(self.oldest, float(x[0]))
+        self.arrival = max(self.arrival, arrival)
+        if low < 0 or first:
+            self.intercept += low
+            low = 0.0
+        self._keep(low_x, low + self.intercept + self.slope * low_x)
+        if first:
+            self.begin_at(self.intercept, 0.0)
+        elif self.newest - self._planned >= PLAN_NS:
+            self._plan(settled)
+        if self.newest - self._judged >= JUDGED_NS or self.late.rows <= JUDGED_FROM:
+            self._judge()
+
+    def _remember(self, x: Array, delay: Array, arrival: int, size: float, waited: Array | None) -> None:
+        """Keep delays. An older row (a GNSS solution, seconds late by its own time) says nothing about the link."""
+        fresh = x >= self.newest
+        if self.late.rows and not fresh.all():
+            x, delay, waited = x[fresh], delay[fresh], None if waited is None else waited[fresh]
+        if len(x):
+            self.late.add(x, delay, size, arrival, waited)
+
+    def _keep(self, x: float, y: float) -> None:
+        """One point of the envelope; at the end of a bucket the line is fitted anew."""
+        if x >= self._bucket_end:
+            if self._lowest is not None:
+                self._buckets.append(self._lowest)
+                self._fit()
+            self._bucket_end = x + BUCKET_NS
+            self._lowest = (x, y)
+        elif self._lowest is None or y - self.slope * x < self._lowest[1] - self.slope * self._lowest[0]:
+            self._lowest = (x, y)
+
+    def _fit(self) -> None:
+        """The line under all points with the least mean distance to them, its slope weighted by the history."""
+        points = sorted(self._buckets)
+        span = (points[-1][0] - points[0][0]) / 1e9
+        self.slope = 0.0
+        if span >= 2.0:
+            steep = _edge_slope(_lower_hull(points), sum(x for x, _ in points) / len(points))
+            above = np.sort([y - steep * x for x, y in points])
+            self._scatter = float(above[len(above) // 2] - above[0]) if len(points) >= FEWEST_POINTS else None
+            self.slope = min(max(steep, -MAX_DRIFT), MAX_DRIFT) * span**2 / (span**2 + self._shrink_s**2)
+        self.intercept = min(y - self.slope * x for x, y in points)
+
+    # -- the mapping
+
+    def begin_at(self, h: float, x: float | None = None) -> None:
+        """Start the mapping: host time `h` at `x` (the origin when not given)."""
+        self._knot_x[0] = 0.0 if x is None else x
+        self._knot_h[0] = h
+        self._knots = 1
+        self._final_slope = 1.0 + self.slope
+        self._planned = self._knot_x[0]
+
+    def _plan(self, settled: float) -> None:
+        """Keep the mapping up to `settled`; from there head for the line."""
+        h = self._at(settled)
+        line = 1.0 + self.slope
+        error = settled * line + self.intercept - h
+        size = abs(error)
+        slew = SLEW_FAR if size > FAR_NS else SLEW_EARLY if self.newest < EARLY_NS else SLEW
+        time = max(size / slew, PLAN_TIME_NS)
+        n = self._knots
+        while n > 1 and self._knot_x[n - 1] >= settled:
+            n -= 1
+        if n + 2 > 2 * KNOTS:
+            self._knot_x[:KNOTS] = self._knot_x[n - KNOTS : n]
+            self._knot_h[:KNOTS] = self._knot_h[n - KNOTS : n]
+            n = KNOTS
+        if settled > self._knot_x[n - 1]:
+            self._knot_x[n], self._knot_h[n] = settled, h
+            n += 1
+        self._knot_x[n], self._knot_h[n] = settled + time, h + time * line + error
+        self._knots = n + 1
+        self._final_slope = line
+        self._planned = settled
+
+    def _at(self, x: float) -> float:
+        """The mapping at one x."""
+        n = self._knots
+        end = self._knot_x[n - 1]
+        if x >= end:
+            return float(self._knot_h[n - 1] + (x - end) * self._final_slope)
+        if x < self._knot_x[0]:
+            return float(self._knot_h[0] + (x - self._knot_x[0]) * self._final_slope)
+        return float(np.interp(x, self._knot_x[:n], self._knot_h[:n]))
+
+    def host(self, device: Array) -> NDArray[np.float64]:
+        """Unix seconds of device times."""
+        n = self._knots
+        x = (device - self.origin).astype(np.float64)
+        h = np.interp(x, self._knot_x[:n], self._knot_h[:n])
+        beyond = x - np.clip(x, self._knot_x[0], self._knot_x[n - 1])
+        beyond *= self._final_slope
+        h += beyond
+        h *= 1e-9
+        h += self.host_origin * 1e-9
+        return np.asarray(h)
+
+    def last_host(self) -> float:
+        """Host time of the newest row, ns."""
+        return self._at(self.newest) + float(self.host_origin)
+
+    def first_host(self) -> float:
+        """Host time at which the mapping begins, ns."""
+        return float(self._knot_h[0]) + float(self.host_origin)
+
+    def distance(self, device: Array) -> NDArray[np.float64]:
+        """How far device times lie outside of the stretch that was seen, ns; 0 within."""
+        x = (device - self.origin).astype(np.float64)
+        return np.asarray(np.abs(x - np.clip(x, self.oldest, self.newest)))
+
+    # -- judging
+
+    def jitter(self, p: float) -> float:
+        """The `p`-th percentile of the delays of the last seconds, ns."""
+        recent = self.late.recent(self.newest)
+        return float(np.percentile(np.maximum(recent, 0.0), p)) if len(recent) else 0.0
+
+    def uncertainty(self) -> float:
+        """± in ns."""
+        return self._uncertainty
+
+    def _judge(self) -> None:
+        """±, from the ways to be wrong: few rows so far; no recent row touched the line; the delays come in steps (a
+        poll grid that beats with the stream), so that the smallest may itself be most of a step; an adapter may hide
+        more; the drift is not known yet; the mapping is still on its way to the line."""
+        spread = self.spread = self.late.spread(self.newest)
+        if spread.holds and self.newest > RECENT_NS:
+            faded = min(max((self.newest - self._judged) / FORGET_NS, 0.0), 1.0)
+            self._wander = max(WANDER * spread.hidden, self._wander * (1 - faded))
+        doubt = spread.low + max(spread.hidden, min(COMMON_DRIFT * self.newest, self._wander))
+        vague = max(self._wander, spread.gap if self._scatter is None else self._scatter)
+        self._shrink_s = min(max((vague + SHARP_NS) / CRYSTAL / 1e9, SURE_S), UNSURE_S)
+        self._judged = self.newest
+        span, shrink = self.newest / 1e9, self._shrink_s
+        value = max(PRIOR_NS * PRIOR_ROWS / (PRIOR_ROWS + self.late.rows), doubt)
+        value += COMMON_DRIFT * self.newest * shrink**2 / (shrink**2 + span**2)
+        value += abs(self.newest * (1 + self.slope) + self.intercept - self._at(self.newest)) + FLOOR_NS
+        self._uncertainty = value + self._unknown_ns
+        settled = self.newest - self.oldest > EARLY_NS
+        self.step_ns = min(STEP_NS, STEP_BOUNDS * self._uncertainty + SMALLEST_STEP_NS) if settled else STEP_NS
+
+
+def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Corners of the lower convex hull of points sorted by x (Andrew's monotone chain)."""
+    hull: list[tuple[float, float]] = []
+    for x, y in points:
+        while len(hull) >= 2:
+            (ax, ay), (bx, by) = hull[-2], hull[-1]
+            if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                break
+            hull.pop()
+        hull.append((x, y))
+    return hull
+
+
+def _edge_slope(hull: list[tuple[float, float]], x: float) -> float:
+    """Slope of the hull's edge above `x`; 0 of a single corner."""
+    for (ax, ay), (bx, by) in pairwise(hull):
+        if bx >= x and bx > ax:
+            return (by - ay) / (bx - ax)
+    return 0.0

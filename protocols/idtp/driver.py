@@ -1,0 +1,159 @@
+"""How is an IDTP device told something? It is sent frames; the protocol has no settings, no answers and no commands.
+
+So most of a Driver is empty here: what it does is composing frames of any type, in any mode, and sending them.
+
+Source: IDTP v2.1.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, TypeVar
+
+from protocols.events import Batch, Event, Reply
+from protocols.idtp import annotate as annotated
+from protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
+from protocols.idtp.custom_payloads import Schema
+from protocols.idtp.json_codec import frame_of
+from protocols.idtp.messages import MESSAGES
+from protocols.layouts import EncodeError
+from protocols.schema import Command, Setting
+from protocols.transactions import (
+    NO_STATES,
+    Dialogue,
+    Expect,
+    Harm,
+    Known,
+    LineChange,
+    Load,
+    Relink,
+    Send,
+    Span,
+    Written,
+)
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+ALIVE_S = 1.5
+RATES = (921_600, 115_200, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
+
+
+class IdtpDriver:
+    """See protocols.transactions.Driver.
+
+    Args:
+        schema: rows of the vendor's own payload types, see custom_payloads.py.
+    """
+
+    name = "idtp"
+    states: Mapping[str, str] = NO_STATES
+    begins: Collection[str] = ()
+    ends_rest = ""
+
+    def __init__(self, schema: Schema | None = None) -> None:
+        self._schema: Schema = schema or {}
+
+    def commands(self, known: Known) -> Sequence[Command]:
+        return list(commands(self._schema).values())
+
+    def settings(self, known: Known) -> Sequence[Setting]:
+        return ()
+
+    def frame(self, command: str, values: Values, known: Known) -> bytes:
+        """A payload type by its name, or by its number ("0x80") with `data` as hex."""
+        fields = dict(values)
+        defaults = {field.name: field.default for field in HEADER}
+        if command == ANY:
+            kind = fields.pop(TYPE.name, TYPE.default)
+            if not isinstance(kind, int) or not 0 <= kind <= 255:
+                raise EncodeError(f"{TYPE.name} is a whole number from 0 to 255, given {kind!r}", TYPE.name)
+            fields.setdefault(DATA.name, "")
+            names = {row.id: row.name for row in (*MESSAGES, *self._schema.values())}
+            command = names.get(kind, f"0x{kind:02X}")
+        record = {"message": command, "fields": {**defaults, **fields}}
+        return frame_of(record, known.key, self._schema)
+
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
+        raise EncodeError("IDTP has no settings")
+
+    def spans(self, frame: bytes) -> list[Span]:
+        return annotated.spans(frame, self._schema)
+
+    def name_of(self, frame: bytes) -> str:
+        return annotated.name_of(frame, self._schema)
+
+    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        return body
+
+    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+        """Nothing answers."""
+        yield Send(self.frame(command, values, known), command)
+        return {}
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        return None
+
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        return ()
+
+    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+        yield from ()  # a dialogue is a generator, also one that does nothing
+        raise EncodeError("IDTP has no settings")
+
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+        yield from ()
+        raise EncodeError("IDTP has no settings")
+
+    def identify(self, known: Known) -> Dialogue[Known]:
+        """It tells nothing of itself but its number, which every frame carries."""
+        yield from ()
+        return known
+
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        return ()
+
+    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+        return None
+
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        return ()
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        return None
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        return []
+
+    def store_and_restart(self, known: Known) -> Dialogue[None]:
+        yield from ()
+
+    def alive(self, known: Known) -> Dialogue[bool]:
+        """Does it stream?"""
+
+        def match(event: Event) -> bool | None:
+            return True if isinstance(event, (Batch, Reply)) else None
+
+        return bool((yield Expect(match, ALIVE_S, "a frame")))
+
+    def restore_communication(self, known: Known) -> Dialogue[bool]:
+        """No procedure is documented; all usual rates are listened to."""
+        for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
+            if (yield Relink(baud)) and (yield from self.alive(known)):
+                return True
+        return False
+
+    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+        return Load((), 0.0)
+
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+        return settings
+
+    def factory(self, known: Known) -> Mapping[str, Values]:
+        return {}
+
+    def same(self, setting: str, a: Values, b: Values) -> list[str]:
+        return [name for name in a if name in b and a[name] != b[name]]

@@ -1,0 +1,210 @@
+"""What does an IDTP link carry, piece by piece? Frames that count, and what does not.
+
+    chunks ──> protocols/stream_parser.py ──> frames that are whole and genuine ──> replay_guard.py ──> frames that are
+    new
+                        └─> Reject: damaged, forged, too weak                     └─> Reject: stale, far_ahead
+
+Both the decoder (columns) and the listing (one line a frame) stand on this. On a link of datagrams no frame crosses
+from one into the next, so each is searched on its own: what is incomplete at its end is given up there. Those that are
+full of frames, as nearly all are, give the same when they are searched together, and many small batches become few.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Reject
+from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
+from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
+from protocols.idtp.replay_guard import LOST, MASK, Judged, Sequences
+from protocols.nmea import Found
+from protocols.stream_parser import Cut as Whole
+from protocols.stream_parser import Stream
+
+
+@dataclass(slots=True)
+class Cut:
+    """What one drain found; n frames were accepted.
+
+    Args:
+        data, array, start, table, arrival_ns: see protocols/stream_parser.py.
+        judged: what replay_guard.py says of the accepted frames.
+        rejects: by offset.
+    """
+
+    data: bytes
+    array: Bytes
+    start: int
+    table: Ints
+    arrival_ns: Ints
+    judged: Judged
+    rejects: list[Reject]
+
+
+INTACT = ("no_key", "below_min_mode")
+"""Why a scan refuses a frame whose header is right and whose number can be read."""
+
+REFUSED_DEVICES, REFUSED_NUMBERS = 64, 4096  # remembered
+
+_NEVER = re.compile(rb"(?!)")
+
+
+def _nothing(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+    """No other protocol shares a port with this one."""
+    return [], len(data)
+
+
+class IdtpStream:
+    """Cuts a stream of bytes, given in chunks, into frames and rejects.
+
+    Args:
+        key: for Secure frames.
+        min_mode: LITE, SAFETY or SECURE, the weakest mode that is accepted; None: SECURE with a key, else LITE.
+        replay_check: False accepts frames whatever their sequence numbers.
+        show_unverified: without a key, accept Secure frames as they are; they are marked.
+        datagrams: every chunk is a datagram.
+    Raises:
+        ValueError: an empty key, or no such mode.
+    """
+
+    def __init__(
+        self,
+        *,
+        key: bytes | None = None,
+        min_mode: int | None = None,
+        replay_check: bool = True,
+        show_unverified: bool = False,
+        datagrams: bool = False,
+    ) -> None:
+        if min_mode is None:
+            min_mode = LITE if key is None else SECURE
+        if min_mode not in (0, 1, 2):
+            raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
+        self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
+        self.sequences = Sequences(check=replay_check, keyed=key is not None)
+        self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
+        self._datagrams = datagrams
+        self._waiting: list[tuple[bytes, int]] = []
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        if self._datagrams:
+            self._waiting.append((bytes(data), arrival_ns))
+        else:
+            self._stream.feed(data, arrival_ns)
+
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        if not self._datagrams:
+            self._stream.feed_many(data, ends, arrival_ns)
+            return
+        start = 0
+        for end, arrival in zip(ends.tolist(), arrival_ns.tolist(), strict=True):
+            self._waiting.append((data[start:end], arrival))
+            start = end
+
+    @property
+    def buffered(self) -> int:
+        """Bytes that are not decided yet."""
+        return self._stream.buffered + sum(len(data) for data, _ in self._waiting)
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame."""
+        return self._stream.skipped
+
+    def drain(self, *, stalled: bool = False) -> Iterable[Cut]:
+        """Everything that is complete: one Cut, or one for each datagram where not all are full of frames.
+
+        Each is good until the next.
+        """
+        if not self._datagrams:
+            return (self._judged(self._stream.drain(stalled=stalled)),)
+        waiting, self._waiting = self._waiting, []
+        full = self._stream.drain_full(waiting) if len(waiting) > 1 else None
+        return self._each(waiting) if full is None else (self._judged(full),)
+
+    def _each(self, waiting: Iterable[tuple[bytes, int]]) -> Iterator[Cut]:
+        for data, arrival_ns in waiting:
+            self._stream.feed(data, arrival_ns)
+            yield self._judged(self._stream.drain(stalled=True))
+
+    def _judged(self, whole: Whole) -> Cut:
+        """Without what its sequence number says is old."""
+        table, arrivals, rejects = whole.table, whole.arrival_ns, whole.rejects
+        judged = self.sequences.judge(whole.array, table, arrivals)
+        refused = self._intact(whole, rejects) if rejects else []
+        if judged.dropped:
+            refused += self._old(whole, table, arrivals, judged, rejects)
+            rejects.sort(key=_offset)
+        if refused or (judged.gaps and self._refused):
+            self._unlose(whole, table, judged, sorted(refused))
+        if judged.dropped:
+            good = judged.rows[LOST] >= 0
+            table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
+            rows: Any = np.ascontiguousarray(judged.rows[:, good])
+            judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
+        return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
+
+    def _old(
+        self, whole: Whole, table: Ints, arrivals: Ints, judged: Judged, rejects: list[Reject]
+    ) -> list[tuple[int, int, int]]:
+        """Reject the frames whose number is old: where each is, its device, its number."""
+        lost, refused = judged.rows[LOST], []
+        for i in np.flatnonzero(lost < 0).tolist():
+            at, size = int(table[OFFSET, i]), int(table[SIZE, i])
+            sender, mode = int(table[SENDER, i]), whole.data[at + MODE_AT]
+            number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
+            detail = f"number {number} after {self.sequences.last_of(sender, mode)}"
+            reason = REASONS[-lost[i]]
+            rejects.append(Reject(whole.start + at, size, reason, int(arrivals[i]), str(sender), detail))
+            refused.append((at, sender, number))
+        return refused
+
+    def _intact(self, whole: Whole, rejects: list[Reject]) -> list[tuple[int, int, int]]:
+        """Whole frames that a setting refuses have numbers too: who does not see them must not miss them."""
+        refused = []
+        for i, reject in enumerate(rejects):
+            if reject.reason not in INTACT:
+                continue
+            at = reject.offset - whole.start
+            header = whole.data[at : at + DEVICE_AT + 2]
+            sender = int.from_bytes(header[DEVICE_AT:], "little")
+            refused.append((at, sender, int.from_bytes(header[SEQUENCE_AT : SEQUENCE_AT + 4], "little")))
+            rejects[i] = replace(reject, device=str(sender))
+        return refused
+
+    def _remember(self, sender: int, number: int) -> None:
+        if sender in self._refused or len(self._refused) < REFUSED_DEVICES:
+            self._refused.setdefault(sender, deque(maxlen=REFUSED_NUMBERS)).append(number)
+
+    def _unlose(self, whole: Whole, table: Ints, judged: Judged, refused: list[tuple[int, int, int]]) -> None:
+        """Frames that came before a gap was seen, and were refused, were not lost.
+
+        Only those before: how many frames are drained at once must not matter.
+        """
+        coming = deque(refused)
+        for i in np.flatnonzero(judged.rows[LOST] > 0).tolist():
+            at, missing = int(table[OFFSET, i]), int(judged.rows[LOST, i])
+            while coming and coming[0][0] < at:
+                self._remember(*coming.popleft()[1:])
+            known = self._refused.get(int(table[SENDER, i]))
+            if not known:
+                continue
+            number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
+            between = sum(0 < (number - one) & MASK <= missing for one in set(known))
+            judged.rows[LOST, i] = missing - between
+            if missing - between == 0:
+                judged.gaps -= 1
+        for _, sender, number in coming:
+            self._remember(sender, number)
+
+
+def _offset(reject: Reject) -> int:
+    return reject.offset

@@ -1,0 +1,62 @@
+"""Could this change cut the line we are speaking on?
+
+A device has several serial ports, each with a rate of its own, and does not say which of them we are on. A port whose
+present rate is not that of our link cannot be ours; any other may be, so its change is taken for one of our line.
+Through USB no rate matters, but that is not told either.
+
+Source: inertial-sense-sdk 2.7.1, data_sets.h, nvm_flash_cfg_t and gpx_flash_cfg_t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from protocols.isb.kept import STREAMS_SETTING
+from protocols.transactions import Known, LineChange
+
+Values = Mapping[str, Any]
+PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
+_BRIDGES = ("cbPreset", "cbOptions", "bits", "h3sp330BaudRate", "h4xRadioBaudRate", "h8gpioBaudRate", "CANbaud_kbps")
+_EVB = "The bridges between the ports of the EVB change; the one we are on may be among them."
+_IO = "What the pins of the device do changes; the port we are on may be given to something else."
+
+
+def line_change(setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    """See dialogues.Driver.line_change."""
+    if setting == STREAMS_SETTING:
+        if "streams" in new and not new["streams"]:
+            return LineChange("silent", "The device sends nothing any more; it still answers.")
+        return None
+    before = old or {}
+    if setting == "DID_EVB_FLASH_CFG" and any(name in new and new[name] != before.get(name) for name in _BRIDGES):
+        return LineChange("port", _EVB)
+    if setting not in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
+        return None
+    changed = {name: new[name] for name in PORTS if name in new and new[name] != before.get(name)}
+    ours = {
+        name: rate
+        for name, rate in changed.items()
+        if known.baud is None or name not in before or before[name] == known.baud
+    }
+    if known.baud is not None:
+        ours = {name: rate for name, rate in ours.items() if rate != known.baud}
+    if ours:
+        rates = list(dict.fromkeys(ours.values()))
+        if known.baud is not None and any(
+            name in before and before[name] == known.baud for name in PORTS.keys() - ours
+        ):
+            rates.append(known.baud)  # we may be on a port that stays as it is
+        return LineChange("baud", _words(ours, known), rates[0], tuple(rates[1:]))
+    if any(name in new and new[name] != before.get(name, new[name]) for name in ("ioConfig", "platformConfig")):
+        return LineChange("port", _IO)
+    return None
+
+
+def _words(ours: Mapping[str, int], known: Known) -> str:
+    changes = " and ".join(f"{PORTS[name]} to {rate:_} Bd".replace("_", " ") for name, rate in ours.items())
+    if known.baud is None:
+        return f"It sets {changes}; through a serial port, the line must follow."
+    return f"It sets {changes}; if that is the port we are on, the line must follow from {known.baud:_} Bd.".replace(
+        "_", " "
+    )

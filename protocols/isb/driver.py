@@ -1,0 +1,443 @@
+"""How is an Inertial Sense device asked and told, and what if it says no, or nothing?
+
+    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then SilentError
+           (what streams already is not asked for, which would end its stream: protocols/isb/undisturbed.py)
+    tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then SilentError
+           GET_DATA              ──>   DATA: the value that it has now, compared with what was asked
+    do     system command: ACK; a reset may die before it is sent, so its silence is no failure
+    text   $…                    ──>   a sentence where one is documented, else nothing
+
+There is no Config state: a device measures while it is told, so `within` only sees to it that what streams before
+streams afterwards. Streams are read from DID_RMC, which names them, and by listening, which tells how often they come.
+Those that are to change are written one by one, and no other; they are listened to, and what did not arrive is sent
+once more. Where a row says how far apart its packets are to be (period × source_ms), and the device counts another
+source than was thought, the multiple is put right by what was measured.
+
+Everything here is the document's; the times are the usual ones of a serial line at 9600 Bd and above.
+
+Source: ISB document, "Communication"; inertial-sense-sdk 2.7.1, ISComm.h and com_manager.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from protocols.events import Event, Reply, Text
+from protocols.isb import annotate as annotated
+from protocols.isb import bandwidth as budget
+from protocols.isb import frames, stream_discovery
+from protocols.isb.baud_change import line_change
+from protocols.isb.commands import (
+    COMMAND_ROWS,
+    DEV_INFO,
+    NMEA_PERIODS,
+    SAVE_FLASH,
+    SAVE_PERSISTENT,
+    SOFTWARE_RESET,
+    SYS_CMD,
+)
+from protocols.isb.dataset_loader import CURRENT, SETS, VERSIONS
+from protocols.isb.device_info import identity
+from protocols.isb.effects import alters
+from protocols.isb.encoder import (
+    NMEA_NAMES,
+    chosen,
+    did_of,
+    frame,
+    kept,
+    set_frames,
+    streams_frames,
+    system_command,
+    touched,
+)
+from protocols.isb.frames import ACK, GET_DATA, NACK, SET_DATA, TYPE_MASK
+from protocols.isb.harm import harm
+from protocols.isb.kept import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
+from protocols.isb.messages import COMMANDS, SET_PREFIX
+from protocols.isb.settings_diff import SAVED, differences
+from protocols.isb.stream_discovery import as_wire
+from protocols.isb.streams import STREAMS
+from protocols.isb.undisturbed import undisturbed
+from protocols.json_values import jsonable
+from protocols.schema import Command, Setting
+from protocols.transactions import (
+    NO_STATES,
+    Dialogue,
+    Expect,
+    Harm,
+    Known,
+    LineChange,
+    Load,
+    Pause,
+    RefusedError,
+    Relink,
+    Send,
+    SilentError,
+    Span,
+    Written,
+)
+
+T = TypeVar("T")
+Values = Mapping[str, Any]
+
+ANSWER_S, TRIES = 0.5, 3
+ALIVE_S, ALIVE_TRIES = 0.25, 4
+RESET_S = 0.3  # until its last bytes have gone
+NO = "the device refused it (NACK): it does not have it, does not let it be written, or received an invalid packet"
+RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
+
+
+def version_of(known: Known) -> str:
+    """The newest firmware of tables.VERSIONS that is not newer than the device's."""
+    words = known.firmware.split(".")[:3]
+    if not all(word.isdigit() for word in words) or len(words) < 3:
+        return CURRENT
+    told = tuple(int(word) for word in words)
+    older = [one for one in VERSIONS[:-1] if tuple(int(word) for word in one.split(".")) <= told]
+    return older[-1] if older else VERSIONS[0]
+
+
+# -- the two exchanges -------------------------------------------------------------------------------------------------
+
+
+def answer_of(did: int) -> Callable[[Event], Any]:
+    """What recognises the answer to a GET of `did`: its values; a NACK of a GET is a RefusedError, given as a value."""
+
+    def match(event: Event) -> Any | None:
+        if isinstance(event, Reply) and event.message is COMMANDS[NACK]:
+            return NACK if event.values.get("pktInfo.flags", 0) & TYPE_MASK == GET_DATA else None
+        return as_wire(event, did)
+
+    return match
+
+
+def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
+    """What recognises the ACK or NACK of a packet."""
+
+    def match(event: Event) -> Any | None:
+        if not isinstance(event, Reply) or event.message not in (COMMANDS[ACK], COMMANDS[NACK]):
+            return None
+        values = event.values
+        if values.get("pktInfo.flags", 0) & TYPE_MASK != kind:
+            return None
+        if kind == SET_DATA and (values.get("body.dataHdr.id"), values.get("body.dataHdr.offset")) != (did, offset):
+            return None
+        return ACK if event.message is COMMANDS[ACK] else NACK
+
+    return match
+
+
+def ask(
+    did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, tries: int = TRIES
+) -> Dialogue[Values]:
+    """A data set, or a part of it. One that streams must not be asked for so: see `IsbDriver.within`."""
+    row = SETS[did]
+    for _ in range(tries):
+        yield Send(frames.get_data(did, size=size, offset=offset, period=0))
+        answer = yield Expect(answer_of(did), timeout_s, row.name)
+        if answer == NACK:
+            raise RefusedError(f"GET {row.name}", NO, NACK)
+        if answer is not None:
+            return plainly(answer)
+    raise SilentError(f"GET {row.name}", tries, timeout_s)
+
+
+def plainly(values: Values) -> Values:
+    """Values that JSON can hold: bytes as hex."""
+    return {name: jsonable(value) for name, value in values.items()}
+
+
+def tell(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> Dialogue[bool]:
+    """Send what is acknowledged; whether it was.
+
+    Args:
+        must: whether silence is a failure (a reset may die before it says ACK).
+    """
+    kind, did = packet[2] & TYPE_MASK, packet[3]
+    offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
+    for _ in range(tries):
+        yield Send(packet, what)
+        answer = yield Expect(ack_of(kind, did, offset), ANSWER_S, "ACK")
+        if answer == NACK:
+            raise RefusedError(what, NO, NACK)
+        if answer == ACK:
+            return True
+        if not must:
+            return False
+    raise SilentError(what, tries, ANSWER_S)
+
+
+class IsbDriver:
+    """See protocols.transactions.Driver."""
+
+    name = "isb"
+    states: Mapping[str, str] = NO_STATES
+    begins: Collection[str] = ()
+    ends_rest = ""
+
+    # -- tables --------------------------------------------------------------------------------------------------------
+
+    def commands(self, known: Known) -> Sequence[Command]:
+        if not _is_gpx(known):
+            return list(COMMAND_ROWS.values())
+        return [row for name, row in COMMAND_ROWS.items() if not name.startswith("DID_RMC.")]
+
+    def settings(self, known: Known) -> Sequence[Setting]:
+        rows = settings_of(version_of(known)).values()
+        if not _is_gpx(known):
+            return list(rows)
+        there = [row for row in rows if row.name != "DID_FLASH_CONFIG" and "EVB" not in row.name]
+        return [_streams_of_gpx(row) if row.name == STREAMS_SETTING else row for row in there]
+
+    # -- frames --------------------------------------------------------------------------------------------------------
+
+    def frame(self, command: str, values: Values, known: Known) -> bytes:
+        return frame(command, values, version_of(known))
+
+    def setting_frames(
+        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+    ) -> list[bytes]:
+        if setting == STREAMS_SETTING:
+            return streams_frames(values, old)
+        return set_frames(did_of(setting), values, version_of(known), held=held)
+
+    def spans(self, frame: bytes) -> list[Span]:
+        return annotated.spans(frame)
+
+    def name_of(self, frame: bytes) -> str:
+        return annotated.name_of(frame)
+
+    # -- dialogues -----------------------------------------------------------------------------------------------------
+
+    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+        """`body`, which may read whatever it likes: what streamed before streams afterwards."""
+        return (yield from undisturbed(body, lambda did: ask(did)))
+
+    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+        packet = self.frame(command, values, known)
+        name = command.removeprefix("$")
+        if name in NMEA_NAMES:
+            return (yield from self._speak(name, packet))
+        kind = packet[2] & TYPE_MASK
+        if kind == GET_DATA:
+            did, size, offset, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 8, 10, 12))
+            if did not in SETS:
+                raise RefusedError(command, "there is no such data set")
+            if not period:
+                return (yield from ask(did, size=size, offset=offset))
+            return (yield from self._begin(packet, did))
+        if kind == frames.STOP_DID:
+            yield Send(packet, command)
+            return {}
+        resets = command == "DID_SYS_CMD.SOFTWARE_RESET" or ("RESET" in command and packet[3] == SYS_CMD)
+        yield from tell(packet, command, must=not resets)
+        return {}
+
+    @staticmethod
+    def _begin(packet: bytes, did: int) -> Dialogue[Values]:
+        """Ask for a stream: its first packet is the answer."""
+        yield Send(packet)
+        answer = yield Expect(answer_of(did), 2.0, SETS[did].name)
+        if answer == NACK:
+            raise RefusedError(f"GET {SETS[did].name}", NO, NACK)
+        return plainly(answer or {})
+
+    @staticmethod
+    def _speak(name: str, line: bytes) -> Dialogue[Values]:
+        reply = COMMAND_ROWS[name].reply
+        if not reply or (name == "ASCE" and line.count(b",")):
+            yield Send(line, name)
+            return {}
+
+        def match(event: Event) -> Values | None:
+            # firmware 2.7.1 answers ASCE with ASCE, as its source has it; the manual says ASCB
+            if isinstance(event, Text) and event.protocol == "nmea" and event.name in (reply, name):
+                return {"line": event.line, **event.fields}
+            return None
+
+        for _ in range(TRIES):
+            yield Send(line, name)
+            answer = yield Expect(match, ANSWER_S, f"${reply}")
+            if answer is not None:
+                return plainly(answer)
+        raise SilentError(f"${name}", TRIES, ANSWER_S)
+
+    def unfinished(self, command: str, values: Values) -> str | None:
+        return None
+
+    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+        return alters(command, values, (row.name for row in self.settings(known)))
+
+    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+        if setting == STREAMS_SETTING:
+            return (yield from stream_discovery.streams(lambda did: ask(did), gpx=_is_gpx(known)))
+        values = yield from ask(did_of(setting))
+        return _trimmed(setting, values)
+
+    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+        if setting == STREAMS_SETTING:
+            return (yield from self._write_streams(values, gpx=_is_gpx(known)))
+        try:
+            if did_of(setting) == NMEA_PERIODS:
+                values = yield from self._with_ended(values)
+            for packet in self.setting_frames(setting, values, known, held=held):
+                yield from tell(packet, f"{SET_PREFIX}{setting}")
+            got = yield from self.read(setting, known)
+        except RefusedError as error:
+            return Written(setting, values, None, error.why)
+        return Written(setting, values, got)
+
+    def _with_ended(self, values: Values) -> Dialogue[Values]:
+        """The sentences asked for, and those that are sent now with a period of 0: a device keeps what is not named."""
+        now = yield from ask(NMEA_PERIODS)
+        wanted = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
+        named = {one["msgID"] for one in wanted}
+        on = [one for one in now.get("nmeaBroadcastMsgs", []) if one["msgID"] and one["msgPeriod"]]
+        ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
+        return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
+
+    def _write_streams(self, values: Values, *, gpx: bool) -> Dialogue[Written]:
+        """End what is not wanted, begin and change what is; look; once more what is not so."""
+        chosen(values)
+        got = yield from stream_discovery.streams(lambda did: ask(did), gpx=gpx)
+        asked: dict[int, int] = {}
+        refused = ""
+        for _ in range(TRIES if "streams" in values else 0):
+            now = {one["did"]: one for one in got["streams"]}
+            ended = [did for did in now if did not in {one["did"] for one in values["streams"]}]
+            rows = touched([_paced(one, now, asked) for one in values["streams"]], now)
+            if refused or not (ended or rows):
+                break
+            for did in ended:
+                yield Send(frames.build(frames.STOP_DID, did))
+            for row in rows:
+                asked[row["did"]] = row.get("period", 1)
+                if not (yield from self._stream(row["did"], asked[row["did"]])):
+                    refused = f"{SETS[row['did']].name}: {NO}"
+            got = yield from stream_discovery.streams(lambda did: ask(did), also=asked, asked=asked, gpx=gpx)
+        if kept(values) and not refused:
+            try:
+                yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
+            except RefusedError:
+                refused = "these streams are on, but the device refused to save them"
+        return Written(STREAMS_SETTING, values, got, refused)
+
+    @staticmethod
+    def _stream(did: int, period: int) -> Dialogue[bool]:
+        """Ask for a stream; a refusal (False) comes at once, so nothing else is waited for."""
+
+        def refused(event: Event) -> bool | None:
+            return True if answer_of(did)(event) == NACK else None
+
+        yield Send(frames.get_data(did, period=period))
+        return not (yield Expect(refused, 0.03, "NACK"))
+
+    def identify(self, known: Known) -> Dialogue[Known]:
+        told: dict[str, str] = {}
+
+        def match(event: Event) -> Any | None:
+            if isinstance(event, Reply) and identity(event):
+                told.update(identity(event))
+                return True
+            return None
+
+        for _ in range(TRIES):
+            yield Send(frames.get_data(DEV_INFO, period=0))
+            if (yield Expect(match, ANSWER_S, "DID_DEV_INFO")):
+                return Known(**{**_as_dict(known), **told})
+        raise SilentError("GET DID_DEV_INFO", TRIES, ANSWER_S)
+
+    def formerly(self, serial_number: str) -> Sequence[str]:
+        return ()
+
+    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+        return line_change(setting, old, new, known)
+
+    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+        return ()
+
+    def instead(
+        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+    ) -> tuple[str, Values] | None:
+        """SET_DID_x of a setting is a change of that setting, of those fields that the device does not keep itself."""
+        row = settings_of(version_of(known)).get(command.removeprefix(SET_PREFIX))
+        if not command.startswith(SET_PREFIX) or row is None or not row.write:
+            return None
+        told = {field.name for field in row.fields if field.read_only}
+        return row.name, {name: value for name, value in values.items() if name not in told} or values
+
+    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+        return harm(setting, old, new)
+
+    def store_and_restart(self, known: Known) -> Dialogue[None]:
+        """Streams are saved first: without that the device would come back silent."""
+        for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):
+            try:
+                yield from tell(system_command(command), f"DID_SYS_CMD.{what}")
+            except RefusedError:
+                continue  # not every product has it; what was written is in flash already
+        yield from tell(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", must=False)
+        yield Pause(RESET_S)
+
+    def alive(self, known: Known) -> Dialogue[bool]:
+        for _ in range(ALIVE_TRIES):
+            yield Send(frames.get_data(DEV_INFO, period=0))
+            if (yield Expect(answer_of(DEV_INFO), ALIVE_S, "DID_DEV_INFO")) is not None:
+                return True
+        return False
+
+    def restore_communication(self, known: Known) -> Dialogue[bool]:
+        """The document has no procedure for a lost rate; all usual ones are tried while a person switches power."""
+        for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
+            if (yield Relink(baud)) and (yield from self.alive(known)):
+                return True
+        return False
+
+    # -- what it costs -------------------------------------------------------------------------------------------------
+
+    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+        return budget.load(settings)
+
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+        return budget.fit(settings, capacity)
+
+    def factory(self, known: Known) -> Mapping[str, Values]:
+        """None are documented for the whole of a set."""
+        return {}
+
+    def same(self, setting: str, a: Values, b: Values) -> list[str]:
+        return differences(setting, a, b)
+
+
+def _is_gpx(known: Known) -> bool:
+    return known.product.startswith("GPX")
+
+
+def _streams_of_gpx(row: Setting) -> Setting:
+    """The streams of a GPX: what it can send, as DID_GPX_RMC tells."""
+    return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
+
+
+def _as_dict(known: Known) -> dict[str, Any]:
+    return {name: getattr(known, name) for name in ("product", "serial_number", "firmware", "baud", "device", "key")}
+
+
+def _paced(one: Values, now: Mapping[int, Values], asked: Mapping[int, int]) -> Values:
+    """A row with the multiple that gives the rate it means, where the device turned out to count another source than
+    the row does. Only for data sets of which that is not known beforehand; a multiple alone is taken as it is."""
+    there, meant = now.get(one["did"]), float(one.get("source_ms") or 0) * one.get("period", 1)
+    if one["did"] not in asked or there is None or not meant or len(STREAMS[one["did"]].paces) < 2:
+        return one
+    return {**one, "period": max(1, round(meant / there["source_ms"])), "source_ms": there["source_ms"]}
+
+
+def _trimmed(setting: str, values: Values) -> Values:
+    """A list of sentences without its empty places; a wish to save is no state that is read."""
+    if "options" in values and setting in SAVED:
+        values = {**values, "options": values["options"] & ~PERSISTENT}
+    if setting != "DID_NMEA_BCAST_PERIOD" or "nmeaBroadcastMsgs" not in values:
+        return values
+    on = [one for one in values["nmeaBroadcastMsgs"] if one["msgID"] and one["msgPeriod"]]
+    return {**values, "nmeaBroadcastMsgs": on}

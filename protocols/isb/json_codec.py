@@ -1,0 +1,241 @@
+"""One packet as plain values (what JSON can hold), and the packet again from them, byte for byte.
+
+    {"id": 4, "message": "DID_INS_1",
+     "fields": {"week": 2392, "timeOfWeek": 432000.0, "insStatus": 200823, "theta": [0.0, 0.0, 3.0], …},
+     "flags": {"insStatus": ["INS_STATUS_NAV_MODE", "INS_STATUS_SOLUTION: NAV", …]}}
+    {"id": 12, "message": "SET_DID_FLASH_CONFIG", "fields": {"startupNavDtMs": 16}}
+    {"id": 0, "message": "GET_DATA", "fields": {"id": 4, "size": 0, "offset": 0, "period": 1}}
+
+A DATA packet is named like its data set, a SET_DATA packet SET_ and its data set; the others have the names of their
+packet types. `id` is the header's. `fields` are wire values by name, in the vendor's order, unscaled; records are
+objects, vectors and matrices flat lists. Of a packet with a part of a set the fields that it has, and of a list cut by
+its ends the whole elements.
+
+`wire` has what the names do not carry, and nothing else:
+
+    offset, size   the part of the data set, where it is not what the names given cover from the first to the last
+    firmware       whose structure it is, where the size does not tell
+    unknown        hex of bytes that belong to no field (and are not 0), by their place in the payload
+    flags          bits of the header's high nibble other than "with offset"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from protocols.isb.classify import EVENT_TEXT, variant_of
+from protocols.isb.dataset_loader import VERSIONS
+from protocols.isb.frames import DATA, HEADER, SET_DATA, TRAILER, TYPE_MASK, TYPES, WITH_OFFSET, build
+from protocols.isb.messages import (
+    BY_NAME,
+    COMMANDS,
+    EVENT_SET,
+    RAW_SETS,
+    ROWS,
+    SET_PREFIX,
+    Place,
+    places,
+    rules,
+    set_row,
+    version_for,
+)
+from protocols.json_values import flag_names, jsonable
+from protocols.layouts import EncodeError, pack, size_of, unpack
+from protocols.schema import Field
+
+Plain = dict[str, Any]
+
+_RULES = rules()
+_COMMAND_OF = {row.name: kind for kind, row in COMMANDS.items()}
+
+# -- packet → values ---------------------------------------------------------------------------------------------------
+
+
+def described(kind: int, did: int, payload: bytes, offset: int, version: str | None) -> tuple[Place, ...]:
+    """The fields of a payload (without its offset) and where they are in it."""
+    if kind in COMMANDS:
+        at = 0
+        found: list[Place] = []
+        for field in COMMANDS[kind].fields:
+            if at + size_of(field) <= len(payload):
+                found.append((field, at))
+            at += size_of(field)
+        return tuple(found)
+    variant = 0
+    if not offset:
+        variant = int(variant_of(np.frombuffer(payload, np.uint8), 0, len(payload), did, _RULES))
+    return places(did, offset, len(payload), version=version, variant=variant)
+
+
+def values_of(kind: int, did: int, payload: bytes, offset: int, version: str | None) -> dict[str, Any]:
+    """Wire values by name."""
+    found = described(kind, did, payload, offset, version)
+    return {field.name: unpack((field,), payload, at)[field.name] for field, at in found}
+
+
+def plain(packet: bytes, version: str | None = None) -> Plain:
+    """The values of one valid packet: keys id, message, fields, and flags and wire where there are any.
+
+    Args:
+        version: the firmware of the device, of tables.VERSIONS, where it is known.
+    """
+    head, did = packet[2], packet[3]
+    kind = head & TYPE_MASK
+    shifted = bool(head & WITH_OFFSET) and kind in (DATA, SET_DATA)
+    offset = int.from_bytes(packet[HEADER : HEADER + 2], "little") if shifted else 0
+    payload = packet[HEADER + 2 * shifted : -TRAILER]
+    found = described(kind, did, payload, offset, version)
+    name = COMMANDS[kind].name if kind in COMMANDS else (set_row(did) if kind == SET_DATA else ROWS[did]).name
+    fields = {field.name: unpack((field,), payload, at, exact=True)[field.name] for field, at in found}
+    result: Plain = {"id": did, "message": name, "fields": jsonable(fields)}
+    flags = {path: names for field, _ in found for path, names in _flags(field, fields[field.name])}
+    if flags:
+        result["flags"] = flags
+    wire = _wire(kind, did, payload, offset, shifted, version, found, result["fields"])
+    if head & ~TYPE_MASK & ~(WITH_OFFSET if shifted else 0):
+        wire["flags"] = head & ~TYPE_MASK & ~(WITH_OFFSET if shifted else 0)
+    if wire:
+        result["wire"] = wire
+    return result
+
+
+def _wire(
+    kind: int,
+    did: int,
+    payload: bytes,
+    offset: int,
+    shifted: bool,
+    version: str | None,
+    found: tuple[Place, ...],
+    fields: Plain,
+) -> Plain:
+    """What the names do not carry."""
+    wire: Plain = {}
+    if kind not in COMMANDS:
+        if version and version_for(did, offset, len(payload), version) != version_for(did, offset, len(payload), None):
+            wire["firmware"] = version
+        if (offset, len(payload), shifted) != _extent(did, fields, wire.get("firmware")):
+            wire["size"] = len(payload)
+            if shifted:
+                wire["offset"] = offset
+    elif len(payload) != sum(size_of(field) for field in COMMANDS[kind].fields):
+        wire["size"] = len(payload)
+    unknown = {}
+    end = 0
+    for field, at in (*found, (Field("", "u1", (0,)), len(payload))):
+        gap = payload[end:at].rstrip(b"\0")
+        if gap:
+            unknown[str(end)] = gap.hex()
+        end = at + size_of(field)
+    if unknown:
+        wire["unknown"] = unknown
+    return wire
+
+
+def _flags(field: Field, value: Any) -> Iterator[tuple[str, list[str]]]:
+    return flag_names(field, value, field.name, lambda bits: bits.doc or bits.name)
+
+
+# -- values → packet ---------------------------------------------------------------------------------------------------
+
+
+def packet_of(record: Mapping[str, Any]) -> bytes:
+    """The packet of what `plain` gave; keys other than id, message, fields and wire are not looked at.
+
+    Raises:
+        EncodeError: a name or value that the tables do not allow.
+    """
+    name, fields, wire = str(record.get("message", "")), record.get("fields", {}), record.get("wire", {})
+    if not isinstance(fields, Mapping) or not isinstance(wire, Mapping):
+        raise EncodeError("fields and wire are objects")
+    kind = _COMMAND_OF.get(name) or (SET_DATA if name.startswith(SET_PREFIX) else DATA)
+    did = _did(name, kind, record.get("id"))
+    shifted = False
+    if kind in COMMANDS:
+        at = 0
+        found: list[Place] = []
+        for field in COMMANDS[kind].fields:
+            found.append((field, at))
+            at += size_of(field)
+        size, offset = wire.get("size", at), 0
+        found = [(field, at) for field, at in found if at + size_of(field) <= size]
+    else:
+        offset, size, shifted = _extent(did, fields, wire.get("firmware"))
+        if "size" in wire:
+            offset, size, shifted = wire.get("offset", 0), wire["size"], "offset" in wire
+        found = list(_places(did, offset, size, fields, wire.get("firmware")))
+    if not isinstance(size, int) or not 0 <= size <= 2040 or not isinstance(offset, int):
+        raise EncodeError(f"a payload has 0 to 2040 bytes, given {size!r} from {offset!r}")
+    payload = _packed(found, fields, size, wire.get("unknown", {}))
+    flags = int(wire.get("flags", 0)) | (WITH_OFFSET if shifted else 0)
+    return build(kind, did, payload, offset=offset if shifted else None, flags=flags)
+
+
+def _did(name: str, kind: int, given: Any) -> int:
+    """The header's number."""
+    if kind in COMMANDS:
+        return int(given or 0)
+    bare = name.removeprefix(SET_PREFIX) if kind == SET_DATA else name
+    if bare not in BY_NAME:
+        raise EncodeError(f"no message is called {name!r}; there are DID_…, SET_DID_…, {', '.join(TYPES.values())}")
+    return BY_NAME[bare].id
+
+
+def _places(did: int, offset: int, size: int, fields: Mapping[str, Any], version: str | None) -> tuple[Place, ...]:
+    raw = did in RAW_SETS and not offset and "buf" not in fields  # bytes of a type that is not known, or none at all
+    variant = int(fields.get("dataType", 0)) if raw else 0
+    if did == EVENT_SET:
+        variant = int(fields.get("msgTypeID") == EVENT_TEXT)
+    return places(did, offset, size, version=version if version in VERSIONS else None, variant=variant)
+
+
+def _extent(did: int, fields: Mapping[str, Any], version: str | None) -> tuple[int, int, bool]:
+    """Offset, size and need of an offset of a payload that has just the named fields, from the first to the last."""
+    start, stop = -1, 0
+    for field, at in _places(did, 0, 2040, fields, version):
+        if field.name in fields:
+            start = at if start < 0 else start
+            value = fields[field.name]
+            open_ended = field.dtype == "bytes" or field.fields or isinstance(value, list)
+            length = len(value) // 2 if field.dtype == "bytes" else len(value) if open_ended and field.shape else 1
+            texts = field.dtype == "ascii" or not field.shape or not open_ended
+            whole = size_of(field) if texts else _step(field) * length
+            if did == EVENT_SET and field.name == "data":
+                whole = len(value) if field.dtype == "ascii" else len(value) // 2
+            stop = max(stop, at + whole)
+    return max(start, 0), stop - max(start, 0), start > 0
+
+
+def _step(field: Field) -> int:
+    return size_of(field) // max(int(np.prod(field.shape)), 1) if 0 not in field.shape else 0
+
+
+def _packed(found: list[Place], fields: Mapping[str, Any], size: int, unknown: Any) -> bytes:
+    payload = bytearray(size)
+    left = dict(fields)
+    for field, at in found:
+        if field.name not in left:
+            raise EncodeError(f"{field.name} is missing")
+        value = left.pop(field.name)
+        if field.dtype == "bytes":
+            value = _bytes(field.name, value)
+        payload[at : at + size_of(field)] = pack((field,), {field.name: value})
+    if left:
+        names = ", ".join(field.name for field, _ in found) or "none"
+        raise EncodeError(f"no field is called {next(iter(left))!r}; there are: {names}")
+    for at, gap in unknown.items() if isinstance(unknown, Mapping) else ():
+        raw = _bytes("unknown", gap)
+        payload[int(at) : int(at) + len(raw)] = raw
+    if len(payload) != size:
+        raise EncodeError(f"the values need {len(payload)} bytes, there are {size}")
+    return bytes(payload)
+
+
+def _bytes(name: str, value: Any) -> bytes:
+    try:
+        return bytes.fromhex(value)
+    except (TypeError, ValueError):
+        raise EncodeError(f"{name} is hex, given {value!r}") from None

@@ -1,0 +1,1 @@
+"""Simulated IMX, GPX and EVB: the other end of the wire."""

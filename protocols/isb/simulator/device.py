@@ -1,0 +1,414 @@
+"""The other end of the wire: an IMX-5 that is not there, but answers.
+
+    power, SOFTWARE_RESET ──boot──> DID_DEV_INFO, then what is persistent streams
+                                         ^   GET: a stream or one packet     SET, stops: ACK     refused: NACK
+
+`IsbDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
+device has sent by then. What it measures is simulator/signals.py, from the shared drive.
+
+    GET_DATA     period 0 sends the data set once and ends its stream, by whatever size it is asked for (a part of one
+                 that has no bit in DID_RMC leaves the stream, which is another slot of the vendor's code); else one
+                 packet every `period` times the source's own. NACK for what is not there.
+    SET_DATA     DID_RMC chooses streams by bits; what is kept is in simulator/settings.py (new periods and rates act
+                 after a reset, as in the device); DID_SYS_CMD saves, resets, and refuses what this device has not.
+    stops        of one data set without an answer; of all with ACK.
+    NMEA         simulator/nmea.py's business: sentences beside the packets, and what is asked in text.
+    RTCM 3       taken and counted, as corrections for the receiver.
+
+What it does not do: RTK and other ports; a stop of all ports stops this one.
+
+Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+
+import numpy as np
+
+from protocols.embedded_protocols import STARTS, find
+from protocols.events import Text
+from protocols.isb import frames
+from protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
+from protocols.isb.simulator import nmea
+from protocols.isb.simulator.settings import Memory, factory
+from protocols.isb.simulator.signals import (
+    BLOCK_NS,
+    DTYPES,
+    GNSS,
+    GNSS_NS,
+    IMU,
+    NAV,
+    SLOW,
+    SOURCES,
+    UTC_2026_S,
+    Array,
+    Moments,
+    Run,
+    S,
+    moments,
+    packets,
+    rows_of,
+)
+from protocols.isb.streams import BY_BIT, dids_of
+from protocols.stream_parser import Stream
+
+PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
+IMU_SOURCES = ("nav", "imu")
+FIRMWARE = (2, 7, 1, 0)
+DEV_INFO, SYS_CMD, RMC, SYS_PARAMS = 1, 7, 9, 10
+SAVE_PERSISTENT, RESET = 1, 99
+DONE = (1, 3, 4, 5, 6, 7, 8, 11, 60, 61, 62, 70, 97, 98, 99)  # system commands that it takes
+RMC_PRESERVE = 1 << 8
+RMC_PERSISTENT = 1 << 9
+BITS = frozenset(BY_BIT.values())
+BOOT_NS = 300_000_000
+Request = tuple[int, int, int, bytes] | Text
+STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
+SLOW_NS, FAST_NS = 20_000_000, 1_000_000
+SLOW_INS_2_HZ = 50
+BAUD = 921_600
+
+
+class IsbDevice:
+    """A simulated IMX-5.
+
+    Args:
+        product: of PRODUCTS.
+        serial: None for one made of the seed.
+        seed: repeats noise and faults exactly.
+        start_ns: the time, on the clock that `advance` speaks, at which power comes; its 0 is the begin of 2026 in UTC,
+            so that the date goes on when a device is switched off and on.
+        rate: samples/s of inertial data and navigation; above 1000 the device is faster than any real one.
+        drop, corrupt: share of streamed packets that never leave, or leave with one bit turned.
+        clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
+        clock_jump: (device time s, by s): the device's clock jumps once.
+        imu_source: what DID_IMU is timed by: "nav", the period of navigation (the header of the SDK), or "imu", that of
+            inertial data (the document).
+        road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
+        baud: rate of its ports; None for the factory's.
+    Raises:
+        ValueError: the product is not known.
+    """
+
+    def __init__(
+        self,
+        product: str = "IMX-5",
+        serial: int | None = None,
+        seed: int = 0,
+        start_ns: int = 0,
+        *,
+        rate: float = 100,
+        drop: float = 0.0,
+        corrupt: float = 0.0,
+        clock_drift_ppm: float = 0.0,
+        clock_jump: tuple[float, float] | None = None,
+        imu_source: str = "nav",
+        road: float = 0.0,
+        baud: int | None = None,
+    ) -> None:
+        if product not in PRODUCTS:
+            raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
+        self.product = product
+        self.serial = 62_000 + seed % 0xFFFF if serial is None else serial
+        self.baud = baud or BAUD
+        self._seed, self._start_ns = seed, start_ns
+        self._speed = 1 + clock_drift_ppm * 1e-6
+        self._drop, self._corrupt = drop, corrupt
+        jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
+        self.run = Run(seed, road, jump, UTC_2026_S * S + start_ns)
+        self._period_ns = max(round(S / rate), 1)
+        self.memory = Memory(factory(rate, self.baud))
+        self.corrections: Counter[str] = Counter()  # RTCM messages that it got, by number
+        if imu_source not in IMU_SOURCES:
+            raise ValueError(f"imu_source is one of {', '.join(IMU_SOURCES)}, given {imu_source!r}")
+        self._imu_source = imu_source
+        self._imu_ns, self._gnss_ns = self._period_ns, GNSS_NS
+        every = max(1, round(rate / SLOW_INS_2_HZ))
+        self.persistent: dict[int, int] = {58: 1, 4: 1, 5: every, 52: 1, 53: 1, 13: 1, 30: 1, 15: 5}
+        self.streams: dict[int, int] = {}
+        self._awake = False
+        self._block = 0
+        self._sent_ns = -1  # all that was due up to this device time has been sent
+        self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
+        self._ear = Stream(frames.scan, find, STARTS)
+        self._heard_ns = 0
+        self._count = 0
+
+    # -- the two directions of the wire
+
+    def advance(self, now_ns: int) -> bytes:
+        """Everything that the device sends up to `now_ns`, since it was last asked."""
+        now = self._local(now_ns)
+        out: list[bytes] = []
+        if not self._awake and now >= BOOT_NS:
+            self._awake = True
+            self.streams = dict(self.persistent)
+            self.memory.reset()
+            self._sent_ns = BOOT_NS
+            self._block = BOOT_NS // BLOCK_NS
+            self._make()
+            out.append(frames.build(DATA, DEV_INFO, self.value(DEV_INFO, now)))
+        if self._awake:
+            self._due(now, out)
+        return b"".join(out)
+
+    def receive(self, data: bytes, now_ns: int) -> bytes:
+        """Bytes from the host. What the device had to send by then, followed by its answers."""
+        out = [self.advance(now_ns)]
+        if not self._awake:
+            return b""  # nobody listens yet
+        now = self._local(now_ns)
+        requests = self._requests(stalled=True) if now - self._heard_ns > STALL_NS else []
+        self._ear.feed(data, now)
+        self._heard_ns = now
+        out += [self._hear(request, now) for _, request in requests + self._requests()]
+        return b"".join(out)
+
+    def _hear(self, request: Request, now: int) -> bytes:
+        """One packet, sentence or correction."""
+        if not self._awake:
+            return b""  # one before it was a reset
+        if isinstance(request, tuple):
+            return self._answer(*request, now)
+        if request.protocol == "rtcm3":
+            self.corrections[request.name] += 1
+        return self._text(request.line, now) if request.protocol == "nmea" else b""
+
+    def _local(self, now_ns: int) -> int:
+        """Device time: ns of the device's own oscillator since it was switched on."""
+        return int((now_ns - self._start_ns) * self._speed)
+
+    def _requests(self, *, stalled: bool = False) -> list[tuple[int, Request]]:
+        """What has been heard, in order: packets as (flags byte, data set, offset, payload), sentences, corrections."""
+        cut = self._ear.drain(stalled=stalled)
+        heard: list[tuple[int, Request]] = [(text.offset, text) for text in cut.texts if text.name]
+        for at, _, body, length, did, flags in cut.table[:6].T.tolist():
+            shifted = flags & WITH_OFFSET and flags & frames.TYPE_MASK in (frames.DATA, frames.SET_DATA)
+            offset = int.from_bytes(cut.data[body - 2 : body], "little") if shifted else 0
+            heard.append((cut.start + at, (flags, did, offset, cut.data[body : body + length])))
+        return sorted(heard, key=lambda one: one[0])
+
+    # -- streams
+
+    def period_ns(self, did: int) -> int:
+        """Between two samples of what paces a data set."""
+        if did not in SOURCES:
+            return FAST_NS
+        imu_ns = self._imu_ns if self._imu_source == "imu" else self._period_ns
+        return {NAV: self._period_ns, IMU: imu_ns, SLOW: SLOW_NS, GNSS: self._gnss_ns}[SOURCES[did].pace]
+
+    def _make(self) -> None:
+        """All packets of the current block that have not been sent."""
+        made: list[tuple[int, int, bytes]] = []
+        shared: dict[tuple[int, bool], Moments] = {}
+        for place, did in enumerate(SOURCES):
+            if did not in self.streams:
+                continue
+            period = self.period_ns(did)
+            first, end = (-(-block * BLOCK_NS // period) for block in (self._block, self._block + 1))
+            if first == end:
+                continue
+            steps = np.arange(first, end)
+            grid = (period, SOURCES[did].pace == GNSS)
+            at = shared.setdefault(grid, moments(self.run, did, period, steps))
+            chosen = np.flatnonzero((steps % self.streams[did] == 0) & (steps * period > self._sent_ns))
+            if len(chosen):
+                sent = packets(did, rows_of(did, at, chosen))
+                made += zip((steps[chosen] * period).tolist(), [place] * len(sent), sent, strict=True)
+        for did in self.streams.keys() - SOURCES.keys():
+            times = self._times(FAST_NS * self.streams[did])
+            made += [(time, len(SOURCES), frames.build(DATA, did, self.value(did, time))) for time in times]
+        for number, every in self.memory.sentences.items():
+            source = nmea.source_of(number)
+            if source is not None:
+                times = self._times(self.period_ns(source) * every)
+                made += [(time, 999, nmea.line(number, self.value(source, time))) for time in times]
+        self._waiting = [(time, packet) for time, _, packet in sorted(made, reverse=True)]
+
+    def _times(self, period: int) -> list[int]:
+        """The multiples of a period in this block that have not been sent."""
+        first, end = (-(-block * BLOCK_NS // period) for block in (self._block, self._block + 1))
+        return [step * period for step in range(first, end) if step * period > self._sent_ns]
+
+    def _due(self, now: int, out: list[bytes]) -> None:
+        while True:
+            while self._waiting and self._waiting[-1][0] <= now:
+                self._send(self._waiting.pop()[1], out)
+            end = (self._block + 1) * BLOCK_NS
+            self._sent_ns = max(self._sent_ns, min(now, end - 1))
+            if self._waiting or now < end:
+                return
+            self._block += 1
+            self._make()
+
+    def _send(self, packet: bytes, out: list[bytes]) -> None:
+        number = self._count
+        self._count += 1
+        if self._drop or self._corrupt:
+            random = np.random.default_rng([self._seed, number])
+            chance = random.random()
+            if chance < self._drop:
+                return
+            if chance < self._drop + self._corrupt:
+                at, bit = random.integers(len(packet)), random.integers(8)
+                packet = packet[:at] + bytes([packet[at] ^ 1 << bit]) + packet[at + 1 :]
+        out.append(packet)
+
+    def _choose(self, streams: dict[int, int]) -> None:
+        if streams != self.streams:
+            self.streams = streams
+            self._make()
+
+    # -- answers
+
+    def _answer(self, flags: int, did: int, offset: int, payload: bytes, now: int) -> bytes:
+        match flags & frames.TYPE_MASK:
+            case frames.GET_DATA if len(payload) >= 8:
+                wanted, size, at, period = struct.unpack_from("<HHHH", payload)
+                return self._get(wanted, size, at, period, now)
+            case frames.SET_DATA:
+                done = self._set(did, offset, payload, now)
+                return _acked(ACK if done else NACK, flags, did, did, len(payload), offset)
+            case frames.STOP_DID:
+                self._choose({one: every for one, every in self.streams.items() if one != did})
+            case frames.STOP_ALL_PORTS | frames.STOP_CURRENT_PORT:
+                self.memory.sentences = {}
+                self._choose({})
+                return _acked(ACK, flags, did, 0, 0, 0)
+        return b""
+
+    def _get(self, did: int, size: int, offset: int, period: int, now: int) -> bytes:
+        """A stream begins, or one packet (with a part, where one is asked for); or a refusal."""
+        if (did in BITS or (not offset and size in (0, len(self.value(did, now))))) and self.value(did, now):
+            others = {one: every for one, every in self.streams.items() if one != did}
+            self._choose({**others, did: period} if period else others)
+            if period:
+                return b""
+        value = self.value(did, now)
+        end = offset + size if size else len(value)
+        if not value or offset >= len(value) or end > len(value):
+            return _acked(NACK, GET_DATA, 0, did, size, offset)
+        return frames.build(DATA, did, value[offset:end], offset=offset)
+
+    def _set(self, did: int, offset: int, data: bytes, now: int) -> bool:
+        """Write; False where that cannot be."""
+        if did == RMC and offset == 0 and len(data) >= 8:
+            bits, options = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:12], "little")
+            wanted = {one for one in dids_of(bits) if one in SOURCES}
+            wanted |= self.streams.keys() if options & RMC_PRESERVE else set()
+            self._choose({one: self.streams.get(one, 1) for one in wanted})
+            if options & RMC_PERSISTENT:
+                self._save()
+            return True
+        if did == SYS_CMD and offset == 0 and len(data) == 8:
+            command, inverse = struct.unpack("<II", data)
+            return bool(command ^ inverse == 0xFFFFFFFF) and self._command(command, now)
+        sentences = dict(self.memory.sentences)
+        done = self.memory.write(did, offset, data, now)
+        if sentences != self.memory.sentences:
+            self._make()
+        return done
+
+    def _command(self, command: int, now: int) -> bool:
+        """A system command; False for what this device has not: bridges, bootloaders, the maker's own."""
+        if command == SAVE_PERSISTENT:
+            self._save()
+        elif command == RESET:
+            self._reset(now)
+        return command in DONE
+
+    def _save(self) -> None:
+        """Streams and sentences come back after a reset."""
+        self.persistent = dict(self.streams)
+        self.memory.kept_sentences = dict(self.memory.sentences)
+
+    def _text(self, line: str, now: int) -> bytes:
+        """What is asked in text."""
+        words = line.strip()[1:-3].split(",")
+        match words:
+            case ["STPB"] | ["STPC"]:
+                self.memory.sentences = {}
+                self._choose({})
+                self._make()
+            case ["PERS"]:
+                self._save()
+            case ["SRST"]:
+                self._reset(now)
+            case ["INFO"]:
+                return nmea.info(self._info())
+            case ["ASCE"]:
+                return nmea.periods(self.memory.sentences)
+            case ["ASCE", *rest] if wanted := nmea.chosen(rest):
+                self.memory.choose(wanted[1], keep=bool(wanted[0] & RMC_PERSISTENT))
+                self._make()
+        return b""
+
+    def _reset(self, now: int) -> None:
+        """As if power had failed for a moment: its time begins anew, stored periods act."""
+        nav_ms, imu_ms, gnss_ms = self.memory.periods_ms
+        if nav_ms != max(1, round(self._period_ns / 1e6)):
+            self._period_ns = max(nav_ms, 1) * 1_000_000
+        if imu_ms != max(1, round(self._imu_ns / 1e6)):
+            self._imu_ns = max(imu_ms, 1) * 1_000_000
+        self._gnss_ns = max(gnss_ms, 50) * 1_000_000
+        self.baud = self.memory.baud
+        self._start_ns += round(now / self._speed)
+        self.run = Run(self._seed, self.run.road, None, self.run.utc_ns + now)
+        self._awake, self._waiting, self.streams = False, [], {}
+        self._ear = Stream(frames.scan, find, STARTS)
+        self._heard_ns = 0
+        self._sent_ns = -1
+
+    def repowered(self, start_ns: int) -> IsbDevice:
+        """The device after its power was off: with what it had stored."""
+        self._reset(max(self._local(start_ns), 0))
+        return self
+
+    # -- values
+
+    def value(self, did: int, now: int) -> bytes:
+        """A whole data set as it is now; b"" where this device has none of that number."""
+        if did in SOURCES:
+            period = self.period_ns(did)
+            steps = np.array([now // period])
+            return rows_of(did, moments(self.run, did, period, steps), np.array([0])).tobytes()
+        if did == RMC:
+            bits = sum(1 << SOURCES[one].bit for one in self.streams if one in SOURCES)
+            return struct.pack("<QI", bits, 0)
+        if did == DEV_INFO:
+            return self._info()
+        return self._parameters(now) if did == SYS_PARAMS else self.memory.value(did, now)
+
+    def _info(self) -> bytes:
+        out = np.zeros(1, DTYPES[DEV_INFO])
+        out["hardwareType"], out["hdwRunState"], out["serialNumber"] = 3, 2, self.serial
+        out["hardwareVer"], out["firmwareVer"], out["protocolVer"] = (5, 0, 4, 0), FIRMWARE, (2, 0, 0, 0)
+        out["buildNumber"], out["repoRevision"] = 7, 0x2701_0000
+        out["manufacturer"] = _text(b"Inertial Sense Inc", 24)
+        out["buildType"] = ord("r")
+        out["buildYear"], out["buildMonth"], out["buildDay"] = 26, 1, 1
+        out["addInfo"] = _text(b"twin", 24)
+        return out.tobytes()
+
+    def _parameters(self, now: int) -> bytes:
+        at = Moments(self.run, now // self._period_ns, np.array([now]), self._period_ns)
+        out = np.zeros(1, DTYPES[SYS_PARAMS])
+        out["timeOfWeekMs"] = at.gps[1] // 10**6
+        out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status
+        out["imuTemp"] = out["baroTemp"] = out["mcuTemp"] = 24.0 + 14.0 * (1 - np.exp(-now / (600 * S)))
+        out["imuSamplePeriodMs"] = max(1, round(self._imu_ns / 1e6))
+        out["navOutputPeriodMs"] = out["navUpdatePeriodMs"] = max(1, round(self._period_ns / 1e6))
+        out["sensorTruePeriod"], out["upTime"] = self._period_ns / 1e9, now / 1e9
+        out["flashCfgChecksum"] = self.memory.word(4)
+        return out.tobytes()
+
+
+def _acked(kind: int, flags: int, header_id: int, did: int, size: int, offset: int) -> bytes:
+    """ACK or NACK: the packet that is answered, and what of it. (A GET may name a set beyond 255; a NACK cannot.)"""
+    return frames.build(kind, 0, struct.pack("<BBHBHH", flags, header_id, 0, did & 0xFF, size, offset))
+
+
+def _text(words: bytes, size: int) -> Array:
+    return np.frombuffer(words.ljust(size, b"\0"), "S1")

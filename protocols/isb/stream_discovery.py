@@ -1,0 +1,237 @@
+"""What does a device send now, and how often? DID_RMC names its streams; their periods are heard.
+
+    DID_RMC.bits        1 0 1 …            which data sets have been asked for
+    DID_SYS_PARAMS      10 ms, 10 ms       the periods of navigation and inertial data now; GNSS from the configuration
+    listening           ·  ·  ·  ·         the median distance of packets / the source's period = the period asked for
+                        ·        ·
+
+What is measured decides: period × source_ms of a row is how far apart its packets are. Where document and header
+disagree on the source (DID_IMU: the period of inertial data, or that of navigation), the first of them of which the
+distance is a multiple is taken; where none is, the distance itself.
+
+A data set that streams and has no bit (DID_SYS_PARAMS) is found by listening alone. One that has its bit and was not
+heard within `LISTEN_S` (there is no RTK, no second receiver) has a size of 0, and the period that a bit alone means: 1.
+What happens rarely (an event, a strobe) has no period and is 1.
+
+Also here: the wire values of an event. A decoder's columns are in shown units; a snapshot holds wire values.
+
+Source: ISB document, "Realtime Message Controller", "Data source update rates".
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Batch, Event, Reply
+from protocols.isb.commands import FLASH, RMC, SYS_PARAMS
+from protocols.isb.kept import PERSISTENT
+from protocols.isb.messages import ROWS
+from protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
+from protocols.schema import Field
+from protocols.transactions import Dialogue, Expect, RefusedError
+
+Values = Mapping[str, Any]
+Ask = Callable[[int], Dialogue[Values]]
+
+LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
+CLOSE = 0.04  # a share: so near a multiple is one
+NOTHING: Mapping[int, int] = {}
+ENOUGH = 3  # samples from which a period is sure
+GPX_FLASH, GPX_RMC = 121, 126
+
+# -- an event as wire values -------------------------------------------------------------------------------------------
+
+
+def as_wire(event: Event, did: int) -> Values | None:
+    """The wire values of a data set, of the last sample where there are several; None where the event is another."""
+    if isinstance(event, Reply):
+        if event.message is not ROWS[did]:
+            return None
+        return {field.name: _spelled(field, event.values[field.name]) for field in _named(event)}
+    if isinstance(event, Batch) and event.message.id == did and len(event):
+        return {field.name: _unshown(field, event.columns[field.name][-1]) for field in event.message.fields}
+    return None
+
+
+def _named(reply: Reply) -> list[Field]:
+    """The fields that an answer has; one that the table knows in another shape is taken as it came."""
+    rows = {field.name: field for field in reply.message.fields}
+    return [rows.get(name, Field(name)) for name in reply.values]
+
+
+def _spelled(field: Field, value: Any) -> Any:
+    """A value that JSON can hold: a float that is not finite by its bits, as `imuscope inspect` prints it."""
+    if isinstance(value, list):
+        return [_spelled(field, one) for one in value]
+    if isinstance(value, Mapping):
+        parts = {part.name: part for part in field.fields}
+        return {name: _spelled(parts.get(name, Field(name)), one) for name, one in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):
+        wide = field.dtype.endswith("f8")
+        return {"f64" if wide else "f32": struct.pack(">d" if wide else ">f", value).hex()}
+    return value
+
+
+def _unshown(field: Field, shown: Any) -> Any:
+    """A column's element as it was on the wire."""
+    if field.fields:
+        rows = [{part.name: _unshown(part, one[part.name]) for part in field.fields} for one in np.atleast_1d(shown)]
+        return rows if field.shape else rows[0]
+    if field.dtype == "ascii" and len(field.shape) == 2:
+        return [_unshown(replace(field, shape=field.shape[1:]), one) for one in np.asarray(shown)]
+    if field.dtype == "ascii":
+        return np.asarray(shown).tobytes().rstrip(b"\0").decode("latin-1")
+    if field.dtype == "bytes":
+        return np.asarray(shown).tobytes().hex()
+    wire = (np.asarray(shown) - field.bias) / field.scale if field.scale != 1 or field.bias else np.asarray(shown)
+    kind = np.dtype(field.dtype)
+    numbers = (wire if kind.kind == "f" else np.rint(wire) if wire.dtype.kind == "f" else wire).astype(kind)
+    return _spelled(field, numbers.reshape(-1).tolist() if field.shape else numbers.item())
+
+
+# -- streams -----------------------------------------------------------------------------------------------------------
+
+
+class Heard:
+    """What came while listening: how often, how long, for each data set.
+
+    Args:
+        wanted: data sets whose period is to be known; listening ends when it is.
+    """
+
+    def __init__(self, wanted: set[int]) -> None:
+        self._left = wanted
+        self._times: dict[int, list[tuple[int, int]]] = {}
+        self.sizes: dict[int, int] = {}
+
+    @property
+    def enough(self) -> bool:
+        """Is every period known that is to be known?"""
+        return not self._left
+
+    def take(self, event: Event) -> bool | None:
+        """An event; True when enough has been heard."""
+        self.only(event)
+        return True if self.enough else None
+
+    def only(self, event: Event) -> None:
+        """An event, whatever has been heard."""
+        if isinstance(event, Batch) and event.message.id in STREAMS:
+            device = event.arrival_ns if event.time_ns is None else event.time_ns
+            times = list(zip(device.tolist(), event.arrival_ns.tolist(), strict=True))
+            self._note(event.message.id, times, getattr(event.columns, "row_size", 0))
+        elif isinstance(event, Reply) and event.message.id in STREAMS and event.message is ROWS[event.message.id]:
+            self._note(event.message.id, [(event.arrival_ns, event.arrival_ns)], 0)
+
+    def _note(self, did: int, times: list[tuple[int, int]], size: int) -> None:
+        known = self._times.setdefault(did, [])
+        known += times
+        self.sizes[did] = max(size, self.sizes.get(did, 0))
+        if len(known) >= ENOUGH:
+            self._left.discard(did)
+
+    def interval_ms(self, did: int) -> float | None:
+        """The usual time between two packets; None where fewer than two came. By the device's clock, which is not
+        delayed, but for where it jumped: the first fix changes what it counts from."""
+        times = self._times.get(did, [])
+        if len(times) < 2:
+            return None
+        device, arrival = np.diff(np.asarray(times, np.int64), axis=0).T
+        steady = (device > 0) & (device < LISTEN_S * 1e9)
+        return float(np.median(device[steady] if steady.any() else arrival)) / 1e6
+
+    def count(self, did: int) -> int:
+        """How many packets came of a data set."""
+        return len(self._times.get(did, ()))
+
+    def forget(self, did: int) -> None:
+        """Nothing of it came yet."""
+        self._times.pop(did, None)
+
+    def streaming(self) -> list[int]:
+        """What came more than once."""
+        return [did for did, times in self._times.items() if len(times) > 1]
+
+
+def sources_of(params: Values, flash: Values) -> dict[str, float]:
+    """Period of each source, ms: as the device says, else as the document does."""
+    told = {
+        NAV: params.get("navOutputPeriodMs"),
+        IMU: params.get("imuSamplePeriodMs"),
+        GNSS: flash.get("startupGPSDtMs"),
+    }
+    return {pace: float(told.get(pace) or usual) for pace, usual in DEFAULT_MS.items()}
+
+
+def streams(
+    ask: Ask,
+    *,
+    quick: bool = False,
+    also: Iterable[int] = (),
+    asked: Mapping[int, int] = NOTHING,
+    gpx: bool = False,
+) -> Dialogue[Values]:
+    """The value of the setting `streams`.
+
+    Args:
+        ask: reads a data set.
+        quick: which there are is enough; their periods may stay unknown.
+        also: data sets without a bit that are listened for too.
+        asked: multiples that the device has just been asked for: what is measured is the source's period then.
+        gpx: it is a GPX, whose streams are named by DID_GPX_RMC.
+    """
+    rmc = yield from ask(GPX_RMC if gpx else RMC)
+    listed = dids_of(rmc.get("bits", 0), gpx=gpx)
+    sources = dict(DEFAULT_MS)
+    if gpx and not quick:
+        sources = sources_of({}, (yield from _maybe(ask, GPX_FLASH)))
+    elif not quick:
+        params = yield from _maybe(ask, SYS_PARAMS)
+        flash = yield from _maybe(ask, FLASH)
+        sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
+    heard = Heard({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
+    yield Expect(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
+    if not quick and not heard.enough:
+        yield Expect(heard.take, LISTEN_S - LEAST_S, "streams")
+    rows = [_stream(did, heard, sources, asked.get(did)) for did in dict.fromkeys((*listed, *heard.streaming()))]
+    order = {did: place for place, did in enumerate(STREAMS)}
+    return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
+
+
+def _maybe(ask: Ask, did: int) -> Dialogue[Values]:
+    """A data set; nothing where the device does not have it."""
+    try:
+        return (yield from ask(did))
+    except RefusedError:
+        return {}
+
+
+def _stream(did: int, heard: Heard, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
+    row = STREAMS[did]
+    interval, size = heard.interval_ms(did), heard.sizes.get(did, 0)
+    bases = [sources[pace] for pace in row.paces]
+    if interval is None or row.pace == EVENT:
+        period, base = 1, bases[0]
+    elif asked:
+        period = asked
+        base = next((base for base in bases if abs(base * asked - interval) <= CLOSE * interval), interval / asked)
+    else:
+        period, base = multiple(interval, bases)
+    return {"did": did, "period": period, "size": size, "source_ms": base}
+
+
+def multiple(interval_ms: float, bases: Sequence[float]) -> tuple[int, float]:
+    """Of which source's period a distance is a multiple, and which; of none it is once itself, or nearly a multiple of
+    the last."""
+    for base in bases:
+        period = max(1, round(interval_ms / base))
+        if abs(interval_ms - period * base) <= CLOSE * interval_ms:
+            return period, base
+    period = max(1, round(interval_ms / bases[-1]))
+    return period, interval_ms / period

@@ -1,0 +1,172 @@
+"""Which quantities do sentences carry? Their numbers, put together as batches of a message that plots can show.
+
+    $PSONCMS,0.99,0.01,…,9.81,…*hh     q0 q1 q2 q3 │ accX accY accZ │ gyrX … │ magX … │ temp
+                                       Quaternion  │ Acceleration   │ …      │ …      │ Temperature
+    $HCHDM,354.0,M*hh                  headingM, 0 … 360°: a quantity that wraps
+
+A sentence gives names and numbers (protocols/nmea.py, protocols/xbus/binary_strings.py); what they measure is said
+here, by name, whichever sentence they stand in. Numbers that lie along axes are one quantity, as they are in a device's
+own messages: an orientation is drawn as one. A name that is not listed is shown as it is.
+
+A number whose sign stands in the next field, as a letter, gets it here: `$PHTRO,10.37,P` is a pitch of −10.37°. The
+sentence itself keeps both as the wire has them.
+
+Rules for editing: a new quantity is a row of `TOGETHER` (several numbers) or `ALONE` (one).
+Sources: MT0101P 2020.A, 5.3.5; NMEA 0183 names as pynmeagps spells them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from protocols.events import Batch, Text
+from protocols.nmea import SENTENCES
+from protocols.schema import Field, Message
+
+_XYZ = ("x", "y", "z")
+_NED = ("north", "east", "down")
+_SIDES = re.compile(
+    r"NS|EW|^dirs$|^dirvar$|(steer|rudder)dir$|Side$"
+)  # fields that tell which way the number before is
+_NEGATIVE = frozenset("SWLPB")  # south, west, left (port); of PHTRO bow down and port down
+_MOST_KINDS = 256  # kinds of sentences remembered: a healthy port has a dozen
+
+TOGETHER: Mapping[tuple[str, ...], Field] = {
+    ("q0", "q1", "q2", "q3"): Field(
+        "Quaternion", "f8", (4,), axes=("q0", "q1", "q2", "q3"), decimals=4, doc="Orientation, scalar first."
+    ),
+    ("accX", "accY", "accZ"): Field("Acceleration", "f8", (3,), unit="m/s²", axes=_XYZ, decimals=3),
+    ("gyrX", "gyrY", "gyrZ"): Field(
+        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn"
+    ),
+    ("magX", "magY", "magZ"): Field(
+        "MagneticField", "f8", (3,), unit="a.u.", axes=_XYZ, decimals=4, title="Magnetic field"
+    ),
+    ("velX", "velY", "velZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3),
+    ("velN", "velE", "velD"): Field("VelocityNED", "f8", (3,), unit="m/s", axes=_NED, decimals=3, frame="NED"),
+    ("pqrX", "pqrY", "pqrZ"): Field(
+        "RateOfTurn", "f8", (3,), unit="rad/s", axes=_XYZ, decimals=4, title="Rate of turn", frame="body"
+    ),
+    ("uvwX", "uvwY", "uvwZ"): Field("Velocity", "f8", (3,), unit="m/s", axes=_XYZ, decimals=3, frame="body"),
+    ("nedN", "nedE", "nedD"): Field(
+        "LocalPosition", "f8", (3,), unit="m", axes=_NED, decimals=3, title="Local position", frame="NED"
+    ),
+    ("thetaRoll", "thetaPitch", "thetaYaw"): Field(
+        "EulerAngles", "f8", (3,), unit="rad", axes=("roll", "pitch", "yaw"), decimals=4, title="Euler angles"
+    ),
+    ("dthetaX", "dthetaY", "dthetaZ"): Field(
+        "RotationIncrement", "f8", (3,), unit="rad", axes=_XYZ, decimals=4, title="Rotation increment"
+    ),
+    ("dvelX", "dvelY", "dvelZ"): Field(
+        "VelocityIncrement", "f8", (3,), unit="m/s", axes=_XYZ, decimals=4, title="Velocity increment"
+    ),
+}
+
+
+def _angle(title: str, period: float = 0.0) -> Field:
+    return Field("", "f8", unit="°", title=title, decimals=2, period=period)
+
+
+ALONE: Mapping[str, Field] = {
+    "heading": _angle("Heading", 360),
+    "headingT": _angle("Heading, true", 360),
+    "headingM": _angle("Heading, magnetic", 360),
+    "cog": _angle("Course over ground", 360),
+    "cogt": _angle("Course over ground, true", 360),
+    "cogm": _angle("Course over ground, magnetic", 360),
+    "roll": _angle("Roll"),
+    "pitch": _angle("Pitch"),
+    "mv": _angle("Magnetic variation"),
+    "lat": Field("", "f8", unit="°", title="Latitude", decimals=7),
+    "lon": Field("", "f8", unit="°", title="Longitude", decimals=7, period=360),
+    "alt": Field("", "f8", unit="m", title="Height above sea level", decimals=2),
+    "sep": Field("", "f8", unit="m", title="Geoid above the ellipsoid", decimals=2),
+    "hae": Field("", "f8", unit="m", title="Height above the ellipsoid", decimals=2),
+    "hMSL": Field("", "f8", unit="m", title="Height above sea level", decimals=2),
+    "heave": Field("", "f8", unit="m", title="Heave", decimals=2),
+    "spd": Field("", "f8", unit="kn", title="Speed over ground", decimals=2),
+    "sogn": Field("", "f8", unit="kn", title="Speed over ground", decimals=2),
+    "sogk": Field("", "f8", unit="km/h", title="Speed over ground, km/h", decimals=2),
+    "rollRate": Field("", "f8", unit="°/s", title="Rate of roll", decimals=2),
+    "pitchRate": Field("", "f8", unit="°/s", title="Rate of pitch", decimals=2),
+    "temp": Field("", "f8", unit="°C", title="Temperature", decimals=1),
+}
+
+
+class Sentences:
+    """Makes batches of the sentences of one stream; one message is kept for each kind of sentence."""
+
+    def __init__(self) -> None:
+        self._messages: dict[tuple[str, ...], Message] = {}
+
+    def batches(self, texts: Iterable[Text]) -> list[Batch]:
+        """One batch for each kind of sentence, of those that hold numbers; without device time."""
+        kinds: dict[tuple[str, ...], list[tuple[Text, list[float]]]] = {}
+        for text in texts:
+            if not text.name:
+                continue
+            numbers = _numbers(text.fields)
+            if numbers:
+                kinds.setdefault((text.protocol, text.name, *numbers), []).append((text, list(numbers.values())))
+        return [self._batch(kind, found) for kind, found in kinds.items()]
+
+    def _batch(self, kind: tuple[str, ...], found: Sequence[tuple[Text, list[float]]]) -> Batch:
+        if kind not in self._messages:
+            if len(self._messages) >= _MOST_KINDS:
+                self._messages.clear()
+            self._messages[kind] = _message(kind)
+        table = np.array([numbers for _, numbers in found])
+        at = {name: i for i, name in enumerate(kind[2:])}
+        columns = {name: table[:, i] for name, i in at.items()}
+        for names, field in TOGETHER.items():
+            if at.keys() >= set(names):
+                columns[field.name] = table[:, [at[name] for name in names]]
+        message = self._messages[kind]
+        return Batch(
+            message=message,
+            device="",
+            arrival_ns=np.array([text.arrival_ns for text, _ in found], np.int64),
+            offset=np.array([text.offset for text, _ in found], np.int64),
+            time_ns=None,
+            columns={field.name: columns[field.name] for field in message.fields},
+        )
+
+
+def _message(kind: tuple[str, ...]) -> Message:
+    protocol, name, *names = kind
+    whole = [(group, field) for group, field in TOGETHER.items() if set(group) <= set(names)]
+    taken = {one for group, _ in whole for one in group}
+    fields = [field for _, field in whole]
+    own = {field.name: field for field in SENTENCES[name].fields} if name in SENTENCES else {}
+    fields += [_named(one, own.get(one)) for one in names if one not in taken]
+    title = name if protocol == name.lower() else f"{protocol.upper()} {name}"
+    return Message(0, name, tuple(fields), apart=tuple(field.name for _, field in whole), title=title)
+
+
+def _named(name: str, own: Field | None) -> Field:
+    """A number by itself: as it is known everywhere, else as the table of its sentence has it."""
+    row = ALONE.get(name) or own or Field("", "f8")
+    return Field(
+        name, "f8", unit=row.unit, decimals=row.decimals, period=row.period, title=row.title, doc=row.title or row.doc
+    )
+
+
+def _numbers(fields: Mapping[str, Any]) -> dict[str, float]:
+    """The numbers of a sentence by name, signed."""
+    found: dict[str, float] = {}
+    before = ""
+    for name, value in fields.items():
+        if _is_number(value):
+            found[name] = float(value)
+        elif before in found and _SIDES.search(name) and str(value).strip().upper() in _NEGATIVE:
+            found[before] = -abs(found[before])  # of a latitude the sign may be there already
+        before = name
+    return found
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)

@@ -1,0 +1,235 @@
+"""What does a port carry, piece by piece? Frames of its protocol, messages of others between them, and neither.
+
+    bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
+    Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
+    kept                                                         ^^^^ until the rest comes
+
+Both a decoder (columns) and a listing (one line a frame) stand on this. Other messages are looked for only where no
+frame was found; one that is cut by the end of the data waits for its rest, and so does not hold up the frames after it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from protocols.events import Decoder, Reject, Text
+from protocols.framing import (
+    OFFSET,
+    REASONS,
+    SIZE,
+    STATUS,
+    Buffer,
+    Bytes,
+    Ints,
+    Room,
+    Scan,
+    Scanned,
+    drop_failed,
+    scan_all,
+)
+from protocols.nmea import Found
+
+Find = Callable[..., tuple[list[Found], int]]
+"""find(data, final=…) -> (what was found, from where bytes must be kept); see protocols/embedded_protocols.py."""
+
+
+@dataclass(slots=True)
+class Cut:
+    """What one drain found; `table` is good until the next one.
+
+    Args:
+        data: the bytes that `table` indexes; `array` is the same as uint8.
+        start: position of `data[0]` in the stream.
+        table: (QUANTITIES, n) of the accepted frames, see protocols/framing.py.
+        arrival_ns: (n,) when each frame was complete.
+        rejects, texts: in order of their offsets, within each kind.
+    """
+
+    data: bytes
+    array: Bytes
+    start: int
+    table: Ints
+    arrival_ns: Ints
+    rejects: list[Reject]
+    texts: list[Text]
+
+
+class Stream:
+    """Cuts a stream of bytes, given in chunks, into frames, texts and rejects.
+
+    Args:
+        scan: finds frames.
+        find: finds other messages between them.
+        starts: what each of these messages begins with; a stretch without it, to which nothing will be added, need not
+            be searched.
+    """
+
+    def __init__(self, scan: Scan, find: Find, starts: re.Pattern[bytes]) -> None:
+        self._scan = scan
+        self._find = find
+        self._starts = starts
+        self._buffer = Buffer()
+        self._room = Room()
+        self._scan_at = 0  # positions in the stream: from where to look for frames …
+        self._find_at = 0  # … and for other messages
+        self._known = 0  # bytes of accepted frames and of texts
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._buffer.append(data, arrival_ns)
+
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._buffer.extend(data, ends, arrival_ns)
+
+    @property
+    def buffered(self) -> int:
+        """Bytes that are not decided yet."""
+        return len(self._buffer)
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame and no text."""
+        return self._buffer.start - self._known
+
+    def drain(self, *, stalled: bool = False) -> Cut:
+        """Everything that is complete; see events.Decoder.drain."""
+        data = self._buffer.data()
+        array = np.frombuffer(data, np.uint8)
+        at = self._scan_at - self._buffer.start
+        return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
+
+    def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> Cut | None:
+        """Everything in chunks of which each is full: frames one after the other, and the last ends where it ends.
+
+        What is found in them is then the same whether they are searched together, which costs less, or apart.
+
+        Args:
+            chunks: each with its arrival, ns. Nothing else is undecided.
+        Returns:
+            None when one of them is not full, and then none was taken.
+        """
+        data = b"".join(chunk for chunk, _ in chunks)
+        array = np.frombuffer(data, np.uint8)
+        ends = list(accumulate(len(chunk) for chunk, _ in chunks))
+        scanned = scan_all(self._scan, array, 0, final=True, room=self._room)
+        table = scanned.table
+        if (
+            scanned.failed
+            or scanned.framed != len(data)
+            or not set(ends) <= set((table[OFFSET] + table[SIZE]).tolist())
+        ):
+            return None
+        self.feed_many(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
+        return self._cut(data, array, scanned, True)
+
+    def _cut(self, data: bytes, array: Bytes, scanned: Scanned, stalled: bool) -> Cut:
+        """What was scanned, decided; `data` is all of the buffer."""
+        buffer = self._buffer
+        start = buffer.start
+        table = scanned.table
+        rejects: list[Reject] = []
+        if scanned.failed:
+            rejects = self._rejects(table, start)
+            table = table[:, : drop_failed(table)]
+        if table.shape[1] == 1:  # the usual case of a live stream
+            offset, size = table[:2, 0].tolist()
+            arrivals = np.array((buffer.arrival(start + offset + size - 1),))
+        else:
+            arrivals = buffer.arrivals(table[OFFSET] + (table[SIZE] + (start - 1)))
+        self._scan_at = start + scanned.at
+        self._known += scanned.framed
+        texts: list[Text] = []
+        if scanned.framed != self._scan_at - self._find_at:
+            self._stretches(data, start, table, texts, rejects, stalled)
+            rejects.sort(key=lambda reject: reject.offset)
+        else:
+            self._find_at = self._scan_at
+        buffer.release(min(self._scan_at, self._find_at))
+        return Cut(data, array, start, table, arrivals, rejects, texts)
+
+    def _rejects(self, table: Ints, start: int) -> list[Reject]:
+        """The failed candidates of a scan. One that is cut short has the size that is there."""
+        failed = table[:, np.flatnonzero(table[STATUS])]
+        end = start + len(self._buffer)
+        rejects = []
+        for offset, size, status in zip(*(failed[row].tolist() for row in (OFFSET, SIZE, STATUS)), strict=True):
+            at = start + offset
+            last = min(at + max(size, 1), end)
+            rejects.append(Reject(at, last - at, REASONS[status], self._buffer.arrival(last - 1)))
+        return rejects
+
+    def _stretches(
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+    ) -> None:
+        """Look through the stretches between the frames."""
+        begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
+        stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
+        which = np.flatnonzero(begins < stops)
+        for i, at, stop in zip(which.tolist(), begins[which].tolist(), stops[which].tolist(), strict=True):
+            final = stalled or i < table.shape[1]
+            if final and not self._starts.search(data, at - start, stop - start):
+                self._find_at = stop
+                continue
+            found, kept = self._find(data[at - start : stop - start], final=final)
+            for one in found:
+                self._report(one, at + one.offset, texts, rejects)
+            self._find_at = at + kept
+        self._find_at = max(self._find_at, int(begins[-1]))
+
+    def _report(self, one: Found, offset: int, texts: list[Text], rejects: list[Reject]) -> None:
+        arrival = self._buffer.arrival(offset + one.size - 1)
+        if not one.name:
+            rejects.append(Reject(offset, one.size, "bad_checksum", arrival))
+            return
+        texts.append(Text(one.protocol, one.name, one.line, offset, one.size, arrival, one.fields))
+        self._known += one.size
+
+
+class Cutter(Protocol):
+    """What a decoder hands its chunks to."""
+
+    def feed(self, data: bytes, arrival_ns: int) -> None: ...
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None: ...
+    @property
+    def buffered(self) -> int: ...
+    @property
+    def skipped(self) -> int: ...
+
+
+S = TypeVar("S", bound=Cutter)
+
+
+class StreamDecoder(Decoder, Generic[S]):
+    """The side of a decoder that bytes go in; what comes out of `drain` is each protocol's own.
+
+    Args:
+        stream: cuts the bytes into frames.
+    """
+
+    def __init__(self, stream: S) -> None:
+        self._stream = stream
+
+    @property
+    def buffered(self) -> int:
+        """Bytes held back because their frame is incomplete."""
+        return self._stream.buffered
+
+    @property
+    def skipped(self) -> int:
+        """Bytes so far that belong to no frame and no text."""
+        return self._stream.skipped
+
+    def feed(self, data: bytes, arrival_ns: int) -> None:
+        """Append a chunk."""
+        self._stream.feed(data, arrival_ns)
+
+    def feed_many(self, data: bytes, ends: Ints, arrival_ns: Ints) -> None:
+        """Append many chunks; see events.Decoder."""
+        self._stream.feed_many(data, ends, arrival_ns)

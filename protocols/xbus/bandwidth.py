@@ -1,0 +1,152 @@
+"""How many bytes a second does an output configuration make, exact to the byte, and which rates would fit?
+
+    message = header 4 (6 where the payload passes 254 bytes) + items + checksum 1
+    item    = 3 + size
+
+Each stream of output_configuration.py sends one message a tick in which something is due; due at tick k of a stream of
+R ticks/s is every item whose rate r makes k a multiple of R/r. So one second of ticks is counted, by the sets of items
+that are due together: the number of messages of each kind, times their length.
+
+The part of an output is what its items cost; what messages cost whatever is in them is the part with path "". The list
+of satellites is as long as the sky is full: it is taken with 20 of them.
+
+A device that sends sentences instead is counted with the longest usual form of each: an upper bound, not exact.
+
+Source: MT0101P 2020.A, 5.1, 5.3.5 and 5.3.6.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from protocols.transactions import Load, Part
+from protocols.xbus.annotate import identifier_words
+from protocols.xbus.enums import STRING_TYPES
+from protocols.xbus.frames import MAX_SENT, MAX_STANDARD
+from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Stream, allowed, granted, greatest, output_of, streams
+from protocols.xbus.products import Model, as_built
+
+MOST_ENTRIES = 32
+ECEF = 0x5030
+
+_SENTENCES: Mapping[str, int] = {  # bytes of the longest usual line, line end included
+    **{"HCHDM": 19, "HCHDG": 34, "TSS2": 27, "PHTRO": 25, "PRDID": 33, "EM1000": 10, "PSONCMS": 120, "HCMTW": 19},
+    **{"HEHDT": 19, "HEROT": 20, "GPGGA": 82, "PTCF": 52, "XSVEL": 42, "GPZDA": 38, "GPRMC": 82},
+}
+
+Pair = tuple[int, int]
+Setting = Mapping[str, Any]
+
+
+def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
+    """(identifier, granted rate) of each entry that the product can send; the others send nothing."""
+    found = []
+    for entry in values.get("outputs", ()):
+        identifier, wish = int(entry["data_identifier"]), int(entry["output_frequency"])
+        output = output_of(identifier, model)
+        found.append((identifier, granted(wish, greatest(output, model)) if output else -1))
+    return found
+
+
+def load(settings: Mapping[str, Setting], model: Model | None) -> Load:
+    """What these settings make the device send."""
+    model = as_built(model, settings.get("HardwareVersion", {}))
+    strings = settings.get("StringOutputType", {})
+    if strings.get("string_types"):
+        return _of_strings(int(strings["string_types"]), _string_rate(settings))
+    return _of_outputs(settings.get("OutputConfiguration", {}), model)
+
+
+def _of_outputs(values: Setting, model: Model | None) -> Load:
+    entries = list(values.get("outputs", ()))
+    pairs = pairs_of(values, model)
+    sent = [pair for pair in pairs if pair[1] > 0]
+    cost: Counter[Pair] = Counter()
+    envelope, limits = 0, []
+    for stream in streams(sent):
+        for due, messages in messages_of(stream):
+            size = sum(3 + size_of(pair) for pair in due)
+            envelope += messages * (5 if size <= MAX_STANDARD else 7)
+            for pair in due:
+                cost[pair] += messages * (3 + size_of(pair))
+            if size > MAX_SENT:
+                limits.append(f"A message of the {stream.kind} stream has {size} bytes; the limit is {MAX_SENT}.")
+    parts = [_part(f"outputs.{place}", pair, cost.pop(pair, 0)) for place, pair in enumerate(pairs)]
+    parts.append(Part("", "Header and checksum", float(envelope)))
+    return Load(tuple(parts), sum(part.bytes_per_s for part in parts), (*_limits(entries), *dict.fromkeys(limits)))
+
+
+def _part(path: str, pair: Pair, bytes_per_s: int) -> Part:
+    return Part(path, identifier_words(pair[0]), float(bytes_per_s))
+
+
+def _limits(entries: Sequence[Setting]) -> list[str]:
+    found = []
+    if len(entries) > MOST_ENTRIES:
+        found.append(f"An output configuration has at most {MOST_ENTRIES} entries; these are {len(entries)}.")
+    if any(entry["data_identifier"] & 0xFFF0 == ECEF and entry["data_identifier"] & 3 in (1, 2) for entry in entries):
+        found.append("A fixed-point format cannot hold a position in ECEF; ask for Float32 or Float64.")
+    return found
+
+
+def size_of(pair: Pair) -> int:
+    """Bytes of an item's data."""
+    return OUTPUTS[pair[0] & 0xFFF0].size(pair[0])
+
+
+def messages_of(stream: Stream) -> list[tuple[tuple[Pair, ...], int]]:
+    """The messages of one second: what is in them, and how many are like that."""
+    timed = [pair for pair in stream.items if pair[1] != ALWAYS]
+    due: Counter[tuple[Pair, ...]] = Counter()
+    for tick in range(stream.rate):
+        due[tuple(pair for pair in timed if tick % (stream.rate // pair[1]) == 0)] += 1
+    return [
+        (tuple(pair for pair in stream.items if pair in now or pair[1] == ALWAYS), count)
+        for now, count in due.items()
+        if now or not timed
+    ]
+
+
+def _string_rate(settings: Mapping[str, Setting]) -> float:
+    """Lines of each kind per second: with the strings (600-series), else from period and skip factor."""
+    strings = settings["StringOutputType"]
+    if "frequency" in strings:
+        return float(strings["frequency"])
+    period = int(settings.get("Period", {}).get("period", 1152)) or 1152
+    skip = int(settings.get("OutputSkipFactor", {}).get("skip_factor", 0))
+    return 0.0 if skip == 0xFFFF else 115_200 / (period * (skip + 1))
+
+
+def _of_strings(types: int, rate: float) -> Load:
+    chosen = [bits.name for bits in STRING_TYPES if bits.of(types) and bits.name in _SENTENCES]
+    parts = tuple(Part("string_types", f"{name}, at most", _SENTENCES[name] * rate) for name in chosen)
+    return Load(parts, sum(part.bytes_per_s for part in parts))
+
+
+def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -> dict[str, Setting]:
+    """The same settings with no rate above the greatest common ceiling at which they fit; the least there is, else."""
+    model = as_built(model, settings.get("HardwareVersion", {}))
+    values = settings.get("OutputConfiguration", {})
+    pairs = pairs_of(values, model)
+    ceilings = sorted({rate for pair in pairs if 0 < pair[1] != ALWAYS for rate in _ladder(pair, model)}, reverse=True)
+    best = dict(settings)
+    for ceiling in ceilings:
+        outputs = [_lowered(entry, pair, ceiling, model) for entry, pair in zip(values["outputs"], pairs, strict=True)]
+        best = {**settings, "OutputConfiguration": {**values, "outputs": outputs}}
+        if load(best, model).total <= capacity:
+            break
+    return best
+
+
+def _ladder(pair: Pair, model: Model | None) -> tuple[int, ...]:
+    """The rates that an item can have, from its present one down."""
+    return tuple(rate for rate in allowed(greatest(OUTPUTS[pair[0] & 0xFFF0], model)) if rate <= pair[1])
+
+
+def _lowered(entry: Setting, pair: Pair, ceiling: int, model: Model | None) -> Setting:
+    if not 0 < pair[1] != ALWAYS or pair[1] <= ceiling:
+        return entry
+    ladder = _ladder(pair, model)
+    return {**entry, "output_frequency": next((rate for rate in ladder if rate <= ceiling), ladder[-1])}

@@ -1,0 +1,225 @@
+"""What does a change of settings mean: could it cut the line, is it one at all, and what had the factory set?
+
+Source: MT0101P 2020.A, 4.2 and 7.1 (defaults), 5.3.3 and 5.3.5 (what acts on the line); tables 7 and 22.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from protocols.transactions import Known, LineChange, Values
+from protocols.xbus.output_configuration import ALWAYS
+from protocols.xbus.product_options import SEND_LATEST
+from protocols.xbus.products import Model, model_of
+
+BAUD_RATES: Mapping[int, int] = {  # table 7, with its errata
+    **{0x0D: 4_000_000, 0x0E: 3_500_000, 0x0C: 2_000_000, 0x80: 921_600, 0x0A: 921_600, 0x00: 460_800, 0x01: 230_400},
+    **{0x02: 115_200, 0x03: 76_800, 0x04: 57_600, 0x05: 38_400, 0x06: 28_800, 0x07: 19_200, 0x08: 14_400},
+    **{0x09: 9_600, 0x0B: 4_800},
+}
+_PORTS = ("RS-232 host port", "UART host port")
+_XBUS = 1
+_FACTORY_BAUD = 115_200
+_ALTERNATIVE_UART = 1 << 4
+_DISABLE_AUTO_MEASUREMENT = 1 << 1
+
+
+def line_change(setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    """Would this write cut the line?"""
+    if old is not None and not differing(setting, old, new):
+        return None
+    if setting == "Baudrate":
+        return _baud_change(int(new["baudrate_code"]), known, "The device")
+    if setting == "PortConfig":
+        return _port_change([int(word) for word in (old or {}).get("words", ())], new["words"], known)
+    if setting == "OutputConfiguration" and not _sends(new):
+        return LineChange("silent", "The device sends nothing any more until something is chosen again.")
+    if setting == "SyncSettings" and _sends_latest(new) and not _sends_latest(old or {"settings": []}):
+        return LineChange("silent", "The device sends data only when it is triggered (SendLatest); else it is silent.")
+    if setting == "StringOutputType" and new["string_types"]:
+        return LineChange("protocol", "The device sends text lines instead of MTData2.")
+    if setting == "OutputSkipFactor" and new["skip_factor"] == 0xFFFF:
+        return LineChange("silent", "The device sends sentences only when it is asked.")
+    if setting == "ExtOutputMode" and (int(new["mode"]) ^ int((old or {"mode": 0})["mode"])) & _ALTERNATIVE_UART:
+        return LineChange("port", "The device speaks on another UART after the reset.")
+    if (
+        setting == "OptionFlags"
+        and int(new["flags"]) & ~int((old or {"flags": 0})["flags"]) & _DISABLE_AUTO_MEASUREMENT
+    ):
+        return LineChange("silent", "The device no longer measures by itself when it starts.")
+    return None
+
+
+def _baud_change(code: int, known: Known, who: str) -> LineChange | None:
+    rate = BAUD_RATES.get(code)
+    if rate is None or rate == known.baud:
+        return None
+    return LineChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", " "), rate)
+
+
+def _port_change(old: list[int], new: list[int], known: Known) -> LineChange | None:
+    """Which of the two host ports is ours is not told: any that speaks Xbus at our rate may be.
+
+    Where one of two such ports changes, the device may be found at the old rate or at the new one.
+    """
+    ours = own_ports(old, known)
+    changed = {place: _one_port(place, old, new, known) for place in ours}
+    found = [change for change in changed.values() if change is not None]
+    if not found:
+        return None
+    worst = next((change for change in found if change.baud is None), found[0])
+    rates = [known.baud if change is None else change.baud for change in changed.values()]
+    others = tuple(dict.fromkeys(rate for rate in rates if rate is not None and rate != worst.baud))
+    words = " ".join(dict.fromkeys(change.words for change in found))
+    if None in changed.values():
+        words += " Which port this line is connected to is not known."
+    return LineChange(worst.kind, words, worst.baud, others)
+
+
+def own_ports(words: list[int], known: Known) -> list[int]:
+    """The host ports that this line may be connected to: those that speak Xbus at its rate; where none does, both."""
+    hosts = [place for place, word in enumerate(words[:2]) if word >> 16 & 0xF == _XBUS]
+    at_rate = [place for place in hosts if BAUD_RATES.get(words[place] & 0xFF) == known.baud]
+    return at_rate or hosts or [0, 1]
+
+
+def _one_port(place: int, old: list[int], new: list[int], known: Known) -> LineChange | None:
+    """What the change of one port's word does to a line that is connected to it."""
+    word, before = int(new[place]), old[place] if place < len(old) else None
+    if word >> 16 & 0xF != _XBUS:
+        off = not word >> 16 & 0xF
+        kind, does = ("port", "is switched off") if off else ("protocol", "speaks NMEA")
+        return LineChange(kind, f"The {_PORTS[place]} {does} after the reset.")  # type: ignore[arg-type]
+    if before is not None and (word ^ before) & 0xFF == 0 and word != before:
+        return LineChange("port", f"The {_PORTS[place]} works otherwise after the reset (flow control, frame).")
+    return _baud_change(word & 0xFF, known, f"The {_PORTS[place]}")
+
+
+def rates(values: Mapping[str, Values], known: Known) -> tuple[int, ...]:
+    """See protocols.transactions.Driver.rates."""
+    codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
+    codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
+    found = (known.baud, *(BAUD_RATES.get(code) for code in codes), _FACTORY_BAUD)
+    return tuple(dict.fromkeys(rate for rate in found if rate is not None))
+
+
+def instead(command: str, values: Values, present: Mapping[str, Values], known: Known) -> tuple[str, Values] | None:
+    """See protocols.transactions.Driver.instead: the 600-series gets SetPortConfig, its SetBaudrate is deprecated."""
+    model = model_of(known.product)
+    if command != "SetBaudrate" or model is None or model.series != 600:
+        return None
+    words = [int(word) for word in present.get("PortConfig", {}).get("words", ())]
+    if not words:
+        return "PortConfig", {}
+    code, ours = int(values["baudrate_code"]), own_ports(words, known)
+    return "PortConfig", {"words": [word & ~0xFF | code if n in ours else word for n, word in enumerate(words)]}
+
+
+def _sends_latest(values: Values) -> set[int]:
+    """The lines on which SendLatest waits for a trigger."""
+    return {int(one["line"]) for one in values["settings"] if one["function"] == SEND_LATEST and one["polarity"]}
+
+
+def _sends(outputs: Values) -> bool:
+    return any(entry["data_identifier"] for entry in outputs["outputs"])
+
+
+# -- the same or not ---------------------------------------------------------------------------------------------------
+
+_ABOUT = 1e-6  # relative: what a float32 keeps of a decimal number
+
+
+def differing(setting: str, a: Values, b: Values) -> list[str]:
+    """Paths of the fields in which two values of a setting differ in what they mean."""
+    if setting == "OutputConfiguration":
+        a, b = ({"outputs": [dict(entry) for entry in side["outputs"] if any(entry.values())]} for side in (a, b))
+        if _bag(a) == _bag(b):
+            return []  # the order of the list is nothing to anybody
+    if setting == "FilterProfile":
+        a, b = ({"profile": side["profile"]} for side in (a, b) if "profile" in side)
+    return list(dict.fromkeys(_paths(setting, a, b, "")))
+
+
+def _bag(values: Values) -> list[tuple[int, int]]:
+    return sorted((entry["data_identifier"], entry["output_frequency"] or ALWAYS) for entry in values["outputs"])
+
+
+def _paths(setting: str, a: Any, b: Any, path: str) -> Iterator[str]:
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        for name in dict.fromkeys([*a, *b]):
+            here = f"{path}.{name}" if path else str(name)
+            if name not in a or name not in b:
+                yield here
+            else:
+                yield from _paths(setting, a[name], b[name], here)
+    elif isinstance(a, (list, tuple)) and isinstance(b, (list, tuple)):
+        for place in range(max(len(a), len(b))):
+            if place >= len(a) or place >= len(b):
+                yield f"{path}.{place}"
+            else:
+                yield from _paths(setting, a[place], b[place], f"{path}.{place}")
+    elif not _equal(setting, a, b):
+        yield path
+
+
+def _equal(setting: str, a: Any, b: Any) -> bool:
+    if isinstance(a, str) or isinstance(b, str):
+        return bool(a == b)
+    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
+        if setting == "Baudrate":
+            return BAUD_RATES.get(int(a), a) == BAUD_RATES.get(int(b), b)
+        if setting == "PortConfig":
+            a, b = int(a), int(b)
+            return a >> 8 == b >> 8 and BAUD_RATES.get(a & 0xFF) == BAUD_RATES.get(b & 0xFF)
+        return (
+            math.isclose(a, b, rel_tol=_ABOUT, abs_tol=_ABOUT / 10)
+            if isinstance(a, float) or isinstance(b, float)
+            else a == b
+        )
+    return bool(a == b)
+
+
+# -- factory -----------------------------------------------------------------------------------------------------------
+
+_HZ = 100
+_FRONT, _END = ((0x1020, ALWAYS), (0x1060, ALWAYS)), ((0xE020, ALWAYS),)
+_PROFILES: Mapping[int, int | str] = {  # table 40 and 4.2
+    **{2: 54, 3: 50, 7: 11, 20: 43, 30: 39, 200: 43, 300: 39, 710: 1},
+    **{620: "Responsive/VRU", 630: "Responsive/NorthReference", 670: "General", 680: "General_RTK"},
+}
+
+
+def factory_outputs(model: Model) -> tuple[tuple[int, int], ...]:
+    """The output configuration that a product leaves the factory with."""
+    if model.kind == "IMU":
+        return (*_FRONT, (0x8030, _HZ), (0x4010, _HZ), (0xC020, _HZ), *_END)
+    place = ((0x5022, _HZ), (0x5042, _HZ), (0xD012, _HZ)) if model.kind in ("GNSS", "RTK") else ()
+    return (*_FRONT, (0x2010, _HZ), *place, *_END)
+
+
+def factory(model: Model | None) -> dict[str, Values]:
+    """The documented factory defaults; none while the product is not known."""
+    if model is None:
+        return {}
+    unity = {"q0": 1.0, "q1": 0.0, "q2": 0.0, "q3": 0.0}
+    pairs = factory_outputs(model)
+    found: dict[str, Values] = {
+        "OutputConfiguration": {"outputs": [{"data_identifier": i, "output_frequency": rate} for i, rate in pairs]},
+        "LocationID": {"location_id": 0},
+        "AlignmentRotation.RotSensor": unity,
+        "AlignmentRotation.RotLocal": unity,
+    }
+    if model.number in _PROFILES:
+        found["FilterProfile"] = {"profile": _PROFILES[model.number]}
+    if model.kind not in ("GNSS", "RTK"):
+        found["SyncSettings"] = {"settings": []}
+    if model.series == 600:
+        found["StringOutputType"] = {"string_types": 0, "frequency": 0}
+    else:
+        found["Baudrate"] = {"baudrate_code": 2}
+    if model.series in (10, 100):
+        found |= {"StringOutputType": {"string_types": 0}, "OutputSkipFactor": {"skip_factor": 0}}
+        found["Period"] = {"period": 1152}
+    return found

@@ -1,0 +1,38 @@
+"""Do these bytes look like an MTi?
+
+The share of them that lies in valid frames or in sentences that an MTi can be switched to. A sentence alone does not
+tell an MTi from another NMEA device, so text counts half.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from protocols.framing import ID, SIZE
+from protocols.xbus.messages import ROWS
+from protocols.xbus.stream_parser import Stream
+
+
+def likeness(data: bytes) -> tuple[float, str]:
+    """(score 0..1, words)."""
+    if not data:
+        return 0.0, "no bytes"
+    stream = Stream()
+    stream.feed(data, 0)
+    cuts = [stream.drain()]
+    waiting = stream.buffered
+    cuts.append(stream.drain(stalled=True))
+    framed = sum(int(cut.table[SIZE].sum()) for cut in cuts)
+    texts = [text for cut in cuts for text in cut.texts]
+    names = Counter(ROWS[mid][0].name for cut in cuts for mid in cut.table[ID].tolist() if mid in ROWS)
+    if framed:
+        # what waits for its end at the end of the data speaks neither for nor against
+        score = min(1.0, (framed + sum(text.size for text in texts)) / max(len(data) - waiting, framed))
+        kinds = ", ".join(name for name, _ in names.most_common(3)) or "unlisted messages"
+        count = sum(cut.table.shape[1] for cut in cuts)
+        return score, f"{count} Xbus frame{'s' * (count > 1)} ({kinds}) in {framed} of {len(data)} B"
+    if texts:
+        kinds = ", ".join(name for name, _ in Counter(text.name for text in texts).most_common(3))
+        score = 0.5 * min(1.0, sum(text.size for text in texts) / max(len(data) - waiting, 1))
+        return score, f"{len(texts)} text message{'s' * (len(texts) > 1)} ({kinds})"
+    return 0.0, "no frame in them"

@@ -1,0 +1,31 @@
+"""What does a log of an Xsens device begin with? Its Configuration, and its stored calibration where it gives that.
+
+    FA FF 0D …      Configuration: device id, outputs; without it the vendor's program does not open a log
+    FA FF 91 …      EmtsData: the calibration, encrypted; newer devices only
+
+Both are asked in the config state, so a device that measures pauses for it (Driver.within).
+
+Source: MT0101P 2020.A, 5.3.5; that a log begins with both is known from files of the vendor's program.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from protocols.transactions import Dialogue, RefusedError, SilentError
+from protocols.xbus import frames, requests
+
+REQ_CONFIGURATION, CONFIGURATION = 0x0C, 0x0D
+REQ_EMTS, EMTS_DATA = 0x90, 0x91
+_TIMEOUT_S = 1.0
+
+
+def head() -> Dialogue[None]:
+    """Ask for both.
+
+    Raises:
+        RefusedError, SilentError: it does not give its Configuration.
+    """
+    yield from requests.ask(frames.build(REQ_CONFIGURATION), "ReqConfiguration", _TIMEOUT_S)
+    with suppress(RefusedError, SilentError):  # most devices have none
+        yield from requests.ask(frames.build(REQ_EMTS), "ReqEmts", _TIMEOUT_S, 1)

@@ -1,0 +1,201 @@
+"""How is an MTi brought to a state, and how is one request asked until it is answered?
+
+    ask            request ──> acknowledgement, number plus one; Error ──> RefusedError in the document's words, and so
+                   WakeUp, which says that the device has restarted meanwhile (only Reset is answered by it too);
+                   no answer within the time-out ──> again, where asking twice does no harm
+    to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
+                   and its WakeUp is answered with WakeUpAck at once: within 500 ms that leads to the config state too
+    to_measurement GoToMeasurement, its acknowledgement; a device that measures already refuses, and that is as good
+    addressed      the same, to one of the devices that share a line: each answers to its own bus identifier only
+
+An answer that came late can be taken for that of the next request of the same number; so a request that asks for values
+does not take an empty acknowledgement, and one of an alignment only its own.
+
+Source: MT0101P 2020.A, 5.2 and 5.3.1; that some devices answer only after Reset is known from their users.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from protocols.events import Batch, Event, Reply, Text
+from protocols.json_values import jsonable
+from protocols.transactions import Dialogue, Expect, Note, Pause, RefusedError, Send, SilentError, T
+from protocols.xbus import frames
+from protocols.xbus.messages import answers
+
+GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET = 0x30, 0x10, 0x40
+WAKE_UP, WAKE_UP_ACK, ERROR = 0x3E, 0x3F, 0x42
+ERROR_MESSAGE = 4
+
+TRIES = 3
+STEP_S = 0.1  # between two GoToConfig
+PATIENCE_S = 1.5  # how long GoToConfig is repeated before the device counts as stubborn
+SEEN_S = 0.25  # a device that measures has sent something by then, unless it is slow or waits for a trigger
+REFUSED_S = 0.2  # an Error that refuses has come by then, behind samples that were under way
+AFTER_RESET_S = 3.0  # a restart takes up to 1.7 s
+RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003, 60.0
+
+Plain = Mapping[str, Any]
+
+
+def addressed(dialogue: Dialogue[T], bid: int) -> Dialogue[T]:
+    """A dialogue whose frames all go to this bus identifier."""
+    if bid == frames.MASTER:
+        return (yield from dialogue)
+    try:
+        act = next(dialogue)
+        while True:
+            if isinstance(act, Send):
+                act = replace(act, frame=frames.to_bus(act.frame, bid))
+            try:
+                answer = yield act
+            except Exception as thrown:  # the dialogue is stopped: it may have a last word
+                act = dialogue.throw(thrown)
+            else:
+                act = dialogue.send(answer)
+    except StopIteration as end:
+        result: T = end.value
+        return result
+
+
+def ask(
+    frame: bytes, what: str, timeout_s: float, tries: int = TRIES, accept: Callable[[Reply], bool] = lambda reply: True
+) -> Dialogue[Plain]:
+    """Send a request until it is acknowledged.
+
+    Returns:
+        The acknowledgement's fields, wire values.
+    Raises:
+        RefusedError: Error came instead, or the device restarted.
+        SilentError: nothing came.
+    """
+    number = answers(frame[2])
+
+    def match(event: Event) -> Reply | None:
+        if not isinstance(event, Reply):
+            return None
+        if event.message.id in (ERROR, WAKE_UP) or (event.message.id == number and accept(event)):
+            return event
+        return None
+
+    for _ in range(tries):
+        yield Send(frame, what)
+        reply = yield Expect(match, timeout_s, what)
+        if reply is not None:
+            if reply.message.id == ERROR:
+                raise refusal(what, reply)
+            if reply.message.id == WAKE_UP and frame[2] != RESET:
+                raise RefusedError(what, "the device restarted before it answered")
+            return values_of(reply)
+    raise SilentError(what, tries, timeout_s)
+
+
+def values_of(reply: Reply) -> Plain:
+    """Its fields as `imuscope inspect` prints them."""
+    values: Plain = jsonable(dict(reply.values))
+    return values
+
+
+def refusal(what: str, error: Reply) -> RefusedError:
+    """An Error message in words."""
+    code = int(error.values["code"])
+    field = error.message.fields[0]
+    why = field.choices.get(code, f"error {code}")
+    if "device_error" in error.values:
+        detail = int(error.values["device_error"])
+        why += f" ({error.message.fields[1].choices.get(detail, detail)})"
+    return RefusedError(what, why, code)
+
+
+# -- states ------------------------------------------------------------------------------------------------------------
+
+
+def to_config(*, restart: bool = True) -> Dialogue[None]:
+    """Bring the device to the config state.
+
+    Args:
+        restart: it may be Reset when it does not answer; False where that would discard what is to be stored.
+    Raises:
+        SilentError: it does not answer, not even after Reset.
+    """
+    if (yield from _insist(PATIENCE_S)):
+        return
+    if not restart:
+        raise SilentError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
+    yield Note("The device does not answer GoToConfig: it is restarted (Reset).")
+    yield Send(frames.build(RESET), "Reset")
+    if (yield from _insist(AFTER_RESET_S)):
+        return
+    tries = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
+    raise SilentError("GoToConfig, after a Reset (restart) neither", tries, STEP_S)
+
+
+def _insist(patience_s: float) -> Dialogue[bool]:
+    """GoToConfig every 100 ms; a device that wakes up meanwhile is told to stay."""
+    for _ in range(round(patience_s / STEP_S)):
+        yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
+        heard = yield Expect(_config_or_awake, STEP_S, "GoToConfig")
+        if heard == GO_TO_CONFIG + 1:
+            return True
+        if heard == WAKE_UP:
+            yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
+    return False
+
+
+def _config_or_awake(event: Event) -> int | None:
+    wanted = (GO_TO_CONFIG + 1, WAKE_UP)
+    return event.message.id if isinstance(event, Reply) and event.message.id in wanted else None
+
+
+def to_measurement() -> Dialogue[None]:
+    """Bring the device to the measurement state.
+
+    Raises:
+        RefusedError, SilentError: it does not.
+    """
+    try:
+        yield from ask(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5)
+    except RefusedError as refused:
+        if refused.code != ERROR_MESSAGE:
+            raise
+
+
+def alive() -> Dialogue[bool]:
+    """Is there a device that speaks, at the present rate? At most three seconds, two of them while it may restart."""
+    if (yield Expect(_speaks, 1.0)):
+        return True
+    for _ in range(4):
+        yield Send(frames.build(0x00), "ReqDID")  # refused while measuring, which is an answer too
+        if (yield Expect(_speaks, 0.4)):
+            return True
+    yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
+    if not (yield Expect(_speaks, 0.4)):
+        return False
+    yield Send(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement")
+    yield Expect(_speaks, 0.4)
+    return True
+
+
+def _speaks(event: Event) -> bool | None:
+    """Any valid frame or sentence: at a wrong rate there is none."""
+    return True if isinstance(event, (Batch, Reply, Text)) else None
+
+
+def awaken(patience_s: float = RESTORE_S) -> Dialogue[bool]:
+    """Section 7.2: 0xDE again and again, with gaps, until a device that gets power now says WakeUp."""
+    sent = 0.0
+    while sent < patience_s:
+        yield Send(RESTORE_BYTE, "restore communication")
+        if (yield Expect(_awake, RESTORE_GAP_S, "WakeUp")):
+            yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
+            yield Pause(STEP_S)
+            return (yield from _insist(PATIENCE_S))
+        sent += RESTORE_GAP_S
+    return False
+
+
+def _awake(event: Event) -> bool | None:
+    return True if isinstance(event, Reply) and event.message.id == WAKE_UP else None

@@ -1,0 +1,1 @@
+"""Simulated MTi: the other end of the wire."""

@@ -1,0 +1,450 @@
+"""The other end of the wire: an MTi that is not there, but answers.
+
+    power, Reset ──> wake-up ──500 ms, no WakeUpAck──> measurement ──GoToConfig──> config
+                        └───────── WakeUpAck ────────────────────────────────────────^ │
+                     Configuration before measurement        <────GoToMeasurement──────┘
+
+`XbusDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
+device has sent by then; what it is told, it answers as section 5 of the document says, from a configuration that it
+keeps. Settings are stored at once, in a memory that outlives Reset and power (`repowered`), unless the option flag
+DisableAutoStore keeps them out of it; a new baud rate acts after Reset. What is wrong is answered with Error: 4 for a
+message that is unknown, of a wrong size, or not valid in this state, 33 for a parameter, 32 for a baud rate, 3 for a
+period. A device that hears 0xDE at 115 200 Bd while it boots wakes up with the factory's communication settings (7.2).
+
+What it measures is simulator/signals.py, from the shared drive; strings instead of data are simulator/strings.py. What
+it does not do: alignment matrices (an orientation reset makes them) and filter profiles are kept and answered but do
+not turn the output; the eMTS (0x91) that it gives, encrypted in a real one, holds nothing.
+
+Rules for editing: a setting that is only kept and returned is a row in simulator/settings.py; one that does something
+is a function in simulator/handlers.py.
+
+Source: MT0101P 2020.A, sections 4 and 5.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from protocols.xbus import frames
+from protocols.xbus.config_effects import BAUD_RATES
+from protocols.xbus.output_configuration import granted, greatest, output_of
+from protocols.xbus.product_options import INTERVAL, LONGEST_PERIOD, SEND_LATEST, TRIGGER
+from protocols.xbus.simulator.faults import NONE, Moods
+from protocols.xbus.simulator.handlers import ACTIONS
+from protocols.xbus.simulator.io import Ear, PowerCutError, Tongue
+from protocols.xbus.simulator.measurement import BLOCK_NS, Measurement
+from protocols.xbus.simulator.settings import (
+    BAUDRATE,
+    ERROR_MESSAGE,
+    ERROR_PARAMETER,
+    LOCATION,
+    OPTIONS,
+    PERIOD,
+    PORT_CONFIG,
+    PRODUCTS,
+    SETTINGS,
+    SKIP,
+    STRINGS,
+    SYNC,
+    Product,
+    RefusedError,
+    factory_settings,
+    strings_of,
+)
+from protocols.xbus.simulator.signals import Run
+from protocols.xbus.simulator.strings import Sentences
+
+WAKE_UP_WINDOW_NS = 500_000_000
+BOOT_NS = 300_000_000  # from Reset to WakeUp
+BOOT_BAUD = 115_200  # at which it listens for 0xDE while it boots
+GO_TO_CONFIG, ERROR, RESTORE = 0x30, 0x42, 0xDE
+DISABLE_AUTO_STORE, DISABLE_AUTO_MEASUREMENT = 1, 2
+
+Phase = Literal["boot", "wake-up", "config", "measurement"]
+
+
+class XbusDevice:
+    """A simulated MTi.
+
+    Args:
+        product: "MTi-630", "MTi-680G", "MTi-3", "MTi-30", "MTi-G-710"…: a key of `settings.PRODUCTS`.
+        serial: device identifier; None for one of the product's own range, made of the seed.
+        seed: repeats noise and faults exactly.
+        start_ns: the time, on the clock that `advance` speaks, at which power comes.
+        rate: samples/s of the default output configuration; above 400 the device is faster than any real one.
+        drop, corrupt: share of MTData2 frames that never leave, or leave with one bit turned.
+        clock_drift_ppm: how much faster the device's oscillator runs than the clock of `advance`.
+        clock_jump: (device time s, by s): SampleTimeFine jumps once.
+        road: how much of the vehicle's shaking reaches the sensor: 0 none, 1 a rigid mount.
+        measuring: True to be powered long ago and already in the measurement state at `start_ns`.
+        baud: rate that is stored when it comes, one of table 7; None for the factory's.
+        port: which of a 600-series' host ports the line is connected to: 0 RS-232, 1 UART.
+        moods: what goes wrong with its answers.
+        bid: its bus identifier on a line that it shares: it sends under it and answers to nothing else. None for a
+            device that has its line to itself: it answers to 1 and to 255, and sends under 255.
+    Raises:
+        ValueError: the product is not known.
+    """
+
+    def __init__(
+        self,
+        product: str = "MTi-630",
+        serial: int | None = None,
+        seed: int = 0,
+        start_ns: int = 0,
+        *,
+        rate: float = 100,
+        drop: float = 0.0,
+        corrupt: float = 0.0,
+        clock_drift_ppm: float = 0.0,
+        clock_jump: tuple[float, float] | None = None,
+        road: float = 0.0,
+        measuring: bool = False,
+        baud: int | None = None,
+        port: int = 0,
+        moods: Moods = NONE,
+        bid: int | None = None,
+    ) -> None:
+        if product not in PRODUCTS:
+            raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
+        self.product: Product = PRODUCTS[product]
+        self.serial = self.product.first_serial + seed % 0xFFFF + 1 if serial is None else serial
+        self.phase: Phase = "boot"
+        self._seed = seed
+        self._start_ns = start_ns
+        self._speed = 1 + clock_drift_ppm * 1e-6
+        self._fastest = 400 if rate <= 400 else 2000
+        self._rate = max(int(rate), 1)
+        self._drop, self._corrupt = drop, corrupt
+        jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
+        self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
+        self.settings: dict[int, bytes] = {}
+        self.reset_pending = b""  # both alignments as a ResetOrientation made them, until it is stored
+        self.output: tuple[tuple[int, int], ...] = ()
+        self._moods, self._stubborn = moods, moods.stubborn
+        self._tongue, self._stores = Tongue(moods, seed), 0
+        self._anew: Callable[[int], XbusDevice] = partial(
+            XbusDevice,
+            product,
+            self.serial,
+            seed,
+            rate=rate,
+            drop=drop,
+            corrupt=corrupt,
+            clock_drift_ppm=clock_drift_ppm,
+            clock_jump=clock_jump,
+            road=road,
+            baud=baud,
+            port=port,
+            moods=moods,
+            bid=bid,
+        )
+        self._port, self._bid = port, bid
+        self._restored = False  # 0xDE was heard while it boots
+        self._newest = b""  # sample, while SendLatest waits for a trigger
+        self._asked_for: list[bytes] = []
+        self.restore()
+        if baud in BAUD_RATES.values():
+            self._begin_at(next(code for code, one in BAUD_RATES.items() if one == baud))
+        self._memory = self._present()
+        self.baud, self._deaf = self._line()
+        self._ear = self._new_ear()
+        self._measurement: Measurement | Sentences | None = None
+        self._block = 0
+        self._waiting: list[tuple[int, bytes]] = []  # messages of this block not sent yet, last first
+        self._counter = self._block_counter = 0
+        if measuring:
+            self.measure(0)
+
+    # -- the two directions of the wire
+
+    def advance(self, now_ns: int) -> bytes:
+        """Everything that the device sends up to `now_ns`, since it was last asked."""
+        now = self._local(now_ns)
+        out: list[bytes] = []
+        if self.phase == "boot" and now >= 0:
+            self._wake_up()
+            out.append(frames.build(0x3E))
+        if self.phase == "wake-up" and now >= WAKE_UP_WINDOW_NS:
+            if self.flagged(DISABLE_AUTO_MEASUREMENT):
+                self.stop()
+            else:
+                out.append(frames.build(0x0D, self.configuration()))
+                self.measure(WAKE_UP_WINDOW_NS)
+        if self.phase == "measurement":
+            self._due(now, out)
+        out += self._tongue.due(now)
+        return b"" if self._deaf else self._under_own_name(out)
+
+    def receive(self, data: bytes, now_ns: int) -> bytes:
+        """Bytes from the host. What the device had to send by then, followed by its answers."""
+        before, out = self.advance(now_ns), list[bytes]()
+        now = self._local(now_ns)
+        if self.phase == "boot":
+            self._restored |= RESTORE in data  # nobody listens yet, but for this
+            return b""
+        if self._deaf:
+            return b""
+        self._ear.hear(data, now)
+        for bid, mid, payload in self._ear.requests():
+            if mid == GO_TO_CONFIG and self._stubborn:
+                continue
+            try:
+                answer = self._answer(mid, payload, now)
+            except RefusedError as refused:
+                out += self._tongue.say(frames.build(ERROR, bytes([refused.code]), bid), now)
+            except PowerCutError:
+                self.reset(now)
+                break
+            else:
+                if answer is not None:
+                    out += self._tongue.say(frames.build(mid + 1, answer, bid), now)
+            out += self._asked_for
+            self._asked_for.clear()
+        return before + self._under_own_name(out)
+
+    def _under_own_name(self, out: list[bytes]) -> bytes:
+        """What it sends, each frame under its own bus identifier where it has one."""
+        return b"".join(out if self._bid is None else (frames.to_bus(one, self._bid) for one in out))
+
+    def _new_ear(self) -> Ear:
+        return Ear() if self._bid is None else Ear((self._bid,))
+
+    def _local(self, now_ns: int) -> int:
+        """Device time: ns of the device's own oscillator since it was switched on."""
+        return int((now_ns - self._start_ns) * self._speed)
+
+    # -- measuring
+
+    def measure(self, begin_ns: int) -> None:
+        """Begin to measure at a device time. An orientation reset that was not stored is discarded (5.3.7)."""
+        self.phase, self.reset_pending = "measurement", b""
+        types, hertz = strings_of(self.settings, self.product)
+        if types:
+            self._measurement = Sentences(types, hertz, begin_ns, self.run)
+        else:
+            self._measurement = Measurement(self.output, begin_ns, self.run)
+        self._block, self._waiting = 0, []
+
+    def _due(self, now: int, out: list[bytes]) -> None:
+        """Messages whose time has come."""
+        run = self._measurement
+        assert run is not None
+        while True:
+            while self._waiting and self._waiting[-1][0] <= now:
+                self._send(self._waiting.pop()[1], out)
+            if self._waiting or run.begin_ns + self._block * BLOCK_NS > now:
+                return
+            self._block_counter = self._counter
+            self._waiting = run.block(self._block, self._counter)[::-1]
+            self._block += 1
+
+    def _send(self, frame: bytes, out: list[bytes]) -> None:
+        number = self._counter
+        self._counter += 1
+        if self._drop or self._corrupt:
+            random = np.random.default_rng([self._seed, number])
+            chance = random.random()
+            if chance < self._drop:
+                return
+            if chance < self._drop + self._corrupt:
+                at, bit = random.integers(len(frame)), random.integers(8)
+                frame = frame[:at] + bytes([frame[at] ^ 1 << bit]) + frame[at + 1 :]
+        if self.send_latest:
+            self._newest = frame
+        else:
+            out.append(frame)
+
+    @property
+    def send_latest(self) -> frozenset[int]:
+        """The lines that SendLatest waits for; while there are any, nothing is sent without a trigger."""
+        entries = self.settings[SYNC]
+        return frozenset(entries[at + 1] for at in range(0, len(entries), 12) if entries[at] == SEND_LATEST)
+
+    def send_newest(self) -> None:
+        """A trigger of SendLatest. Where nothing was measured since the last one there is nothing to send."""
+        if self._newest:
+            self._asked_for.append(self._newest)
+            self._newest = b""
+
+    def change(self, **state: object) -> None:
+        """A command changed the status word or UTC: what is made already but not sent is made again."""
+        self.run = replace(self.run, state=replace(self.run.state, **state))  # type: ignore[arg-type]
+        if self._measurement is not None:
+            self._measurement = replace(self._measurement, run=self.run)
+            if left := len(self._waiting):
+                self._waiting = self._measurement.block(self._block - 1, self._block_counter)[::-1][:left]
+
+    def stop(self) -> None:
+        """To the config state; what is made but not sent never is."""
+        self.phase, self._measurement, self._waiting = "config", None, []
+
+    def reset(self, now: int) -> None:
+        """As if power had failed for a moment: device time begins anew, what is stored acts, the rest is lost."""
+        self.stop()
+        self.settings, self.output = dict(self._memory[0]), self._memory[1]
+        self._stubborn, self.reset_pending = False, b""
+        off = now + BOOT_NS
+        self.change(
+            utc_ns=self.run.state.utc_ns + off, no_rotation=None, representative_motion=False, **self._consequences()
+        )
+        self._start_ns += round(off / self._speed)
+        self.phase, self._counter, self.baud, self._deaf = "boot", 0, BOOT_BAUD, False
+        self._ear = self._new_ear()
+
+    def repowered(self, start_ns: int) -> XbusDevice:
+        """The same device after its power was off: what it had stored, and a receiver that starts cold."""
+        device = self._anew(start_ns + BOOT_NS)
+        device._memory, device.baud = self._memory, BOOT_BAUD
+        device.settings, device.output = dict(self._memory[0]), self._memory[1]
+        device.change(**device._consequences())
+        return device
+
+    def _wake_up(self) -> None:
+        """Booted: from here on it speaks."""
+        self.phase = "wake-up"
+        if self._restored:
+            self._restored = False
+            self.restore_communication()
+        self.baud, self._deaf = self._line()
+
+    def _begin_at(self, code: int) -> None:
+        """A rate that was stored before: of the port that the line is connected to."""
+        if self.product.series != 600:
+            self.settings[BAUDRATE] = bytes([code])
+            return
+        words, at = bytearray(self.settings[PORT_CONFIG]), 4 * self._port + 3
+        words[at] = code
+        self.settings[PORT_CONFIG] = bytes(words)
+        self._couple(PORT_CONFIG)
+
+    def _line(self) -> tuple[int, bool]:
+        """Rate of the port that the line is connected to, and whether it is off or speaks something else than Xbus."""
+        if self.product.series != 600:
+            return BAUD_RATES[self.settings[BAUDRATE][0]], False
+        word = int.from_bytes(self.settings[PORT_CONFIG][4 * self._port : 4 * self._port + 4], "big")
+        return BAUD_RATES[word & 0xFF], word >> 16 & 0xF != 1
+
+    # -- memory
+
+    def _present(self) -> tuple[dict[int, bytes], tuple[tuple[int, int], ...]]:
+        return dict(self.settings), self.output
+
+    def store(self) -> None:
+        """What is set now outlives a reset, unless an option flag forbids it."""
+        if not self.flagged(DISABLE_AUTO_STORE):
+            self._memory = self._present()
+        else:  # the flags themselves are always kept
+            self._memory = ({**self._memory[0], OPTIONS: self.settings[OPTIONS]}, self._memory[1])
+
+    def flagged(self, flag: int) -> bool:
+        """Is this option flag set?"""
+        return bool(int.from_bytes(self.settings[OPTIONS], "big") & flag)
+
+    def _consequences(self) -> dict[str, object]:
+        """What settings say about the status word and accompanying items."""
+        entries = self.settings[SYNC]
+        kinds = {entries[at]: int.from_bytes(entries[at + 6 : at + 8], "big") for at in range(0, len(entries), 12)}
+        return {
+            "location": int.from_bytes(self.settings[LOCATION], "big"),
+            "sync_out_every": kinds[INTERVAL] + 1 if INTERVAL in kinds else 0,
+            # Nothing is connected to the trigger line here: once a second stands for a camera.
+            "sync_in_s": 1.0 if TRIGGER in kinds else 0.0,
+        }
+
+    # -- answering
+
+    def _answer(self, mid: int, payload: bytes, now: int) -> bytes | None:
+        """The payload of the acknowledgement; None where there is none."""
+        action, setting = ACTIONS.get(mid), SETTINGS.get(mid)
+        on = action.on if action else setting.on if setting else frozenset()
+        if self.product.model.number not in on:
+            raise RefusedError(ERROR_MESSAGE)
+        if self.phase not in (action.phases if action else ("config",)):
+            raise RefusedError(ERROR_MESSAGE)
+        before = self._present()
+        answer = action.action(self, payload, now) if action else self._keep(mid, payload)
+        if self._present() != before and self.phase == "config":
+            self._stores += 1
+            if self._stores == self._moods.cut:
+                raise PowerCutError
+            self.change(**self._consequences())
+            self.store()
+        return answer
+
+    def _keep(self, mid: int, payload: bytes) -> bytes:
+        """Ask for a setting, or set one that is only kept."""
+        setting = SETTINGS[mid]
+        if not payload and setting.asked:
+            return self.settings[mid]
+        if not setting.takes(len(payload), self.product):
+            raise RefusedError(ERROR_MESSAGE)
+        if not setting.valid(payload, self.product):
+            raise RefusedError(setting.error)
+        self.settings[mid] = setting.kept(payload, self.settings[mid])
+        self._couple(mid)
+        return b""
+
+    def _couple(self, mid: int) -> None:
+        """In the 600-series the baud rate is one with the low byte of the first port's word; a long period is made of
+        the longest and a skip factor."""
+        ports = self.settings[PORT_CONFIG]
+        period = int.from_bytes(self.settings[PERIOD], "big")
+        if mid == PERIOD and period > LONGEST_PERIOD:
+            self.settings[PERIOD] = LONGEST_PERIOD.to_bytes(2, "big")
+            self.settings[SKIP] = (period // LONGEST_PERIOD - 1).to_bytes(2, "big")
+        elif mid == PORT_CONFIG:
+            self.settings[BAUDRATE] = ports[3:4]
+        elif mid == BAUDRATE:
+            self.settings[PORT_CONFIG] = ports[:3] + self.settings[BAUDRATE] + ports[4:]
+
+    # -- what it is set to
+
+    def restore_communication(self) -> None:
+        """Table 41: what 0xDE during wake-up brings back; everything else stays."""
+        kept = self.settings
+        self.restore()
+        mids = (BAUDRATE, PORT_CONFIG, SKIP, SYNC, STRINGS)
+        self.settings = {mid: self.settings[mid] if mid in mids else value for mid, value in kept.items()}
+        self.change(**self._consequences())
+        self.store()
+
+    def restore(self) -> None:
+        """Factory settings."""
+        self.settings = factory_settings(self.product)
+        self.output = tuple(
+            (identifier, self.grant(identifier, self._rate if wish < 0 else wish))
+            for identifier, wish in self.product.output
+        )
+
+    def grant(self, identifier: int, wish: int) -> int:
+        """The rate that `wish` Hz of an item becomes.
+
+        Raises:
+            RefusedError: the product has no such item.
+        """
+        output = output_of(identifier, self.product.model)
+        if output is None:
+            raise RefusedError(ERROR_PARAMETER)
+        most = greatest(output, self.product.model)
+        return granted(wish, self._fastest if most == 400 else most)
+
+    def identifier(self) -> bytes:
+        """Its number as the wire has it: 8 bytes in the 600-series, else 4."""
+        return self.serial.to_bytes(8 if self.product.series == 600 else 4, "big")
+
+    def configuration(self) -> bytes:
+        """The Configuration message of tables 13 and 14, 118 bytes; an identifier of 64 bits has its low word first."""
+        identifier = self.identifier()
+        identifier = identifier[-4:] + identifier[:-4]
+        head = identifier if self.product.series == 600 else identifier + struct.pack(">HH", 1152, 0)
+        date = b"".join(part.encode() for part in ("20260101", "00000000"))
+        host = self.product.code.encode("ascii").ljust(20) if self.product.series == 600 else b""  # as the real ones do
+        body = head + bytes(8) + date + host.ljust(64, b"\0") + struct.pack(">H", 1) + identifier
+        return body.ljust(118, b"\0")

@@ -1,0 +1,145 @@
+"""What does an MTi send while it measures? Every item of MTData2, valued by the shared drive, packed as configured.
+
+    configuration ──> streams: what is sent together, at one rate (output_configuration.py)
+    (id, Hz) …                  │
+    drive(t), errors ──> values ┴──> rows of bytes ──> frames
+
+An item appears in the messages in which it is due, as in a real device. PacketCounter counts messages, of all streams.
+The receiver's items come with an older time.
+
+All messages of a quarter of a second are made at once: those with the same items are rows of one array, in which an
+item is some columns, so that the cost is per item and not per message. The result depends on seed and time only, not
+on how time is cut.
+
+Source: MT0101P 2020.A, 5.3.5 SetOutputConfiguration and 5.3.6 MTData2.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.simulator import trajectory
+from protocols.xbus import frames
+from protocols.xbus.output_configuration import ALWAYS, streams
+from protocols.xbus.simulator.signals import Run, Values
+
+Array = NDArray[Any]
+
+BLOCK_NS = 250_000_000
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One uninterrupted run of the measurement state.
+
+    Args:
+        configuration: (identifier, Hz) as granted, in the order of the message.
+        begin_ns: device time of the first sample.
+        run: what the values depend on.
+    """
+
+    configuration: tuple[tuple[int, int], ...]
+    begin_ns: int
+    run: Run
+
+    @cached_property
+    def streams(self) -> tuple[_Stream, ...]:
+        """The main stream, then GNSS, then high-rate ones."""
+        return tuple(
+            _Stream(self.run, stream.kind, stream.items, stream.rate, self.begin_ns)
+            for stream in streams(self.configuration)
+        )
+
+    def block(self, number: int, counter: int) -> list[tuple[int, bytes]]:
+        """All messages of a quarter of a second, as (device time ns at which it is sent, frame), in order.
+
+        Args:
+            number: which quarter, from 0.
+            counter: PacketCounter of the first of them.
+        """
+        parts = [(stream, *stream.times(number)) for stream in self.streams]
+        sent = np.concatenate([times for _, _, times in parts]) if parts else np.empty(0, np.int64)
+        order = np.argsort(sent, kind="stable")
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order))
+        made: list[bytes] = [b""] * len(order)
+        at = 0
+        for stream, steps, times in parts:
+            here = place[at : at + len(times)]
+            for row, frame in zip(here.tolist(), stream.frames(steps, times, counter + here), strict=True):
+                made[row] = frame
+            at += len(times)
+        return list(zip(sent[order].tolist(), made, strict=True))
+
+
+@dataclass(frozen=True)
+class _Stream:
+    """What is sent together, at one rate."""
+
+    run: Run
+    kind: str
+    items: tuple[tuple[int, int], ...]
+    rate: int
+    begin_ns: int
+    _errors: dict[str, trajectory.Errors] = field(default_factory=dict, compare=False)
+
+    @property
+    def delayed(self) -> bool:
+        return self.kind == "gnss"
+
+    def errors(self, name: str, grade: trajectory.Grade) -> trajectory.Errors:
+        if name not in self._errors:
+            self._errors[name] = trajectory.Errors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
+        return self._errors[name]
+
+    def times(self, number: int) -> tuple[Array, Array]:
+        """Steps of a quarter, and the device times at which their messages are sent."""
+        first, end = (-(-quarter * BLOCK_NS * self.rate // 10**9) for quarter in (number, number + 1))
+        steps = np.arange(first, end)
+        every = [self.rate // rate for _, rate in self.items if rate != ALWAYS]
+        if every and min(every) > 1:  # at some ticks nothing is due; what is not sent is not counted
+            steps = steps[np.any([steps % one == 0 for one in every], axis=0)]
+        return steps, self.begin_ns + steps * 10**9 // self.rate
+
+    def frames(self, steps: Array, times: Array, counter: Array) -> list[bytes]:
+        """One frame per step."""
+        values = Values(self.run, self, steps, times, counter)
+        due = np.zeros(len(steps), np.int64)
+        for bit, (_, rate) in enumerate(self.items):
+            if rate != ALWAYS:
+                due |= (steps % (self.rate // rate) == 0).astype(np.int64) << bit
+        made: list[bytes] = [b""] * len(steps)
+        for mask in np.unique(due).tolist():
+            rows = np.flatnonzero(due == mask)
+            chosen = [i for bit, (i, rate) in enumerate(self.items) if rate == ALWAYS or mask >> bit & 1]
+            packed = _pack([(i, values.bytes_of(i)[rows]) for i in chosen])
+            for row, frame in zip(rows.tolist(), packed, strict=True):
+                made[row] = frame
+        return made
+
+
+def _pack(items: list[tuple[int, Array]]) -> list[bytes]:
+    """Frames of n messages with the same items, each item given as (identifier, (n, size) bytes)."""
+    n = len(items[0][1])
+    size = sum(3 + value.shape[1] for _, value in items)
+    if size > frames.MAX_STANDARD:
+        head = bytes([frames.PREAMBLE, frames.MASTER, frames.MTDATA2, frames.EXTENDED, size >> 8, size & 0xFF])
+    else:
+        head = bytes([frames.PREAMBLE, frames.MASTER, frames.MTDATA2, size])
+    rows = np.empty((n, len(head) + size + 1), np.uint8)
+    rows[:, : len(head)] = np.frombuffer(head, np.uint8)
+    at = len(head)
+    for identifier, value in items:
+        width = value.shape[1]
+        rows[:, at : at + 3] = (identifier >> 8, identifier & 0xFF, width)
+        rows[:, at + 3 : at + 3 + width] = value
+        at += 3 + width
+    rows[:, -1] = -rows[:, 1:-1].sum(axis=1, dtype=np.int64) & 0xFF
+    flat, step = rows.tobytes(), rows.shape[1]
+    return [flat[i : i + step] for i in range(0, len(flat), step)]

@@ -1,0 +1,92 @@
+"""What does an MTi's port carry, piece by piece? Frames, sentences between them, and what was neither.
+
+    bytes   [frame][frame]$GPGGA,…*hh\\r\\n[frame]··noise··[frame][fra
+    Cut     table of the frames · Text for the sentence · Reject for each candidate that failed
+    kept                                                         ^^^^ until the rest comes
+
+The cutting is that of every port (protocols/stream_parser.py). An MTi's own is that two kinds are looked for between
+frames, NMEA sentences and binary strings, each from where it last stopped: a sentence that is cut by the end of the
+data waits
+for its rest. A string is believed when the sentences up to its end are decided, and none of them, which have checksums,
+holds some of its bytes (a TSS2 string in the words of a sentence is no string).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+import numpy as np
+
+from protocols.events import Reject, Text
+from protocols.framing import OFFSET, SIZE, Ints
+from protocols.nmea import STARTS, Found
+from protocols.nmea import find as find_sentences
+from protocols.stream_parser import Cut
+from protocols.stream_parser import Stream as AnyStream
+from protocols.xbus.binary_strings import find as find_strings
+from protocols.xbus.frames import scan
+
+__all__ = ["Cut", "Stream"]
+
+
+class Stream(AnyStream):
+    """Cuts a stream of bytes, given in chunks, into frames, texts and rejects."""
+
+    def __init__(self) -> None:
+        super().__init__(scan, find_sentences, STARTS)
+        self._nmea_at = 0  # positions in the stream: from where to look for sentences …
+        self._strings_at = 0  # … and for binary strings
+        self._em1000_end: int | None = None
+        self._pending: list[tuple[int, Found]] = []  # strings with their positions, until the sentences are decided
+        self._sentences: list[tuple[int, int]] = []  # begin and end of those that a string yet to be found may touch
+
+    def _stretches(
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+    ) -> None:
+        """Look through the stretches between the frames."""
+        begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
+        stops = np.concatenate((table[OFFSET] + start, [self._scan_at]))
+        for i in np.flatnonzero(begins < stops).tolist():
+            final = stalled or i < table.shape[1]
+            self._stretch(data, start, int(begins[i]), int(stops[i]), final, texts, rejects)
+        last = int(begins[-1])
+        self._nmea_at, self._strings_at = max(self._nmea_at, last), max(self._strings_at, last)
+        self._find_at = min(self._nmea_at, self._strings_at)
+        texts.sort(key=lambda text: text.offset)
+
+    def _stretch(
+        self, data: bytes, start: int, begin: int, stop: int, final: bool, texts: list[Text], rejects: list[Reject]
+    ) -> None:
+        self._nmea_at = at = max(begin, self._nmea_at)
+        if at < stop:
+            found, kept = find_sentences(data[at - start : stop - start], final=final)
+            for one in found:
+                self._report(one, at + one.offset, texts, rejects)
+            self._sentences += [(at + one.offset, at + one.offset + one.size) for one in found if one.name]
+            self._nmea_at = at + kept
+        self._strings_at = at = max(begin, self._strings_at)
+        if at < stop:
+            since = None if self._em1000_end is None else at - self._em1000_end
+            found, kept = find_strings(data[at - start : stop - start], final=final, since=since)
+            self._pending += [(at + one.offset, one) for one in found]
+            for one in found:
+                if one.name == "EM1000":
+                    self._em1000_end = at + one.offset + one.size
+            self._strings_at = at + kept
+        self._believe(texts, rejects)
+
+    def _believe(self, texts: list[Text], rejects: list[Reject]) -> None:
+        """Report the strings before which all sentences are decided, but for those that a sentence covers."""
+        waiting: list[tuple[int, Found]] = []
+        lasts = [last for _, last in self._sentences]  # ascending: sentences share no byte
+        for at, one in self._pending:
+            end = at + one.size
+            if end > self._nmea_at:
+                waiting.append((at, one))
+                continue
+            near = bisect_right(lasts, at)  # the first sentence that ends behind where this one begins
+            if near == len(lasts) or self._sentences[near][0] >= end:
+                self._report(one, at, texts, rejects)
+        self._pending = waiting
+        oldest = min((at for at, _ in waiting), default=self._strings_at)
+        self._sentences = [span for span in self._sentences if span[1] > min(oldest, self._strings_at)]

@@ -1,0 +1,143 @@
+"""A recording as one file that another imuscope opens with everything in it, and the bytes of one device as they came.
+
+a recording of ours     packed again, with what a person changed in its metadata `edit`
+a capture, a log        wrapped: its bytes as chunks with the times that were made for them
+another's MCAP          as it is, with metadata `edit` put behind its messages
+CSV                     as it is, below a line of comment that holds the same
+
+What nobody changed anything about is handed over byte for byte.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
+
+from protocols.framing import Ints
+from recordings import sidecar
+from recordings.compaction import packed, wrapped
+from recordings.importers import open_file
+from recordings.library import Entry
+from recordings.mcap_reader import MAGIC, Recording, Topic
+from recordings.mcap_records import bytes_of
+from recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
+from recordings.sources import Source
+
+BOM = b"\xef\xbb\xbf"
+_RECORD = 9  # opcode, length
+_DATA_END = _RECORD + 4
+_FOOTER = _RECORD + 20
+_METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # where it stands in a record of statistics
+
+
+def file_name(entry: Entry) -> str:
+    """What the file is called that `whole` writes."""
+    return entry.path.name if entry.peek.format == "csv" else f"{entry.path.stem}.mcap"
+
+
+def whole(entry: Entry, out: BinaryIO) -> None:
+    """Write everything of a recording.
+
+    Raises:
+        RecordingError, OSError: it cannot be read.
+    """
+    if entry.peek.format == "mcap":
+        with Recording(entry.path) as recording:
+            if recording.is_ours:
+                packed(recording, out, edit=entry.edits.as_metadata())
+                return
+    if entry.peek.format in ("mcap", "csv"):
+        with entry.path.open("rb") as file:
+            _with_edits(file, entry.edits, entry.peek.format, out)
+        return
+    source = open_file(entry.path)
+    topics = {n: Topic(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
+    metadata = {
+        RECORDING: {"title": entry.title, "source": entry.path.name, **source.about},
+        **{DEVICE + name: _about(source, name) for name in source.devices},
+        EDIT: entry.edits.as_metadata(),
+    }
+    wrapped(topics, _pieces(source, topics), metadata, entry.path.stat().st_size, out)
+
+
+def original(path: Path, device: str, out: BinaryIO) -> None:
+    """Write the bytes that came from one device. Raises as `whole` does."""
+    for part in open_file(path).parts():
+        if part.way == "rx" and part.device == device:
+            out.write(part.data)
+
+
+def _with_edits(file: BinaryIO, edits: sidecar.Edits, format: str, out: BinaryIO) -> None:
+    """Copy a file of another program, and what a person changed about it."""
+    told = edits.as_metadata()
+    if told and format == "csv":
+        first = file.readline(sidecar.MOST_BYTES)
+        mark = BOM if first.startswith(BOM) else b""
+        line = f"{sidecar.CSV_EDIT}{json.dumps(told, ensure_ascii=False)}\n".encode()
+        out.write(mark + line)
+        if sidecar.from_csv(first) == sidecar.Edits():  # else it says the older ones
+            out.write(first.removeprefix(BOM))
+    if not (told and format == "mcap" and _with_metadata(file, Metadata(name=EDIT, metadata=told), out)):
+        shutil.copyfileobj(file, out, 1 << 20)
+
+
+def _with_metadata(file: BinaryIO, metadata: Metadata, out: BinaryIO) -> bool:
+    """Copy an MCAP file with metadata behind its messages; False, and nothing written, where its end is not found.
+
+    All that was there keeps its place, so the index of its messages holds; only the summary moves.
+    """
+    size = file.seek(0, 2)
+    file.seek(max(0, size - _FOOTER - len(MAGIC)))
+    end = file.read()
+    if len(end) < _FOOTER + len(MAGIC) or end[0] != Opcode.FOOTER or not end.endswith(MAGIC):
+        file.seek(0)
+        return False
+    (start,) = struct.unpack_from("<Q", end, _RECORD)
+    file.seek(max(0, start - _DATA_END))
+    tail = file.read(size - start + _DATA_END - _FOOTER - len(MAGIC)) if start >= _DATA_END else b""
+    file.seek(0)
+    if tail[:1] != bytes([Opcode.DATA_END]):
+        return False
+    left = start - _DATA_END
+    while left and (piece := file.read(min(left, 1 << 20))):
+        out.write(piece)
+        left -= len(piece)
+    told = bytes_of(metadata)
+    index = MetadataIndex(offset=start - _DATA_END, length=len(told), name=metadata.name)
+    out.write(told + bytes_of(DataEnd(data_section_crc=0)))
+    out.write(b"".join(_summary(tail[_DATA_END:])) + bytes_of(index))
+    out.write(bytes_of(Footer(summary_start=start + len(told), summary_offset_start=0, summary_crc=0)) + MAGIC)
+    file.seek(0, 2)
+    return True
+
+
+def _summary(records: bytes) -> Iterator[bytes]:
+    """The records of a summary with one more metadata counted, without those that tell where groups of them begin."""
+    at = 0
+    while at + _RECORD <= len(records):
+        opcode, length = struct.unpack_from("<BQ", records, at)
+        record = bytearray(records[at : at + _RECORD + length])
+        at += _RECORD + length
+        if opcode == Opcode.STATISTICS and len(record) >= _METADATA_COUNT + 4:
+            (count,) = struct.unpack_from("<I", record, _METADATA_COUNT)
+            struct.pack_into("<I", record, _METADATA_COUNT, count + 1)
+        if opcode != Opcode.SUMMARY_OFFSET:
+            yield bytes(record)
+
+
+def _about(source: Source, device: str) -> dict[str, str]:
+    told = source.devices[device]
+    return {"protocol": told.protocol, "link": "file", **told.about}
+
+
+def _pieces(source: Source, topics: dict[int, Topic]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
+    numbers = {topic.name: number for number, topic in topics.items()}
+    for part in source.parts():
+        yield numbers[f"{part.way}/{part.device}"], part.data, part.ends, part.times

@@ -1,0 +1,67 @@
+"""CSV: one file per message, a line per moment, numbers in full.
+
+    time (s),arrival (s),PacketCounter,Acceleration.x (m/s²),…
+    1760000000.0123,1760000000.0151,17,-0.03421,…
+
+A number has as many digits as it takes to read back the same float32 or float64; NaN is `nan`, infinity `inf`; a cell
+where the device sent nothing is empty. Times are unix seconds. Units are those of the page (angular rates in °/s).
+Payloads that nobody has described are hex digits.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import pyarrow as pa
+import pyarrow.csv
+
+from recordings.exporters.file_names import table_paths
+from recordings.exporters.message_table import batches, headings, tables
+from recordings.exporters.request import Step, Wish
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # begins one in a spreadsheet. Source: OWASP, "CSV Injection"
+
+
+def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+    """One file per message beside `out`."""
+    found = tables(wish)
+    paths = table_paths(wish, out, found)
+    for number, (table, path) in enumerate(zip(found, paths, strict=True)):
+        with path.open("wb") as file:
+            heading(file, headings(table))
+            for batch in batches(wish, table, lambda share, n=number: step((n + share) / len(found))):  # type: ignore[misc]
+                lines(file, batch)
+    return paths
+
+
+def heading(file: BinaryIO, names: Sequence[str]) -> None:
+    """The first line."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([_inert(name) for name in names])
+    file.write(text.getvalue().encode())
+
+
+def _inert(name: str) -> str:
+    """A heading that no spreadsheet takes for a formula: a recording of strangers names its columns as it likes."""
+    return f"'{name}" if name.startswith(FORMULA) else name
+
+
+_PLAIN = pa.csv.WriteOptions(include_header=False, quoting_style="none", batch_size=1 << 14)
+
+
+def lines(file: BinaryIO, batch: pa.RecordBatch) -> None:
+    """Rows as lines."""
+    if any(pa.types.is_binary(column.type) for column in batch.columns):
+        batch = pa.RecordBatch.from_arrays([_hex(column) for column in batch.columns], names=batch.schema.names)
+    pa.csv.write_csv(batch, file, _PLAIN)
+
+
+def _hex(column: pa.Array) -> pa.Array:
+    """Bytes as hex digits; anything else as it is."""
+    if not pa.types.is_binary(column.type):
+        return column
+    return pa.array([None if one is None else one.hex() for one in column.to_pylist()], pa.string())

@@ -1,0 +1,32 @@
+"""What are the files of an export called? OUT's stem, the device where there are several, the message."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from recordings.exporters.message_table import Table
+from recordings.exporters.request import Wish
+
+
+def table_paths(wish: Wish, out: Path, found: Sequence[Table]) -> list[Path]:
+    """A path for each table: run_MTData2.csv, run_MTi-630_MTData2.csv."""
+    several = wish.has_several_devices
+    taken: set[str] = set()
+    paths = []
+    for table in found:
+        words = [out.stem, *([wish.device_name(table.device)] if several else []), table.name]
+        stem = "_".join([words[0], *(plain(word) for word in words[1:])])
+        name, count = f"{stem}{out.suffix}", 1
+        while name.lower() in taken:
+            count += 1
+            name = f"{stem}_{count}{out.suffix}"
+        taken.add(name.lower())
+        paths.append(out.with_name(name))
+    return paths
+
+
+def plain(text: str) -> str:
+    """Letters, digits, dot, dash and underscore of a text."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", text).strip("-.") or "x"

@@ -1,0 +1,261 @@
+"""MCAP with decoded values, which Foxglove, Lichtblick and PlotJuggler show without being told anything.
+
+    topic          /<device>/[<message>/]<quantity>, /<device>/attitude, /<device>/position, /events: the same topics,
+                   fields and schemas as the live Foxglove server's, so a layout made of one fits the other
+    and            /<device>/<message>/clock and /utc: what the device's own clock said of each message, and its UTC;
+                   /<device>/<message>/arrival: when it came;
+                   /<device>/<message>/bytes: payloads that nobody has described, base64 as their schema says
+    log time       device time mapped to the host's clock; its arrival where it has none (or where the base is arrival)
+    message        JSON {"x_m_s2": …, "y_m_s2": …} (recordings/topics.py), or protobuf (recordings/well_known.py)
+
+What the device did not send at a moment, and what JSON has no number for (NaN, infinity), is left out.
+
+Messages of different topics lie interleaved in time, in compressed and indexed chunks. An hour of 1 kHz is some twenty
+million messages, so their records are made column by column: Arrow joins texts, one sort puts the topics in order.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from protocols.framing import Ints
+from recordings import well_known
+from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
+from recordings.column_store import Exact
+from recordings.exporters.message_table import windows
+from recordings.exporters.request import Step, Wish
+from recordings.file_names import device_names
+from recordings.mcap_reader import Topic
+from recordings.rrd.entities import Device, devices_of
+from recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
+
+Array = NDArray[Any]
+Info = Mapping[str, Any]
+
+WINDOW = 1 << 14  # rows of the busiest channel that are held at once
+PER_ROW = 100  # bytes of a message, about
+_HEAD = np.dtype([("op", "u1"), ("size", "<u8"), ("channel", "<u2"), ("seq", "<u4"), ("log", "<u8"), ("told", "<u8")])
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Messages of some topics: (n,) each.
+
+    Args:
+        topic: their number in the file.
+        log: ns since 1970.
+        body: large binary.
+    """
+
+    topic: Array
+    log: Array
+    body: pa.Array
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A topic, and how rows of a channel become its messages."""
+
+    topic: Topic
+    channel: int
+    made: Callable[[Exact], Messages]
+
+
+def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+    """One file."""
+    streams = _streams(wish)
+    ranges = {stream.channel: wish.rows(stream.channel) for stream in streams}
+    payloads = {info["id"]: info for info in wish.payloads}
+    total = sum(hi - lo for lo, hi in ranges.values()) or 1
+    largest = chunk_bytes(total * PER_ROW)
+    done = 0
+    with out.open("wb") as file:
+        target = ChunkedFile(file, profile="")
+        target.tell({stream.topic.id: stream.topic for stream in streams})
+        _events(wish, len(streams) + 1, target)
+        for window in windows(wish.columns, ranges, WINDOW):
+            rows = {
+                number: wish.exact(payloads[number], *part) if number in payloads else wish.columns.exact(number, *part)
+                for number, part in window.items()
+                if part[1] > part[0]
+            }
+            _put(target, [stream.made(rows[stream.channel]) for stream in streams if stream.channel in rows], largest)
+            done += sum(map(len, rows.values()))
+            step(done / total)
+        target.end({"export": {"recording": wish.title, "base": wish.base}})
+    step(1.0)
+    return [out]
+
+
+def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
+    """Messages of all topics, the earliest first."""
+    found = list(parts)
+    log = np.concatenate([part.log for part in found])
+    order = np.argsort(log, kind="stable")
+    body = pa.concat_arrays([part.body for part in found])
+    sizes = pc.binary_length(body).to_numpy()
+    head = np.zeros(len(log), _HEAD)
+    head["op"], head["size"] = Opcode.MESSAGE, sizes + HEAD - 9
+    head["channel"] = np.concatenate([part.topic for part in found])
+    head["log"] = head["told"] = log
+    heads = pa.FixedSizeBinaryArray.from_buffers(pa.binary(HEAD), len(head), [None, pa.py_buffer(head)])
+    empty = pa.scalar(b"", pa.large_binary())
+    records = pc.binary_join_element_wise(heads.cast(pa.large_binary()), body, empty).take(pa.array(order))
+    sizes = sizes[order]
+    at = np.cumsum(sizes + HEAD) - sizes
+    rows = np.stack((head["channel"][order], log[order], at, sizes)).astype(np.int64)
+    data = memoryview(records.buffers()[2])
+    for first, past in cut(sizes + HEAD, largest):
+        target.chunk(data, rows[:, first:past])
+
+
+def _streams(wish: Wish) -> list[Stream]:
+    """Topics of what is wished for. They are named among all that the recording has, so the choice changes no name."""
+    manifest = wish.columns.manifest
+    names = device_names(manifest["devices"])
+    chosen = {info["id"] for info in wish.infos}
+    taken: set[str] = set()
+    found: list[Stream] = []
+
+    def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
+        taken.add(topic)
+        if info["id"] in chosen:
+            told = Topic(len(found) + 1, topic, **about)
+            found.append(Stream(told, info["id"], partial(body, told.id)))
+
+    devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
+    for info in manifest["channels"]:
+        name, device = names.get(info["device"], info["device"]), devices[info["device"]]
+        stream(topic_of(name, info, taken), info, _json(schema_of(info)), partial(_plain, wish, info))
+        if device.attitude and device.attitude.channel == info["id"]:
+            topic = named(name, well_known.ATTITUDE, taken=taken)
+            stream(topic, info, _protobuf(well_known.FrameTransform), partial(_transforms, wish, device))
+        if device.position and device.position.kind == "place" and device.position.channel == info["id"]:
+            topic = named(name, well_known.POSITION, taken=taken)
+            stream(topic, info, _protobuf(well_known.LocationFix), partial(_fixes, wish, device))
+    chosen |= {info["id"] for info in wish.clocks if wish.columns.rows(info["id"])}
+    for info in wish.clocks:
+        what = "utc" if [column["name"] for column in info["columns"]] == ["utc"] else "clock"
+        topic = named(names.get(info["device"], info["device"]), info["message"], what, taken=taken)
+        stream(topic, info, _json(schema_of(info)), partial(_plain, wish, info))
+    chosen |= {info["id"] for info in wish.payloads}
+    for info in manifest.get("payloads", []):
+        owner = names.get(info["device"], info["device"])
+        topic = named(owner, *dict.fromkeys((info["message"], info["name"])), "bytes", taken=taken)
+        stream(topic, info, _json(_schema_of_bytes(info)), partial(_bytes, wish))
+    for info in {(info["device"], info["message"], info["verified"]): info for info in reversed(wish.infos)}.values():
+        topic = named(names.get(info["device"], info["device"]), info["message"], "arrival", taken=taken)
+        stream(topic, info, _json(schema_of(_ARRIVAL)), partial(_arrivals, wish))
+    return found
+
+
+def _schema_of_bytes(info: Info) -> Mapping[str, Any]:
+    told = {"type": "string", "contentEncoding": "base64", "description": info["doc"]}
+    return {"type": "object", "title": f"{info['name']} bytes", "properties": {"data": told}}
+
+
+_ARRIVAL: Info = {
+    **{"name": "Arrival", "title": "Arrival", "group": "", "kind": "scalar", "frame": ""},
+    "doc": "When its bytes arrived at the host, unix seconds.",
+    "columns": [{"name": "arrival", "dtype": "f8", "unit": "s", "label": "", "doc": "", "axis": "", "bits": []}],
+}
+
+
+def _json(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    data = json.dumps(schema).encode()
+    return {"encoding": "json", "schema": schema["title"], "schema_encoding": "jsonschema", "schema_data": data}
+
+
+def _protobuf(message: Any) -> Mapping[str, Any]:
+    told = message.get_schema()
+    return {
+        "encoding": "protobuf",
+        "schema": told.name,
+        "schema_encoding": told.encoding,
+        "schema_data": told.data,
+    }
+
+
+def _times(wish: Wish, rows: Exact) -> Ints:
+    return stamps(rows.arrival, rows.arrival if wish.base == "arrival" else rows.time)
+
+
+def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
+    """Every quantity as JSON."""
+    body = bodies(info, rows.columns)
+    log = _times(wish, rows)
+    if info["kind"] == "rows":
+        first = np.flatnonzero(np.diff(log, prepend=log[:1] - 1))
+        body, log = tables(body, first), log[first]
+    return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
+
+
+def _arrivals(wish: Wish, topic: int, rows: Exact) -> Messages:
+    first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # of a table one a moment
+    log = _times(wish, rows)[first]
+    body = bodies(_ARRIVAL, [rows.arrival[first]])
+    return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
+
+
+def _bytes(wish: Wish, topic: int, rows: Exact) -> Messages:
+    """Payloads as JSON."""
+    (found,) = rows.columns
+    body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
+    return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), body)
+
+
+def _transforms(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+    assert device.attitude is not None
+    times = _times(wish, rows)
+    made = well_known.transforms(device.name, device.attitude, rows.columns, times)
+    return _of(topic, times, made)
+
+
+def _fixes(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+    place = device.position
+    assert place is not None
+    times = _times(wish, rows)
+    height = np.zeros(len(rows))
+    if place.height:
+        key = np.where(np.isfinite(rows.time), rows.time, rows.arrival)
+        lo = max(wish.columns.row_at(place.height, float(key[0])), 0)
+        told = wish.columns.exact(place.height, lo, max(wish.columns.row_at(place.height, float(key[-1])) + 1, lo + 1))
+        height = well_known.heights(_times(wish, told), told.columns[0], times)
+    return _of(topic, times, well_known.fixes(device.name, place, rows.columns, height, times))
+
+
+def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
+    """Messages that were made one by one."""
+    found = list(made)
+    at = np.array([row for row, _ in found], np.int64)
+    body = pa.array([data for _, data in found], pa.large_binary())
+    return Messages(np.full(len(found), topic, np.uint16), times[at], body)
+
+
+def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
+    """What happened to the devices of the export, before all else in the file: there are few."""
+    manifest = wish.columns.manifest
+    names = device_names(manifest["devices"])
+    inside = [
+        event
+        for event in manifest.get("events", [])
+        if "text" in event and wish.t0 <= event["time"] <= wish.t1 and wish.device in ("", event["device"])
+    ]
+    target.tell({topic: Topic(topic, EVENTS, **_protobuf(well_known.Log))})
+    if inside:
+        made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
+        log = np.array([time for time, _ in made], np.int64)
+        body = pa.array([data for _, data in made], pa.large_binary())
+        _put(target, [Messages(np.full(len(made), topic, np.uint16), log, body)], 1 << 20)

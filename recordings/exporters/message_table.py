@@ -1,0 +1,305 @@
+"""One table per message: how do the quantities of a message, which have rows of their own, become rows of one table?
+
+    channel A   t1 a1    t2 a2    t3 a3             time  arrival   A    B
+    channel B   t1 b1             t3 b3     ──>     t1    …         a1   b1
+                                                    t2    …         a2
+                                                    t3    …         a3   b3
+
+They are joined by (time, arrival): an outer join, so nothing is left out; where a quantity has no sample of a moment
+its cell is empty. Where one has several rows at one moment, the first goes with the first of the others, and so on.
+Tables (`rows`: satellites) have many rows a moment by nature, and stand for themselves. What the device's own clock
+said of each row, and its UTC where it knows that, stand behind the two times.
+
+Memory: `windows` cuts the channels at common times so that about 65 536 rows of each are held at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from recordings.column_store import Columns, Exact
+from recordings.exporters.request import Step, Wish, with_unit
+from recordings.payloads import BYTES
+from recordings.topics import frame_of
+
+Array = NDArray[Any]
+Ints = NDArray[np.int64]
+Rows = tuple[int, int]
+
+WINDOW = 1 << 16  # rows
+
+
+@dataclass(slots=True)
+class Table:
+    """One table: the channels of a message.
+
+    Args:
+        name: of the message.
+        device: id of the device.
+        channels: ChannelInfo as in the manifest.
+        names: a heading for each column of each channel, unique in the table, without unit.
+        clocks: what is known of the device's clock, described like channels.
+    """
+
+    name: str
+    device: str
+    channels: list[Mapping[str, Any]] = field(default_factory=list)
+    names: list[list[str]] = field(default_factory=list)
+    clocks: list[Mapping[str, Any]] = field(default_factory=list)
+
+    @property
+    def is_rows(self) -> bool:
+        """Whether it has many rows a moment."""
+        return any(info["kind"] == "rows" for info in self.channels)
+
+    @property
+    def columns(self) -> list[tuple[str, Mapping[str, Any], str]]:
+        """Heading, ColumnInfo and frame of every column, those of the clocks first."""
+        pairs = zip(self.names, [*self.clocks, *self.channels], strict=True)
+        return [
+            (name, column, str(info["frame"]))
+            for names, info in pairs
+            for name, column in zip(names, info["columns"], strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """Rows of a table: `at[i]` says which row of `parts[i]` stands in each of them, −1 for none."""
+
+    time: Array
+    arrival: Array
+    parts: list[Exact]
+    at: list[Ints | None]  # None: each in its place
+
+    def columns(self) -> Iterator[tuple[Array, Array | None]]:
+        """Values, and where they are missing (None: nowhere), of every column in order."""
+        for part, at in zip(self.parts, self.at, strict=True):
+            for column in part.columns:
+                if at is None:
+                    yield column, None
+                elif len(column):
+                    yield column[np.maximum(at, 0)], at < 0
+                else:
+                    yield np.zeros(len(at), column.dtype), np.ones(len(at), bool)
+
+
+def tables(wish: Wish) -> list[Table]:
+    """The tables of an export, in the order in which their messages came first."""
+    found: dict[tuple[Any, ...], Table] = {}
+    for info in (*wish.infos, *wish.payloads):
+        alone = info["name"] if info["kind"] == "rows" else ""
+        name = f"{info['message']}.{alone.removeprefix(info['message'] + '.')}" if alone else info["message"]
+        name = info["message"] if alone == info["message"] else name
+        name = name if info["verified"] else f"{name}.unverified"
+        table = found.setdefault((info["device"], name), Table(name, info["device"]))
+        table.channels.append(info)
+    for table in found.values():
+        table.clocks = clocks_of(wish, table.channels[0])
+        _name(table)
+    return list(found.values())
+
+
+def clocks_of(wish: Wish, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What is known of the device's clock for the message of a channel."""
+    of = info["device"], info["message"], info["verified"]
+    return [one for one in wish.clocks if (one["device"], one["message"], one["verified"]) == of]
+
+
+def _name(table: Table) -> None:
+    """Unique headings: a quantity that comes in several frames has them in its name, a layout that changed a number."""
+    frames: dict[str, set[str]] = {}
+    for info in table.channels:
+        frames.setdefault(info["name"], set()).add(info["frame"])
+    seen: dict[str, int] = {"time": 1, "arrival": 1}
+    for info in (*table.clocks, *table.channels):
+        frame = str(info["frame"]) if len(frames.get(info["name"], ())) > 1 else ""
+        names = []
+        for column in info["columns"]:
+            name = heading(info, column, frame)
+            seen[name] = seen.get(name, 0) + 1
+            names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+        table.names.append(names)
+
+
+def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "") -> str:
+    """What a column is called among others of its message: "Acceleration.x", "PacketCounter", "DID_IMU.time".
+
+    Args:
+        frame: named in it, where the quantity comes in several.
+    """
+    quantity = str(info["name"]).rstrip("?").removeprefix(f"{info['message']}.")
+    if column["name"] in ("value", quantity):
+        name = quantity
+    elif quantity == info["message"]:
+        name = str(column["name"])
+    else:
+        return f"{quantity}{f'[{frame}]' if frame else ''}.{column['name']}"
+    return f"{info['message']}.{name}" if name in ("time", "arrival") else f"{name}{f'[{frame}]' if frame else ''}"
+
+
+def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
+    """The rows of a table; columns are time, arrival, then those of the table. A missing cell is null.
+
+    Args:
+        step: told how far it is, 0..1.
+    """
+    infos = {info["id"]: info for info in (*(() if table.is_rows else table.clocks), *table.channels)}
+    numbers = list(infos)
+    ranges = {number: wish.rows(number) for number in numbers}
+    total = sum(hi - lo for lo, hi in ranges.values()) or 1
+    done = 0
+    heads = schema(table)
+    own = sum(len(info["columns"]) for info in table.clocks)
+    for window in windows(wish.columns, ranges):
+        parts = [wish.exact(info, *window[number]) for number, info in infos.items()]
+        joined = join(parts)
+        arrays = [pa.array(joined.time, mask=np.isnan(joined.time)), pa.array(joined.arrival)]
+        if table.is_rows:
+            for info in table.clocks:
+                arrays += of_their_moment(wish.columns, info, joined)
+        arrays += [cells(values, missing) for values, missing in joined.columns()]
+        arrays = [*arrays[:2], *map(known, arrays[2 : 2 + own]), *arrays[2 + own :]]
+        yield pa.RecordBatch.from_arrays(arrays, schema=heads)
+        done += sum(hi - lo for lo, hi in window.values())
+        step(done / total)
+
+
+def of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined | Exact) -> Iterator[pa.Array]:
+    """What a clock said of each row; rows that share a moment share it."""
+    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+    lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
+    found = columns.exact(clock["id"], lo, hi)
+    theirs = np.where(np.isnan(found.time), found.arrival, found.time)
+    at = np.minimum(np.searchsorted(theirs, key), max(len(theirs) - 1, 0))
+    missing = theirs[at] != key if len(theirs) else np.ones(len(key), bool)
+    for column in found.columns:
+        values = column[at] if len(theirs) else np.zeros(len(key), column.dtype)
+        yield pa.array(values, mask=missing)
+
+
+def cells(values: Array, missing: Array | None = None) -> pa.Array:
+    """A column as Arrow has it; of payloads, which are objects, their bytes."""
+    return pa.array(values, pa.binary() if values.dtype == object else None, mask=missing)
+
+
+def known(values: pa.Array) -> pa.Array:
+    """A clock's values; what it did not know is empty."""
+    return pc.if_else(pc.is_nan(values), None, values) if pa.types.is_floating(values.type) else values
+
+
+def schema(table: Table) -> pa.Schema:
+    """Names and units of a table's columns; what else is known of each is in its field's metadata."""
+    about = {
+        "time": "Device time mapped to the host's clock; empty where the message has no clock.",
+        "arrival": "When its bytes arrived at the host.",
+    }
+    fields = [
+        pa.field(name, pa.float64(), metadata={"unit": "s", "label": words, "epoch": "1970-01-01T00:00:00Z"})
+        for name, words in about.items()
+    ]
+    for name, column, frame in table.columns:
+        told = {
+            "unit": column["unit"],
+            "frame": frame_of(column, frame),
+            "label": column["label"],
+            "doc": column["doc"],
+        }
+        fields.append(
+            pa.field(name, _TYPES[column["dtype"]], metadata={key: text for key, text in told.items() if text})
+        )
+    return pa.schema(fields)
+
+
+_TYPES = {
+    **{f"i{size}": getattr(pa, f"int{8 * size}")() for size in (1, 2, 4, 8)},
+    **{f"u{size}": getattr(pa, f"uint{8 * size}")() for size in (1, 2, 4, 8)},
+    "f4": pa.float32(),
+    "f8": pa.float64(),
+    BYTES: pa.binary(),
+}
+
+
+def headings(table: Table) -> list[str]:
+    """The first line of a table as text: names with their units, and the frame of what is not in body axes."""
+    own = (with_unit(name, column["unit"], spoken(frame)) for name, column, frame in table.columns)
+    return ["time (s)", "arrival (s)", *own]
+
+
+def spoken(frame: str) -> str:
+    """The frame of a quantity, where a heading names it: body axes go without saying."""
+    return "" if frame == "body" else frame
+
+
+def windows(columns: Columns, ranges: Mapping[int, Rows], rows: int = WINDOW) -> Iterator[dict[int, Rows]]:
+    """Cut channels at common times: every window has about `rows` rows of the busiest and those of the others between
+    the same two times. Rows of one time are never parted."""
+    at = {number: lo for number, (lo, _) in ranges.items()}
+    while any(at[number] < hi for number, (_, hi) in ranges.items()):
+        size = rows
+        while True:
+            window = {number: (at[number], hi) for number, (_, hi) in ranges.items()}
+            bound = np.inf
+            for number, (_, hi) in ranges.items():
+                last = at[number] + size
+                if last < hi:
+                    bound = min(bound, float(columns.clock(number, last, last + 1)[0]))
+            if np.isfinite(bound):
+                for number, (lo, hi) in window.items():
+                    window[number] = (lo, max(lo, min(hi, columns.between(number, bound, bound)[0])))
+            if any(stop > start for start, stop in window.values()):
+                break
+            size *= 2  # more rows of one time than a window has
+        yield window
+        at = {number: stop for number, (_, stop) in window.items()}
+
+
+def join(parts: Sequence[Exact]) -> Joined:
+    """The rows of some channels as rows of one table."""
+    first = parts[0]
+    if all(_alike(first, other) for other in parts[1:]):
+        return Joined(first.time, first.arrival, list(parts), [None] * len(parts))
+    moments = [np.where(np.isnan(part.time), part.arrival, part.time) for part in parts]
+    key = np.concatenate(moments)
+    arrival = np.concatenate([part.arrival for part in parts])
+    nth = np.concatenate([_nth(moment, part.arrival) for moment, part in zip(moments, parts, strict=True)])
+    time = np.concatenate([part.time for part in parts])
+    order = np.lexsort((nth, arrival, key))
+    new = np.ones(len(order), bool)
+    for values in (key, arrival, nth):
+        new[1:] &= values[order][1:] == values[order][:-1]
+    new[1:] = ~new[1:]
+    row = np.empty(len(order), np.int64)
+    row[order] = np.cumsum(new) - 1
+    rows = int(new.sum())
+    at: list[Ints | None] = []
+    start = 0
+    for part in parts:
+        mine = np.full(rows, -1, np.int64)
+        mine[row[start : start + len(part)]] = np.arange(len(part))
+        at.append(mine)
+        start += len(part)
+    return Joined(time[order][new], arrival[order][new], list(parts), at)
+
+
+def _alike(a: Exact, b: Exact) -> bool:
+    return np.array_equal(a.arrival, b.arrival) and np.array_equal(a.time, b.time, equal_nan=True)
+
+
+def _nth(moment: Array, arrival: Array) -> Ints:
+    """Of each row, how many of the same moment come before it."""
+    order = np.lexsort((np.arange(len(moment)), arrival, moment))
+    same = np.zeros(len(order), bool)
+    same[1:] = (moment[order][1:] == moment[order][:-1]) & (arrival[order][1:] == arrival[order][:-1])
+    place = np.arange(len(order))
+    begins = np.maximum.accumulate(np.where(same, 0, place))
+    out = np.empty(len(order), np.int64)
+    out[order] = place - begins
+    return out

@@ -1,0 +1,438 @@
+"""Reading a recording quickly: where are its messages, and what is told about it?
+
+A recording of an hour has hundreds of thousands of chunks; one Python object for each would take longer than decoding
+their bytes. So records are found by a compiled loop that writes a table, a block of records at a time: a block is an
+MCAP chunk, or, in a file that is being recorded or was torn off, a few thousand of its records.
+
+    file     [magic][header][channel][message][message]···[message][mess        torn: the last record is not whole
+    block                    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    table    one column a message: channel, time, where its data begin, how many bytes
+
+Damage never raises: `Recording.damage` says where the file stops making sense and why. Everything before is given, and
+what stands whole behind it: reading resumes where several records follow each other again. A chunk whose checksum fails
+is left out and told; what comes after it is read.
+
+Source: MCAP specification, "Records".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.records import Channel, ChunkIndex, Metadata, Schema, Statistics
+
+from protocols.framing import Bytes, Ints
+from protocols.jit import BYTES, FOUR, INT, TABLE, compiled
+from recordings.mcap_writer import PROFILE, READABLE, RecordingError
+from recordings.tolerant_json import loads
+
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = range(1, 9)
+ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = range(9, 16)
+PRIVATE = 0x80  # and above: kinds of record that an application may have for itself
+ENDINGS = (DATA_END, FOOTER)  # of the length that they have; of another they are damage
+CHANNEL_ID, TIME, DATA, LENGTH = range(4)  # rows of a block's table
+LARGEST_CHUNK = 64 << 20  # bytes; one that claims to be larger is damage. Writers make chunks of 1 to 4 MB
+_RECORD = 9  # opcode, length
+TORN, FULL, AT_END = -1, -2, -3
+_COLUMNS = 1 << 15
+_LONGEST_RECORD = 64 << 20  # bytes; of a record that is not a chunk: more is damage
+
+
+@compiled(INT, BYTES, INT)
+def _u8(data: Bytes, at: int) -> int:
+    low = int(data[at]) | int(data[at + 1]) << 8 | int(data[at + 2]) << 16 | int(data[at + 3]) << 24
+    high = int(data[at + 4]) | int(data[at + 5]) << 8 | int(data[at + 6]) << 16 | (int(data[at + 7]) & 0x7F) << 24
+    return low | high << 32
+
+
+@compiled(FOUR, BYTES, INT, TABLE)
+def _messages(data: Bytes, at: int, table: Ints) -> tuple[int, int, int, int]:
+    """Walk over records from `at`: (messages written, where it stopped, opcode there, its length).
+
+    Stops before a record that is no message (its opcode is given), before one that is not whole (TORN), at the end
+    (AT_END), or when the table is full (FULL).
+    """
+    n = 0
+    end = len(data)
+    while at < end:
+        if end - at < 9:
+            return n, at, TORN, 0
+        opcode = int(data[at])
+        length = _u8(data, at + 1)
+        if opcode != 5:
+            return n, at, opcode, length
+        if length < 22 or length > end - at - 9:
+            return n, at, TORN, length
+        if n == table.shape[1]:
+            return n, at, FULL, 0
+        body = at + 9
+        table[0, n] = int(data[body]) | int(data[body + 1]) << 8
+        table[1, n] = _u8(data, body + 6)
+        table[2, n] = body + 22
+        table[3, n] = length - 22
+        n += 1
+        at = body + length
+    return n, at, AT_END, 0
+
+
+@compiled(INT, BYTES, INT, BYTES)
+def _resume(data: Bytes, at: int, known: Bytes) -> int:
+    """Where records follow each other again, at or behind `at`: a message of a known channel or a chunk, and three more
+    whole records or the end of the data behind it; −1 where they do not.
+
+    Args:
+        known: (65536,) 1 at the id of every channel that has been described.
+    """
+    end = len(data)
+    while at + 31 <= end:
+        first = int(data[at])
+        if (first == 5 and known[int(data[at + 9]) | int(data[at + 10]) << 8] == 1) or first == 6:
+            found = 0
+            here = at
+            while found < 4 and here + 9 <= end:
+                opcode = int(data[here])
+                length = _u8(data, here + 1)
+                if opcode < 3 or opcode > 15 or (opcode == 5 and length < 22) or (opcode == 6 and length < 40):
+                    break
+                if length > end - here - 9:
+                    break
+                found += 1
+                here += 9 + length
+                if opcode == 15:
+                    found = 4
+            if found >= 4 or (found > 0 and here == end):
+                return at
+        at += 1
+    return -1
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Messages that lie together.
+
+    Args:
+        data: the bytes that `table` points into.
+        table: (4, n) int64: CHANNEL_ID, TIME (ns), DATA (offset in `data`), LENGTH; in the order of the file.
+        done: bytes of the file up to here, for a progress bar.
+    """
+
+    data: memoryview
+    table: Ints
+    done: int
+
+    def of(self, channel: int) -> Ints:
+        """The columns of one channel."""
+        return np.ascontiguousarray(self.table[:, self.table[CHANNEL_ID] == channel])
+
+    def joined(self, rows: Ints) -> tuple[bytes, Ints]:
+        """The data of these messages one after the other, and where each ends: (n,) int64."""
+        starts, sizes = rows[DATA].tolist(), rows[LENGTH]
+        pieces = [self.data[at : at + size] for at, size in zip(starts, sizes.tolist(), strict=True)]
+        return b"".join(pieces), np.cumsum(sizes)
+
+
+@dataclass(slots=True)
+class Topic:
+    """One channel of the file."""
+
+    id: int
+    name: str
+    encoding: str
+    schema: str = ""
+    schema_encoding: str = ""
+    schema_data: bytes = field(default=b"", repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """From where the file, or a chunk of it, makes no sense.
+
+    Args:
+        torn: nothing but an unfinished record stands behind it, as a killed writer or a power cut leaves it.
+    """
+
+    offset: int
+    words: str
+    torn: bool = False
+
+
+class Recording:
+    """One MCAP file, ours or another's. Cheap to make: nothing is read before it is asked for.
+
+    Args:
+        path: of the file.
+    Raises:
+        RecordingError: it cannot be read, or is no MCAP file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            with path.open("rb") as file:
+                self.size = file.seek(0, 2)
+                file.seek(0)
+                if file.read(len(MAGIC)) != MAGIC:
+                    raise RecordingError(f"{path.name} is no MCAP file.", "It does not begin as one.")
+                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        except OSError as error:
+            raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
+        self.topics: dict[int, Topic] = {}
+        self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in the order last told
+        self._pointed_at: set[int] = set()  # metadata that the index has led to
+        self.damage: list[Damage] = []
+        self.whole = False  # its end is there
+        self.statistics: Statistics | None = None  # counts and times, where its end tells them
+        self._schemas: dict[int, Schema] = {}
+        self.chunks = self._summary()
+
+    def close(self) -> None:
+        """Let go of the file; blocks that are still held keep it until they go."""
+        with contextlib.suppress(BufferError):
+            self._map.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # -- reading -------------------------------------------------------------------------------------------------------
+
+    def blocks(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Block]:
+        """The messages, block by block in the order of the file.
+
+        Args:
+            start_ns, stop_ns: blocks that lie wholly outside are left out where an index tells; what is given may
+                still hold messages outside.
+        """
+        if not self.chunks:
+            yield from self._walk(memoryview(self._map), len(MAGIC))
+            return
+        for index in self.chunks:
+            before = start_ns is not None and index.message_end_time < start_ns
+            after = stop_ns is not None and index.message_start_time >= stop_ns
+            if not before and not after:
+                yield from self._chunk(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length)
+
+    @property
+    def is_ours(self) -> bool:
+        """Was it recorded by imuscope? Its header says so."""
+        try:
+            return self._map[len(MAGIC)] == HEADER and _stream(self._map[17:300]).read_prefixed_string() == PROFILE
+        except (UnicodeDecodeError, IndexError, EndOfFile):
+            return False
+
+    def meta(self, name: str) -> dict[str, str]:
+        """The last metadata of that name; empty where there is none. Complete after `blocks` in a file without end."""
+        return next((values for (found, _), values in reversed(self._metadata.items()) if found == name), {})
+
+    @property
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """Names and values, each pair once, where it was told last."""
+        return [(name, values) for (name, _), values in self._metadata.items()]
+
+    def topic(self, name: str) -> Topic | None:
+        """The channel of that name."""
+        return next((topic for topic in self.topics.values() if topic.name == name), None)
+
+    # -- records -------------------------------------------------------------------------------------------------------
+
+    def _summary(self) -> list[ChunkIndex]:
+        """Chunk indexes, channels and metadata out of the summary at the end, where the file has one."""
+        footer = self.size - len(MAGIC) - _RECORD - 20
+        if footer < len(MAGIC) or self._map[-len(MAGIC) :] != MAGIC or self._map[footer] != FOOTER:
+            return []
+        self.whole = True
+        start, _, told = struct.unpack_from("<QQI", self._map, footer + _RECORD)
+        if not len(MAGIC) <= start < footer:
+            return []
+        if told and zlib.crc32(self._map[start : footer + _RECORD + 16]) != told:
+            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            return []
+        try:
+            return self._indexed(start, footer)
+        except (struct.error, ValueError, EndOfFile):  # whatever a garbled record does to its reader
+            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            return []
+
+    def _indexed(self, at: int, end: int) -> list[ChunkIndex]:
+        """Learn from the records of the summary; the chunks it knows, those that lie within the file."""
+        found: list[ChunkIndex] = []
+        while at < end:
+            opcode, length = struct.unpack_from("<BQ", self._map, at)
+            body = self._map[at + _RECORD : at + _RECORD + length]
+            if opcode == CHUNK_INDEX:
+                found.append(ChunkIndex.read(_stream(body)))
+                if found[-1].chunk_start_offset + found[-1].chunk_length > self.size:
+                    raise ValueError("a chunk outside the file")
+            elif opcode == METADATA_INDEX:
+                (where,) = struct.unpack_from("<Q", body)
+                if where not in self._pointed_at:  # an index of many lines may point at one large record
+                    self._pointed_at.add(where)
+                    self._told(METADATA, where)
+            else:
+                self._learn(opcode, body)
+            at += _RECORD + length
+        return found
+
+    def _told(self, opcode: int, at: int) -> None:
+        if at + _RECORD <= self.size and self._map[at] == opcode:
+            (length,) = struct.unpack_from("<Q", self._map, at + 1)
+            self._learn(opcode, self._map[at + _RECORD : at + _RECORD + length])
+
+    def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[Block]:
+        """From record to record: a file without an index, or the inside of a chunk (`done` is then where that ends)."""
+        array = np.frombuffer(data, np.uint8)
+        end = len(array)
+        table = np.empty((4, _COLUMNS), np.int64)
+        while at < end:
+            n, at, opcode, length = _messages(array, at, table)
+            if n:
+                yield Block(data, table[:, :n], at if done is None else done)
+                table = np.empty((4, _COLUMNS), np.int64)
+            if opcode in (AT_END, FULL):
+                continue
+            if (opcode, length) in ((DATA_END, 4), (FOOTER, 20)) and done is None:
+                return
+            whole = at + _RECORD + length
+            if opcode <= 0 or DATA_END < opcode < PRIVATE or whole > end or (done is None and opcode in ENDINGS):
+                if done is not None:
+                    self.damage.append(_cut(done))
+                    return
+                behind = _resume(array, at + 1, self._channel_ids())
+                if behind < 0:
+                    self.damage.append(_torn(at, bytes(data[at : at + _RECORD]), array[at:]))
+                    return
+                self.damage.append(_skipped(at, behind))
+                at = behind
+                continue
+            if opcode == CHUNK and done is None:
+                yield from self._chunk(at, whole)
+            else:
+                self._learn(opcode, bytes(data[at + _RECORD : whole]))
+            at = whole
+
+    def _channel_ids(self) -> Bytes:
+        known = np.zeros(1 << 16, np.uint8)
+        known[[number for number in self.topics if number < len(known)]] = 1
+        return known
+
+    def _chunk(self, at: int, end: int) -> Iterator[Block]:
+        """The messages of one MCAP chunk."""
+        data = self._unpacked(at, end)
+        if data is not None:
+            yield from self._walk(memoryview(data), 0, end)
+
+    def _unpacked(self, at: int, end: int) -> bytes | None:
+        try:
+            head = struct.unpack_from("<QQQI", self._map, at + _RECORD)
+            size, told = head[2], head[3]
+            where = at + _RECORD + 28
+            (named,) = struct.unpack_from("<I", self._map, where)
+            packing = self._map[where + 4 : where + 4 + named].decode()
+            where += 4 + named
+            (packed,) = struct.unpack_from("<Q", self._map, where)
+            body = self._map[where + 8 : min(where + 8 + packed, end)]
+            if size > LARGEST_CHUNK:
+                raise ValueError(f"it claims {size} bytes")
+            data = _unpack(packing, body, size)
+            if len(data) != size or (told and zlib.crc32(data) != told):
+                raise ValueError("its checksum is wrong")
+        except (ValueError, struct.error, zstandard.ZstdError, RuntimeError) as error:
+            words = f"The chunk at byte {at:,} cannot be read: {error}.".replace(",", " ")
+            self.damage.append(Damage(at, words))
+            return None
+        return data
+
+    def _learn(self, opcode: int, body: bytes) -> None:
+        """Keep what a schema, channel or metadata record says; one that is garbled says nothing."""
+        try:
+            if opcode == SCHEMA:
+                schema = Schema.read(_stream(body))
+                self._schemas[schema.id] = schema
+            elif opcode == CHANNEL:
+                channel = Channel.read(_stream(body))
+                of = self._schemas.get(channel.schema_id)
+                self.topics[channel.id] = Topic(
+                    channel.id,
+                    channel.topic,
+                    channel.message_encoding,
+                    of.name if of else "",
+                    of.encoding if of else "",
+                    of.data if of else b"",
+                )
+            elif opcode == STATISTICS:
+                self.statistics = Statistics.read(_stream(body))
+            elif opcode == METADATA:
+                told = Metadata.read(_stream(body))
+                key = (told.name, frozenset(told.metadata.items()))
+                self._metadata.pop(key, None)  # told again: now it is the last
+                self._metadata[key] = told.metadata
+        except Exception as error:  # whatever a garbled record does to its reader
+            self.damage.append(Damage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
+
+
+def json_messages(recording: Recording, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Time and body of every JSON message of a channel ("events", "notes", "snapshot/…")."""
+    for block in recording.blocks():
+        found = recording.topic(topic)
+        if found is None:
+            continue
+        rows = block.of(found.id)
+        for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
+            try:
+                body = loads(bytes(block.data[at : at + size]))
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(body, dict):
+                yield time, body
+
+
+def _unpack(packing: str, body: bytes, size: int) -> bytes:
+    match packing:
+        case "":
+            return body
+        case "zstd":
+            told = zstandard.get_frame_parameters(body).content_size  # it would be believed, however large
+            if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise ValueError("it unpacks to another size than it claims")
+            return zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
+        case "lz4":
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(body, max_length=size))
+    raise ValueError(f"its compression {packing!r} is not known")
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(body))
+
+
+def _torn(at: int, head: bytes, rest: Bytes) -> Damage:
+    """The file ends in the middle of a record, in zeros, or in something else that nothing follows."""
+    length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
+    is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
+    torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))
+    words = f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " ")
+    return Damage(at, words, torn)
+
+
+def _skipped(at: int, behind: int) -> Damage:
+    words = f"{behind - at:,} bytes at byte {at:,} are damaged and were left out.".replace(",", " ")
+    return Damage(at, words)
+
+
+def _cut(end: int) -> Damage:
+    return Damage(end, f"The chunk before byte {end:,} does not end with a whole record.".replace(",", " "))

@@ -1,0 +1,67 @@
+"""How much of a recording does a viewer in a browser get, and what does it not? Pure; nothing of Rerun is needed here.
+
+A viewer in a browser keeps samples in memory that ends at 4 GB (WebAssembly has 32-bit addresses), and begins to forget
+the oldest before that; without a GPU it also draws each of them. So there are two bounds, in rows of all quantities
+together: up to WHOLE a stretch is opened whole without a word; up to MOST it is when that is asked for. Beyond, every
+quantity with more than `most` rows is thinned to as many (recordings/rrd/writer.py says how), and the page says so.
+
+    rows of the quantities      900 000   900 000    6 000
+    kept, most = 20 000          20 000    20 000    6 000      one of 45 samples of those that have the most
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from recordings.column_store import Columns
+
+WHOLE = 1_000_000
+MOST = 4_000_000
+EACH = 20_000  # of a quantity, where it is thinned without being asked how far
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """What of a stretch is shown.
+
+    Args:
+        rows: of all quantities together that the stretch has.
+        shown: of those.
+        most: rows of one quantity; 0: all.
+        every: of the quantity with the most rows, one of so many is shown; 1: each.
+    """
+
+    rows: int
+    shown: int
+    most: int
+    every: int
+
+
+def amount_of(columns: Columns, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False) -> Amount:
+    """Of an opened recording, or a stretch of it.
+
+    Args:
+        t0, t1: unix s of device time, both included.
+        as_much: as a browser can hold, instead of what it draws at once.
+    """
+    return amount([hi - lo for lo, hi in (columns.between(number, t0, t1) for number in columns.shapes)], as_much)
+
+
+def amount(counts: Sequence[int], as_much: bool = False) -> Amount:
+    """The same, of so many rows of each quantity."""
+    rows = sum(counts)
+    if rows <= (MOST if as_much else WHOLE):
+        return Amount(rows, rows, 0, 1)
+    most = _share(counts, MOST) if as_much else min(EACH, _share(counts, WHOLE))
+    return Amount(rows, sum(min(count, most) for count in counts), most, math.ceil(max(counts) / most))
+
+
+def _share(counts: Sequence[int], whole: int) -> int:
+    """How many rows each quantity may have so that all together have no more than `whole`; at least one."""
+    left = whole
+    waiting = sorted(counts)
+    while waiting and waiting[0] * len(waiting) <= left:
+        left -= waiting.pop(0)  # it has less than its share: the others get what it leaves
+    return max(1, left // len(waiting)) if waiting else max(1, *counts)

@@ -1,0 +1,134 @@
+"""What does the list show of a recording that has been opened? Its motion at a glance, where it lost something, counts.
+
+    motion   |rate of turn|, or |acceleration|, or else the busiest quantity: in each of 64 buckets
+             the least and the greatest, over the greatest of all; 0, 0 where nothing was measured
+
+Worked out of summaries of the columns, so it costs the same whatever the length. The norm of a vector is bounded by
+those of its components in a summary: the picture may be a little too wide, never too narrow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from recordings.column_store import Columns, Exact
+
+BUCKETS = 64
+FINE = 32  # summaries asked for in each bucket
+MOST_LOSSES = 200
+_LIKED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
+
+
+def thumbnail(columns: Columns) -> list[list[float]]:
+    """(least, greatest) of 64 buckets, 0..1; [] where nothing moves."""
+    number = _moving(columns)
+    span = columns.span(number) if number is not None else None
+    if number is None or span is None or span[1] <= span[0]:
+        return []
+    fine = columns.query(number, *span, BUCKETS * FINE, columns=_axes(columns, number))
+    if isinstance(fine, Exact):
+        t = np.where(np.isnan(fine.time), fine.arrival, fine.time)
+        low = high = np.array(fine.columns, np.float64)
+    else:
+        t, low, high = fine.t, np.array(fine.low, np.float64), np.array(fine.high, np.float64)
+    inside = (low <= 0) & (high >= 0)
+    nearest = np.where(inside, 0.0, np.minimum(np.abs(low), np.abs(high)))
+    least = np.sqrt((nearest**2).sum(axis=0))
+    greatest = np.sqrt((np.maximum(np.abs(low), np.abs(high)) ** 2).sum(axis=0))
+    finite = np.isfinite(greatest)
+    scale = float(greatest[finite].max()) if finite.any() else 0.0
+    if scale <= 0:
+        return []
+    place = np.clip(((t - span[0]) * (BUCKETS / (span[1] - span[0]))).astype(np.int64), 0, BUCKETS - 1)
+    out: list[list[float]] = []
+    for bucket in range(BUCKETS):
+        mine = finite & (place == bucket)
+        out.append(
+            [round(float(least[mine].min()) / scale, 3), round(float(greatest[mine].max()) / scale, 3)]
+            if mine.any()
+            else [0.0, 0.0]
+        )
+    return out
+
+
+def losses(manifest: Mapping[str, Any]) -> list[float]:
+    """Where samples were lost, 0..1 of the recording, ascending."""
+    start, end = manifest.get("started"), manifest.get("ended")
+    if start is None or end is None or end <= start:
+        return []
+    places = {
+        round(min(max((event["t0"] - start) / (end - start), 0.0), 1.0), 3)
+        for event in manifest.get("events", ())
+        if event.get("kind") == "gap" and event.get("t0") is not None
+    }
+    found = sorted(places)
+    return found[:: -(-len(found) // MOST_LOSSES)] if found else []
+
+
+def summary(columns: Columns) -> dict[str, Any]:
+    """All that the list wants to know of an opened recording, as JSON can hold it."""
+    manifest = columns.manifest
+    figures = manifest.get("figures", {})
+    start, end = manifest.get("started"), manifest.get("ended")
+    devices = []
+    for told in manifest.get("devices", ()):
+        counted = figures.get(told["id"], {})
+        words = {name: told.get(name, "") for name in ("id", "name", "protocol", "product", "serial_number")}
+        messages = sum(counted.get("messages", {}).values())
+        devices.append({**words, "messages": messages, "lost": counted.get("lost", 0)})
+        devices[-1]["rejects"] = counted.get("rejects", 0)
+    damage = [told["words"] for told in manifest.get("damage", ())]
+    return {
+        "started": start,
+        "duration": end - start if start is not None and end is not None else None,
+        "devices": devices,
+        "damaged": damage[0] if damage else "",
+        "markers": [marker["text"] for marker in manifest.get("markers", ())],
+        "thumbnail": thumbnail(columns),
+        "losses": losses(manifest),
+    }
+
+
+def is_summary(told: dict[str, Any]) -> bool:
+    """Whether what was kept on disk has the types that `summary` gives; a damaged file may not."""
+
+    def is_list(value: Any, *kinds: type) -> bool:
+        return isinstance(value, list) and all(isinstance(one, kinds) for one in value)
+
+    numbers = all(told[name] is None or isinstance(told[name], int | float) for name in ("started", "duration"))
+    lists = is_list(told["thumbnail"], list) and all(is_list(one, int, float) for one in told["thumbnail"])
+    lists = lists and is_list(told["losses"], int, float) and is_list(told["markers"], str)
+    devices = is_list(told["devices"], dict) and all(
+        isinstance(value, int if name in ("messages", "lost", "rejects") else str)
+        for one in told["devices"]
+        for name, value in one.items()
+    )
+    return numbers and lists and devices and isinstance(told["damaged"], str)
+
+
+def _moving(columns: Columns) -> int | None:
+    """The channel whose motion is shown: the busiest of the kind that is liked best."""
+    infos = columns.manifest.get("channels", ())
+    for words in _LIKED:
+        found = [
+            info["id"]
+            for info in infos
+            if info["kind"] in ("vector", "record")
+            and any(all(word in text.lower() for word in words) for text in (info["name"], info["title"]))
+            and columns.rows(info["id"])
+        ]
+        if found:
+            return int(max(found, key=columns.rows))
+    rest = [info["id"] for info in infos if info["kind"] in ("vector", "euler", "scalar") and columns.rows(info["id"])]
+    return int(max(rest, key=columns.rows)) if rest else None
+
+
+def _axes(columns: Columns, number: int) -> list[int]:
+    """The columns that are components: those with an axis, else all floating ones, three at most."""
+    info = next(one for one in columns.manifest["channels"] if one["id"] == number)
+    axes = [i for i, column in enumerate(info["columns"]) if column.get("axis")]
+    floats = [i for i, column in enumerate(info["columns"]) if column["dtype"].startswith("f")]
+    return (axes or floats or [0])[:3]

@@ -1,0 +1,396 @@
+"""Numbers that somebody else has decoded: CSV with a time column, and MCAP files of other programs.
+
+    CSV     time (s),Acceleration.x (m/s²),Acceleration.y (m/s²),Temperature [°C]
+            1760000000.00,0.1,0.2,24.5
+
+The time column is the first whose name is time, timestamp, t, date, datetime or utc, with or without a unit: s, ms, µs,
+ns, in brackets of either kind or behind an underscore (`time_ms`). Without a unit, the size of the first number tells
+it; text is read as ISO 8601, UTC where it names no zone. Times that are not since 1970 are counted from when the file
+was last written. A column `arrival` beside it is taken as that. Lines before the heading that begin with # are skipped;
+fields are parted by comma, semicolon or tab. What is no number is an empty cell, and told.
+
+    MCAP  one table a topic; a number in its messages is a column (recordings/mcap_decoders.py: JSON, protobuf,
+          ROS 2); the log time is when it arrived. Messages that cannot be read are left out, and it is told which.
+
+A table becomes channels by the names of its columns: `Acceleration.x`, `acc_x` and `accX` go with their y and z.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.mcap_decoders import Numbers, Reader, reader_of, unit_of
+from recordings.mcap_reader import DATA, LENGTH, TIME, Damage, Recording, Topic
+from recordings.mcap_writer import RecordingError
+from recordings.sources import Part, SourceDevice
+from recordings.topics import columns_of
+
+if TYPE_CHECKING:  # imported where a CSV file is read: a server starts sooner without
+    import pyarrow as pa
+
+Floats = NDArray[np.float64]
+
+DEVICE = "1"
+TIMES = ("time", "timestamp", "t", "date", "datetime", "utc")
+UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+SINCE_1970 = 1e8  # s; smaller times are counted from something else
+BLOCK_BYTES = 4 << 20
+LONGEST_LINE = 4 << 20  # of the comment in which a CSV file that was handed over has its markers
+FAR_OFF_S = 86_400.0  # a stamp further from when it came is of another clock
+MOST_COLUMNS = 500
+_TAIL_BYTES = 1 << 16  # more than a line of 500 numbers
+ODD = "\ufffd"
+NO_UTF8 = "Some characters are not UTF-8; they are left out."
+_FRAME = re.compile(r"(ENU|NED|NWU|ECEF|body)\b")  # of quantities, as exports name them
+_HEAD = re.compile(r"^\s*(?P<name>.*?)\s*(?:[(\[](?P<unit>[^)\]]*)[)\]])?\s*$")
+_AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter>[XYZ]))$")
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of one table: (n,) each; what is no number is NaN.
+
+    Args:
+        table: its name.
+        time, arrival: unix s; time NaN where it is not known.
+        columns: by heading, (values, unit). The same headings in every block of a table.
+        done: how far into the file this reaches, 0..1.
+    """
+
+    table: str
+    time: Floats
+    arrival: Floats
+    columns: Mapping[str, tuple[Floats, str]]
+    done: float
+
+
+class TableSource:
+    """A file that holds numbers and no bytes of a device. As recordings/parts.Source, with `rows` in place of parts."""
+
+    timed = True
+
+    def __init__(self, path: Path, format: str) -> None:
+        self.path, self.format = path, format
+        self.about: Mapping[str, str] = {}
+        self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
+        self.damage: list[Damage] = []
+
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+        """There are no bytes."""
+        return iter(())
+
+    def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
+        """Nothing was kept beside the numbers."""
+        return iter(())
+
+    def rows(self) -> Iterator[Rows]:
+        """All rows, a block of each table after the other."""
+        raise NotImplementedError
+
+    def last(self) -> float:
+        """When the last row is, as far as that can be told before all are read, unix s; 0 where it cannot."""
+        return 0.0
+
+
+class CsvSource(TableSource):
+    """One CSV file.
+
+    Raises:
+        RecordingError: it has no column of times, or none of numbers.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "csv")
+        self._skip, self._delimiter, heads, first = _beginning(path)
+        found = [_HEAD.match(head) for head in heads]
+        self._heads = [(match["name"], _unit(match["unit"] or "")) if match else ("", "") for match in found]
+        self._time = next((i for i, (name, _) in enumerate(self._heads) if _time_unit(name) is not None), None)
+        if self._time is None:
+            hint = f"Name one time, with its unit: time (s). There are: {', '.join(heads)[:300]}."
+            raise RecordingError(f"{path.name} has no column of times.", hint)
+        name, unit = self._heads[self._time]
+        self._arrival = next((i for i, (name, _) in enumerate(self._heads) if name.lower() == "arrival"), None)
+        value = first[self._time].strip() if self._time < len(first) else ""
+        self._factor = UNITS.get(unit.strip()) or UNITS.get(_time_unit(name) or "") or _guessed(value)
+        self._origin = 0.0
+        number = _seconds(value, self._factor)
+        if number is not None and abs(number) < SINCE_1970:
+            self._origin = path.stat().st_mtime - number
+            self.timed = False
+
+    def rows(self) -> Iterator[Rows]:
+        import pyarrow as pa
+        import pyarrow.csv
+
+        names = _unique([name or f"column {i + 1}" for i, (name, _) in enumerate(self._heads)])
+        options = pa.csv.ReadOptions(
+            block_size=BLOCK_BYTES, skip_rows=self._skip + 1, column_names=names, use_threads=False
+        )
+        odd: list[Any] = []
+
+        def skip(row: Any) -> str:
+            odd.append(row)
+            return "skip"
+
+        parsing = pa.csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip)
+        types = pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+        size, done = max(self.path.stat().st_size, 1), 0
+        wrong = 0
+        try:
+            with (
+                self.path.open("rb") as file,
+                pa.csv.open_csv(_Utf8(file, self.damage), options, parsing, types) as reader,
+            ):
+                for batch in reader:
+                    done += batch.nbytes
+                    rows, bad = self._converted(batch, names, min(done / size, 1.0))
+                    wrong += bad
+                    yield rows
+        except pa.ArrowInvalid as error:
+            self.damage.append(Damage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
+        if odd:
+            self.damage.append(Damage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
+        if wrong:
+            words = "cell was not a number and was" if wrong == 1 else "cells were not numbers and were"
+            self.damage.append(Damage(-1, f"{wrong} {words} left empty."))
+
+    def last(self) -> float:
+        assert self._time is not None
+        with self.path.open("rb") as file:
+            file.seek(max(0, self.path.stat().st_size - _TAIL_BYTES))
+            lines = file.read().decode(errors="replace").splitlines()
+        cells = next(csv.reader(lines[-1:], delimiter=self._delimiter), [])
+        number = _seconds(cells[self._time], self._factor) if len(cells) > self._time else None
+        return number + self._origin if number is not None and math.isfinite(number) else 0.0
+
+    def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[Rows, int]:
+        assert self._time is not None
+        wrong = 0
+        columns: dict[str, tuple[Floats, str]] = {}
+        for i, (name, (_, unit)) in enumerate(zip(names, self._heads, strict=True)):
+            if i not in (self._time, self._arrival):
+                values, bad = _numbers(batch.column(i))
+                wrong += bad
+                columns[name] = (values, unit)
+        time = self._times(batch.column(self._time))
+        arrival = time
+        if self._arrival is not None:
+            arrival = _numbers(batch.column(self._arrival))[0] * self._factor + self._origin
+            arrival = np.where(np.isnan(arrival), time, arrival)
+        known = ~np.isnan(arrival)
+        kept = {name: (values[known], unit) for name, (values, unit) in columns.items()}
+        return Rows(self.path.stem, time[known], arrival[known], kept, done), wrong + int((~known).sum())
+
+    def _times(self, column: pa.Array) -> Floats:
+        values, bad = _numbers(column)
+        if bad == 0:
+            scaled: Floats = values * self._factor + self._origin
+            return scaled
+        found = [_seconds(text, self._factor) for text in column.to_pylist()]
+        return np.array([np.nan if time is None else time for time in found]) + self._origin
+
+
+class _Utf8(io.RawIOBase):
+    """A file whose bytes are UTF-8, whatever they were: what is none is put in its place, and told once."""
+
+    def __init__(self, file: BinaryIO, damage: list[Damage]) -> None:
+        self._file = file
+        self._damage = damage
+        self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        while data := self._file.read(size):
+            if text := self._decoder.decode(data):
+                return self._told(text)
+        return self._told(self._decoder.decode(b"", True))
+
+    def _told(self, text: str) -> bytes:
+        if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
+            self._damage.append(Damage(-1, NO_UTF8))
+        return text.encode()
+
+
+def _beginning(path: Path) -> tuple[int, str, list[str], list[str]]:
+    """Lines before the heading, delimiter, headings, first row."""
+    skip = 0
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        line = file.readline(LONGEST_LINE)
+        while line and (line.startswith("#") or not line.strip()):
+            skip += 1
+            line = file.readline(LONGEST_LINE)
+        second = file.readline(1 << 16)
+    delimiter = max(",;\t", key=line.count)
+    if line.count(delimiter) == 0:
+        raise RecordingError(f"{path.name} is no table.", "Its first line should name columns, parted by commas.")
+    heads = next(csv.reader([line], delimiter=delimiter))
+    first = next(csv.reader([second], delimiter=delimiter), [])
+    if len(heads) > MOST_COLUMNS:
+        raise RecordingError(f"{path.name} has {len(heads)} columns; {MOST_COLUMNS} are read.", "Leave some out.")
+    return skip, delimiter, heads, first
+
+
+def _unit(told: str) -> str:
+    """The unit of what stands in brackets behind a name; beside it, or alone, a frame may stand there ("m/s; NED")."""
+    return ";".join(part.strip() for part in told.split(";") if not _FRAME.match(part.strip()))
+
+
+def _time_unit(name: str) -> str | None:
+    """Of a heading that names a time its unit, "" where it tells none; None of any other."""
+    text = name.strip().lower()
+    if text in TIMES:
+        return ""
+    stem, _, unit = text.rpartition("_")
+    return unit if stem in TIMES and unit in UNITS else None
+
+
+def _guessed(value: str) -> float:
+    """The unit of a time without one, by its size; text is none."""
+    try:
+        size = abs(float(value))
+    except ValueError:
+        return 1.0
+    return 1e-9 if size > 1e17 else 1e-6 if size > 1e14 else 1e-3 if size > 1e11 else 1.0
+
+
+def _seconds(text: str | None, factor: float) -> float | None:
+    """A cell of the time column, s."""
+    try:
+        return float(text or "") * factor
+    except ValueError:
+        pass
+    try:
+        told = datetime.fromisoformat((text or "").strip())
+    except ValueError:
+        return None
+    return (told if told.tzinfo is not None else told.replace(tzinfo=UTC)).timestamp()
+
+
+def _numbers(column: pa.Array) -> tuple[Floats, int]:
+    """Cells as numbers, and how many hold something else."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    trimmed = pc.utf8_trim_whitespace(column)
+    filled = pc.if_else(pc.equal(trimmed, ""), None, trimmed)
+    try:
+        values: Floats = pc.cast(filled, pa.float64()).to_numpy(zero_copy_only=False)
+        return values.astype(np.float64), 0
+    except pa.ArrowInvalid:
+        found, bad = np.full(len(filled), np.nan), 0
+        for row, text in enumerate(filled.to_pylist()):
+            try:
+                found[row] = np.nan if text is None else float(text)
+            except ValueError:
+                bad += 1
+        return found, bad
+
+
+def _unique(names: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    out = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        out.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+    return out
+
+
+class MessageSource(TableSource):
+    """An MCAP file of another program.
+
+    Raises:
+        RecordingError: none of its messages can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "table")
+        with Recording(path) as recording:
+            if not recording.chunks:
+                next(iter(recording.blocks()), None)
+            topics = list(recording.topics.values())
+        if not any(reader_of(topic) for topic in topics):
+            kinds = ", ".join(sorted({topic.encoding for topic in topics})) or "nothing"
+            hint = "JSON is read, and protobuf and ROS 2 messages whose schema is in the file."
+            raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
+
+    def last(self) -> float:
+        with Recording(self.path) as recording:
+            return max((chunk.message_end_time for chunk in recording.chunks), default=0) / 1e9
+
+    def rows(self) -> Iterator[Rows]:
+        left_out: set[str] = set()
+        headings: dict[int, list[str]] = {}
+        readers: dict[int, Reader | None] = {}
+        self.damage.clear()
+        with Recording(self.path) as recording:
+            for block in recording.blocks():
+                for number in np.unique(block.table[0]).tolist():
+                    topic = recording.topics.get(number)
+                    if number not in readers:
+                        readers[number] = reader_of(topic) if topic is not None else None
+                    read = readers[number]
+                    if topic is None or read is None:
+                        left_out.add(_other(topic))
+                        continue
+                    rows = block.of(number)
+                    bodies = [
+                        read(bytes(block.data[at : at + size]))
+                        for at, size in zip(rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True)
+                    ]
+                    arrival = rows[TIME] / 1e9
+                    if any(body.rows for body in bodies):
+                        arrival = np.repeat(arrival, [len(body.rows) for body in bodies])
+                        bodies = [row for body in bodies for row in body.rows]
+                    told = columns_of(topic.schema, topic.schema_data) if topic.encoding == "json" else {}
+                    names = headings.setdefault(number, list(told)[:MOST_COLUMNS] or _names(bodies))
+                    stamps = np.array([body.stamp for body in bodies])
+                    time = np.where(np.abs(stamps - arrival) < FAR_OFF_S, stamps, arrival)
+                    columns = {}
+                    for name in names:
+                        heading, unit = told.get(name) or (name, unit_of(topic, name))
+                        columns[heading] = (np.array([body.of.get(name, np.nan) for body in bodies]), unit)
+                    yield Rows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
+            self.damage.extend(recording.damage)
+        self.damage.extend(Damage(-1, words) for words in sorted(left_out))
+
+
+def _other(topic: Topic | None) -> str:
+    if topic is None:
+        return "Messages of a channel that is not described are left out."
+    return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
+
+
+def _names(bodies: list[Numbers]) -> list[str]:
+    return list(dict.fromkeys(name for body in bodies for name in body.of))[:MOST_COLUMNS]
+
+
+def grouped(names: list[str]) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Columns that belong together: (name of the quantity, [(heading, name in it)])."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        match = _AXIS.match(name)
+        if match is None:
+            groups.setdefault(name, []).append((name, "value"))
+        else:
+            groups.setdefault(match["group"], []).append((name, match["axis"] or match["letter"].lower()))
+    out: list[tuple[str, list[tuple[str, str]]]] = []
+    for group, members in groups.items():
+        if len(members) == 1:
+            out.append((members[0][0], [(members[0][0], "value")]))
+        else:
+            out.append((group, members))
+    return out

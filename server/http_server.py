@@ -1,0 +1,381 @@
+"""How does the application meet the network? uvicorn, with the few settings that matter here.
+
+permessage-deflate off     samples hardly compress, and it costs five times the CPU
+proxy headers off          who asks is the peer itself; a forwarded request needs a token (server/auth.py)
+little unsent data         TCP_NOTSENT_LOWAT: what a slow browser has not taken waits in its outbox, where the oldest
+                           is dropped, and not in megabytes of kernel buffer, where it would only grow old
+TLS is a context            of server/tls.py, looked after once an hour: a renewed certificate needs no restart; each
+                           handshake is ours (server/handshakes.py), so that it is counted and has an end
+the transport is passed    in the WebSocket's scope, so that the sender can see whether bytes move
+frames go out as they are  where they were made once for all browsers, and the socket takes them at once
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import json
+import logging
+import resource
+import signal
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
+
+import h11
+import uvicorn
+from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from uvicorn.server import ServerState
+from websockets.frames import Frame
+from websockets.http11 import Request
+from websockets.protocol import State
+
+from server import shutdown as ending
+from server.config import Config
+from server.connections import connections_of
+from server.error_kinds import status_of
+from server.handshakes import Handshake
+from server.wire import Problem
+
+if TYPE_CHECKING:
+    from server.tls import Keeper
+
+log = logging.getLogger("imuscope.serving")
+
+LOOK_S = 3600.0  # between two looks at the certificate on disk
+HEAD_S = 10.0  # for the head of a request; precedent: nginx has 60, lighttpd 30, and ours are read by robots and pages
+MOST_CONNECTIONS = 1000
+MOST_FILES = 65_536
+SWITCH_S = 0.001  # a reading thread waits so long for a busy loop, for each datagram; 5 ms would lose them
+NOT_SENT_BYTES = 64 * 1024  # precedent: what HTTP/2 servers use, so that priorities stay meaningful
+MOST_FROM_BROWSER = 64 * 1024  # a subscribe to all of a few thousand channels
+MOST_PINGS = 20  # of the protocol's own in a second; a browser sends none, a library one in twenty seconds
+MOST_FRAGMENTS = 1024  # of one message; an empty one adds nothing to its size, and still takes memory
+MOST_FROM_VIEWER = 1024 * 1024  # a mesh for the 3D scene comes in pieces of half of that
+
+
+class BoundedHttp(H11Protocol):
+    """uvicorn's HTTP, where no connection is kept for nothing: a request must come whole, and soon, and not too many
+    may be open at once, so that descriptors are left for recordings and links (server/connections.py)."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._room = connections_of(self.server_state)
+        if admitted(self, self.server_state):
+            self._room.moved(self)
+            self._expect()
+
+    def resume_writing(self) -> None:
+        self._room.moved(self)
+        super().resume_writing()
+
+    def _expect(self) -> None:
+        if self._late is None:
+            self._late = self.loop.call_later(HEAD_S, self.transport.abort)
+
+    def _expect_no_more(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+    def data_received(self, data: bytes) -> None:
+        self._room.moved(self)
+        self._expect()
+        super().data_received(data)
+        if self.cycle is not None and not self.cycle.response_complete:
+            self._expect_no_more()  # it has come, and is answered
+
+    def send_400_response(self, msg: str) -> None:
+        """What is no HTTP is told with its sender, and not for each: uvicorn's own line (`_is_ours`) has neither."""
+        peer = (self.client or ("", 0))[0]
+        text = f"Refused what {peer or 'an unknown peer'} sent: {msg}"
+        log.warning("%s", text, extra={"event": "no-http", "data": {"peer": peer}, "often": ("no-http", peer)})
+        super().send_400_response(msg)
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        self._expect_no_more()
+        if len(self.connections) - len(self._room) >= most_connections() // 2:
+            self._refuse_websocket()
+            return
+        self._room.gone(self)
+        super().handle_websocket_upgrade(event)
+
+    def _refuse_websocket(self) -> None:
+        words = f"{most_connections() // 2} WebSockets are open, and that is the most."
+        problem = Problem("full", words, "Close a page that nobody looks at, or try again later.")
+        body = json.dumps(asdict(problem)).encode()
+        length = str(len(body)).encode()
+        headers = [(b"content-type", b"application/json"), (b"content-length", length), (b"connection", b"close")]
+        head = h11.Response(status_code=status_of(problem.kind), headers=headers)
+        for part in (head, h11.Data(data=body), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(part) or b"")
+        self.transport.close()
+
+    def on_response_complete(self) -> None:
+        self._room.moved(self)
+        self._expect_no_more()  # from here on uvicorn's own time for what is kept alive
+        super().on_response_complete()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._room.gone(self)
+        self._expect_no_more()
+        super().connection_lost(exc)
+
+
+def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
+    """Is there room for one more, or was some made? If not, it is closed."""
+    room = connections_of(state)
+    if len(state.connections) + len(room.shaking) <= most_connections():
+        return True
+    idle: BoundedHttp | Handshake = room.idlest() or one
+    peer = (idle.client or ("", 0))[0]
+    text = f"Closed an idle connection of {peer}: {most_connections()} are open, and that is the most."
+    log.warning("%s", text, extra={"event": "full", "data": {"peer": peer}, "often": ("full", peer)})
+    idle.transport.abort()
+    return idle is not one
+
+
+def _over_tls(keeper: Keeper) -> type[asyncio.Protocol]:
+    """What uvicorn makes of each connection that it accepts: our HTTP, once the handshake is over."""
+
+    def made(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
+        room = connections_of(server_state)
+        http = partial(BoundedHttp, config, server_state, **others)
+        return Handshake(keeper.context, room, http, lambda one: admitted(one, server_state))
+
+    return cast(type[asyncio.Protocol], made)
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Not so what is told with its sender, nor a request that `Server._cancel` ended: uvicorn calls that a fault."""
+    is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
+    return record.msg != "Invalid HTTP request received." and not is_cancelled
+
+
+def most_connections() -> int:
+    """Of browsers and programs: half of the descriptors at most."""
+    return min(MOST_CONNECTIONS, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 2)
+
+
+def raise_limit() -> None:
+    """As many descriptors as this process may have: 1024, which is usual, is for programs that use select(2)."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, MOST_FILES)
+    if soft < wanted:
+        with contextlib.suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+class LiveProtocol(WebSocketsSansIOProtocol):
+    """uvicorn's WebSocket, telling its transport; a viewer of others may send larger messages than our page."""
+
+    _pings: Sequence[float] = ()  # when the last ones came, s
+
+    def handle_connect(self, event: Request) -> None:
+        if event.path.startswith("/viser"):
+            self.conn.max_message_size = MOST_FROM_VIEWER
+        super().handle_connect(event)
+        scope = getattr(self, "scope", None)
+        if scope is not None:  # the handshake was a WebSocket's
+            extensions = cast(dict[str, Any], scope["extensions"])
+            extensions["imuscope.transport"] = self.transport
+            extensions["imuscope.send_now"] = self.send_now
+
+    def send_now(self, frame: bytes) -> bool:
+        """Send a whole frame of a server, ready made, if nothing waits before it; else do nothing and say False."""
+        transport = self.transport
+        if self.conn.state is not State.OPEN or transport.get_write_buffer_size() or transport.is_closing():
+            return False
+        transport.write(frame)
+        return True
+
+    def handle_ping(self) -> None:
+        """Answered at once, by the library, without anything that waits: so who sends a flood of them is cut off."""
+        now = self.loop.time()
+        self._pings = [at for at in self._pings if now - at < 1] + [now]
+        if len(self._pings) > MOST_PINGS:
+            self.transport.abort()
+        elif not self.transport.is_closing():
+            super().handle_ping()
+
+    def handle_cont(self, event: Frame) -> None:
+        """The size of a message is bounded by the library, in how many pieces it comes is not."""
+        if self.transport.is_closing():
+            return  # what had come with the piece that was one too many
+        if len(self.frames) >= MOST_FRAGMENTS:
+            self.frames = []
+            self.conn.send_close(1009)
+            self.handle_parser_exception()
+            return
+        super().handle_cont(event)
+
+    def send_receive_event_to_app(self) -> None:
+        """Text that is no UTF-8 ends the connection (RFC 6455, 8.1): uvicorn does so too, with a traceback of ours."""
+        if self.curr_msg_data_type == "text" and not _is_text(self.frames):
+            self.frames = []
+            self.conn.send_close(1007)
+            self.handle_parser_exception()
+            return
+        super().send_receive_event_to_app()
+
+    async def send(self, message: Any) -> None:
+        """A refusal with an answer of its own ends the handshake too: uvicorn logs it as a fault of ours otherwise."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
+            self.handshake_complete = True
+
+
+def _is_text(frames: Sequence[bytes]) -> bool:
+    try:
+        b"".join(frames).decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+class Server(uvicorn.Server):
+    """uvicorn's server, telling when it serves, and looking after its certificate."""
+
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: Keeper | None) -> None:
+        super().__init__(config)
+        self._on_ready = on_ready
+        self._keeper = keeper
+        self._looking: asyncio.Task[None] | None = None
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if not self.should_exit:
+            if self._keeper is not None:
+                self._looking = asyncio.create_task(look_after(self._keeper), name="certificate")
+            self._on_ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        loop = asyncio.get_running_loop()
+        timers = [loop.call_later(ending.GRACE_S, self._cut_off), loop.call_later(ending.CUT_S, self._cancel)]
+        if self._looking is not None:
+            self._looking.cancel()
+        for one in connections_of(self.server_state).shaking:
+            one.transport.abort()
+        try:
+            await super().shutdown(sockets)
+        finally:
+            for timer in timers:
+                timer.cancel()
+
+    def _cut_off(self) -> None:
+        """Who did not close when told to (server/shutdown.py)."""
+        for connection in list(self.server_state.connections):
+            transport = getattr(connection, "transport", None)
+            if transport is not None:
+                transport.abort()
+
+    def _cancel(self) -> None:
+        """What still runs for somebody who is gone."""
+        for task in self.server_state.tasks:
+            task.cancel()
+
+
+def keeper_of(config: Config) -> Keeper | None:
+    """Who holds the certificate, where there is to be one: it takes a library that takes a while to import.
+
+    Raises:
+        ConfigError: there is none that can be used.
+    """
+    if config.scheme == "http":
+        return None
+    from server.tls import Keeper
+
+    return Keeper(config)
+
+
+async def look_after(keeper: Keeper, every_s: float = LOOK_S) -> None:
+    """Take a certificate that was renewed into use, for as long as the server runs."""
+    while True:
+        await asyncio.sleep(every_s)
+        try:
+            if await asyncio.to_thread(keeper.look):
+                log.warning("the certificate is a new one now; its SHA-256 is %s", keeper.tls.fingerprint)
+        except ValueError as error:
+            log.warning("the certificate in use stays: %s", error)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 lets the system choose.
+
+    Raises:
+        OSError: the address cannot be used.
+    """
+    family, kind, number, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[
+        0
+    ]
+    listener = socket.socket(family, kind, number)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if hasattr(socket, "TCP_NOTSENT_LOWAT"):
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, NOT_SENT_BYTES)
+        if family == socket.AF_INET6 and host in ("::", ""):
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        listener.bind(address)
+        listener.listen(128)
+    except OSError:
+        listener.close()
+        raise
+    return listener
+
+
+def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = None) -> Server:
+    """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
+    config = uvicorn.Config(
+        app,
+        http=BoundedHttp if keeper is None else _over_tls(keeper),
+        ws=LiveProtocol,
+        ws_per_message_deflate=False,
+        ws_max_size=MOST_FROM_BROWSER,
+        ws_ping_interval=20.0,
+        ws_ping_timeout=20.0,
+        proxy_headers=False,
+        server_header=False,
+        access_log=False,
+        log_config=None,
+        log_level="warning",
+        lifespan="on",
+        timeout_graceful_shutdown=1,  # after ending.CUT_S: never reached, unless a request will not be cancelled
+    )
+    logging.getLogger("uvicorn.error").addFilter(_is_ours)
+    return Server(config, on_ready, keeper)
+
+
+def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], keeper: Keeper | None = None) -> None:
+    """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
+
+    Raises:
+        RuntimeError: it did not start.
+    """
+    serving = server(app, on_ready, keeper)
+    sys.setswitchinterval(SWITCH_S)
+    raise_limit()
+    gc.freeze()  # what was imported stays: no collection looks through it again while devices stream
+
+    def end(*_: object) -> None:
+        serving.should_exit = True
+
+    # Until uvicorn listens for it, and after it has ended by it, when it is raised again: that is then no failure.
+    signal.signal(signal.SIGTERM, end)
+    try:
+        with asyncio.Runner() as runner:
+            work = ending.workers(runner.get_loop())
+            with contextlib.suppress(KeyboardInterrupt):
+                runner.run(serving.serve(sockets=[listener]))
+            ending.leave(work)
+    finally:
+        listener.close()
+    if not serving.started:
+        raise RuntimeError("The server did not start; the log above has details.")

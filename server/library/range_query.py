@@ -1,0 +1,275 @@
+"""Any stretch of any channel, live or recorded: for the page as sample frames, for programs as a table.
+
+    recorded    Columns (recordings/column_store.py), mapped from disk
+    live        the ring of a channel in the hub
+
+Both answer the same question, t0 ≤ t ≤ t1 in at most so many buckets, with rows as they are (Exact) or summarised
+(Buckets), so that paused, scrolled-back and recorded data look alike. Attitudes are thinned instead of summarised, and
+of a table (satellites) that has too many rows the newest state is given.
+
+As sample frames of the wire a bucket is two rows at one time: least, then greatest; of flags the bits of any row, then
+of all. As a table it is one row: t, n, and NAME_min, NAME_max (NAME_any, NAME_all).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.column_store import Base, Buckets, Columns, Exact, summarised
+from recordings.statistics import norm_statistics, statistics
+from server import wire, wire_codec
+from server.live.hub import Channel
+
+Array = NDArray[Any]
+
+THINNED = ("quaternion", "matrix")
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Rows of one channel and what they are.
+
+    Args:
+        info: the channel.
+        rows: Exact or Buckets.
+        columns: which of the channel's columns, by position.
+    """
+
+    info: wire.ChannelInfo
+    rows: Exact | Buckets
+    columns: tuple[int, ...]
+
+    @property
+    def exact(self) -> bool:
+        return isinstance(self.rows, Exact)
+
+
+def recorded(
+    store: Columns,
+    info: wire.ChannelInfo,
+    t0: float,
+    t1: float,
+    width: int,
+    *,
+    columns: Sequence[int] | None = None,
+    base: Base = "device",
+) -> Answer:
+    """A stretch of a recorded channel; `width` 0 for all rows."""
+    wanted = tuple(range(len(info.columns)) if columns is None else columns)
+    if width and info.kind in THINNED:
+        return Answer(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), wanted), wanted)
+    rows = store.query(info.id, t0, t1, width, columns=wanted, base=base)
+    if isinstance(rows, Buckets) and info.kind == "rows":
+        rows = _picked(_newest(store, info.id, t1, base), wanted)
+    return Answer(info, rows, wanted)
+
+
+def ordered(answer: Answer) -> Answer:
+    """The same rows by their time, where they have one: a device sends some later than newer ones of another kind."""
+    rows = answer.rows
+    if not isinstance(rows, Exact):
+        return answer
+    key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
+    if not (key[1:] < key[:-1]).any():
+        return answer
+    order = np.argsort(key, kind="stable")
+    sorted_rows = Exact(rows.arrival[order], rows.time[order], [column[order] for column in rows.columns])
+    return Answer(answer.info, sorted_rows, answer.columns)
+
+
+def live(
+    channel: Channel, t0: float, t1: float, width: int, *, columns: Sequence[int] | None = None, base: Base = "device"
+) -> Answer:
+    """The same of what the hub remembers."""
+    return held(channel.info, kept(channel, t0, base), t0, t1, width, columns=columns, base=base)
+
+
+def kept(channel: Channel, t0: float, base: Base = "device") -> list[Array]:
+    """What the hub remembers from then on: a copy, to be made where the hub is."""
+    ring = channel.ring
+    # device time may be some seconds away from arrival; a ring is searched by arrival
+    return ring.read(ring.sequence_at(t0 - 5.0 if base == "device" else t0))
+
+
+def held(
+    info: wire.ChannelInfo,
+    whole: Sequence[Array],
+    t0: float,
+    t1: float,
+    width: int,
+    *,
+    columns: Sequence[int] | None = None,
+    base: Base = "device",
+) -> Answer:
+    """A stretch of that, in any thread."""
+    wanted = tuple(range(len(info.columns)) if columns is None else columns)
+    arrival, time = whole[0], whole[1]
+    t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
+    lo, hi = np.searchsorted(t, t0, "left"), np.searchsorted(t, t1, "right")
+    rows = Exact(arrival[lo:hi], time[lo:hi], [column[lo:hi] for column in whole[2:]])
+    if not width or len(rows) <= 2 * width:
+        return Answer(info, _picked(rows, wanted), wanted)
+    if info.kind in THINNED:
+        at = np.unique(np.linspace(0, len(rows) - 1, 2 * width).astype(np.int64))
+        thin = Exact(rows.arrival[at], rows.time[at], [column[at] for column in rows.columns])
+        return Answer(info, _picked(thin, wanted), wanted)
+    status = [info.kind == "status" and bool(info.columns[i].bits) for i in wanted]
+    return Answer(info, summarised(_picked(rows, wanted), t[lo:hi], status, (t0, t1, width)), wanted)
+
+
+def _picked(rows: Exact, wanted: Sequence[int]) -> Exact:
+    return Exact(rows.arrival, rows.time, [rows.columns[i] for i in wanted])
+
+
+def _newest(store: Columns, channel: int, t1: float, base: Base) -> Exact:
+    """The rows that share the newest time not after `t1`."""
+    last = store.row_at(channel, t1, base)
+    near = store.exact(channel, max(0, last - 512), last + 1)
+    clock = near.arrival if base == "arrival" else np.where(np.isnan(near.time), near.arrival, near.time)
+    same = np.flatnonzero(clock == clock[-1]) if len(near) else np.empty(0, np.int64)
+    return Exact(near.arrival[same], near.time[same], [column[same] for column in near.columns])
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnStatistics:
+    """What a stretch of one column amounts to; null where there is no number, and a mean of an axis that spins."""
+
+    n: int
+    mean: float | None
+    sigma: float | None
+    min: float | None
+    max: float | None
+
+
+def statistics_in(
+    store: Columns, info: wire.ChannelInfo, t0: float, t1: float, *, base: Base = "device"
+) -> list[ColumnStatistics]:
+    """Of every column of a recorded channel, in order, around the circle where it wraps; then of a vector's length."""
+    lo, hi = store.between(info.id, t0, t1, base)
+    found = [statistics(store, info.id, at, lo, hi, column.period) for at, column in enumerate(info.columns)]
+    if info.kind == "vector" and len(info.columns) == 3:
+        found.append(norm_statistics(store, info.id, range(3), lo, hi))
+    return [
+        ColumnStatistics(
+            one.n, *(value if math.isfinite(value) else None for value in (one.mean, one.sigma, one.min, one.max))
+        )
+        for one in found
+    ]
+
+
+# -- for the page ------------------------------------------------------------------------------------------------------
+
+
+def frame_of(answer: Answer) -> bytes:
+    """One sample frame of the wire, b"" where there is nothing; of an answer that has all of the channel's columns."""
+    rows = answer.rows
+    if not len(rows):
+        return b""
+    if isinstance(rows, Exact):
+        columns: list[Array] = [rows.arrival, rows.time, *rows.columns]
+    else:
+        pairs = [np.column_stack(pair).reshape(-1) for pair in zip(rows.low, rows.high, strict=True)]
+        columns = [np.repeat(rows.t, 2), np.repeat(rows.t, 2), *pairs]
+    return wire_codec.encode_samples(answer.info.id, 0, columns, 0.0, history=True)
+
+
+# -- for programs ------------------------------------------------------------------------------------------------------
+
+
+def names_of(answer: Answer) -> list[tuple[str, str, Literal["", "low", "high"], int]]:
+    """(name, unit, which, position in the answer) of every column of the table after the time columns."""
+    out: list[tuple[str, str, Literal["", "low", "high"], int]] = []
+    for at, position in enumerate(answer.columns):
+        column = answer.info.columns[position]
+        if answer.exact:
+            out.append((column.name, column.unit, "", at))
+            continue
+        flags = answer.info.kind == "status" and bool(column.bits)
+        least, greatest = ("any", "all") if flags else ("min", "max")
+        out.append((f"{column.name}_{least}", column.unit, "low", at))
+        out.append((f"{column.name}_{greatest}", column.unit, "high", at))
+    return out
+
+
+def table_of(answer: Answer) -> dict[str, tuple[Array, str]]:
+    """Name → (values, unit), in order; times in unix seconds."""
+    rows = answer.rows
+    out: dict[str, tuple[Array, str]] = {}
+    if isinstance(rows, Exact):
+        out["time"], out["arrival"] = (rows.time, "s"), (rows.arrival, "s")
+    else:
+        out["t"], out["n"] = (rows.t, "s"), (rows.n, "")
+    for name, unit, which, at in names_of(answer):
+        values = rows.columns[at] if isinstance(rows, Exact) else (rows.low if which == "low" else rows.high)[at]
+        out[name] = (values, unit)
+    return out
+
+
+PIECE = 4096  # rows that are spelled at once: a piece holds up the threads of live devices for a few ms
+
+
+def arrow_of(answer: Answer) -> Iterator[bytes]:
+    """An Arrow IPC stream of one table, piece by piece; units are in the fields' metadata, the channel's in the
+    schema's."""
+    import pyarrow as pa
+
+    table = table_of(answer)
+    fields = [
+        pa.field(name, pa.from_numpy_dtype(values.dtype), metadata={"unit": unit} if unit else None)
+        for name, (values, unit) in table.items()
+    ]
+    about = {"channel": answer.info.name, "device": answer.info.device, "frame": answer.info.frame, "exact": "1"}
+    about["exact"] = "1" if answer.exact else "0"
+    schema = pa.schema(fields, metadata=about)
+    sink = io.BytesIO()
+    with pa.ipc.new_stream(sink, schema) as writer:
+        for at in range(0, len(answer.rows), 16 * PIECE):
+            rows = [pa.array(values[at : at + 16 * PIECE]) for values, _ in table.values()]
+            writer.write_batch(pa.record_batch(rows, schema=schema))
+            yield _emptied(sink)
+    yield _emptied(sink)
+
+
+def _emptied(sink: io.BytesIO) -> bytes:
+    written = sink.getvalue()
+    sink.seek(0)
+    sink.truncate()
+    return written
+
+
+def json_of(answer: Answer) -> Iterator[bytes]:
+    """The table as JSON, column by column and piece by piece: {"channel", "exact", "units", "columns": {name:
+    [values]}}; NaN is null."""
+    table = table_of(answer)
+    body: Mapping[str, Any] = {
+        "channel": answer.info.name,
+        "device": answer.info.device,
+        "frame": answer.info.frame,
+        "exact": answer.exact,
+        "units": {name: unit for name, (_, unit) in table.items() if unit},
+    }
+    yield _spelled(body)[:-1] + b',"columns":{'
+    for number, (name, (values, _)) in enumerate(table.items()):
+        yield (b"," if number else b"") + _spelled(name) + b":["
+        for at in range(0, len(values), PIECE):
+            yield (b"," if at else b"") + _spelled(_plain(values[at : at + PIECE]))[1:-1]
+        yield b"]"
+    yield b"}}"
+
+
+def _spelled(value: object) -> bytes:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+
+
+def _plain(values: Array) -> list[Any]:
+    if values.dtype.kind == "f":
+        return [value if math.isfinite(value) else None for value in values.astype(np.float64).tolist()]
+    return [wire_codec.plain(value) for value in values.tolist()]

@@ -1,0 +1,177 @@
+"""Where are the last minutes of a channel, and how do they become sample frames?
+
+A ring is a row of blocks. A block is memory for a fixed number of samples, filled from left to right and never moved;
+when the channel has more history than it may keep, whole blocks are dropped from the left. Samples have sequence
+numbers, counted from 0 since the channel exists, so that history and live data can be told apart exactly:
+
+    block 0        block 1        block 2
+    [seq 0 ..255]  [256 ..767]    [768 .. 912 ......]
+     ^first                             ^total (the next sequence number)
+
+Within a block, neighbouring columns of one dtype share one two-dimensional array, because then a stretch of samples of
+all of them becomes bytes in one call:
+
+    group f8: arrival, time        group f4: x, y, z, …      group u4: flags
+    rows = columns, each row `capacity` samples long and then some slack
+
+Each column of a frame is padded to 8 bytes (server/wire.py). A stretch is therefore read rounded up to whole groups of
+8 bytes; what is read beyond its end is later samples or slack, and has no meaning. That rounding is why a frame never
+crosses a block.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server.wire import HEADER
+from server.wire_codec import sample_header
+
+# Small enough that dropping one is unnoticed and a frame of a whole block goes out in one piece (64 KiB is what a
+# socket takes at once), large enough that Python's cost per block vanishes. The first block is small: many channels
+# are slow.
+FIRST_BLOCK = 64
+BLOCK_BYTES = 64 * 1024
+_SLACK = 8
+
+
+class Block:
+    """Memory for `capacity` samples, the first of which has sequence number `first`."""
+
+    __slots__ = ("arrays", "capacity", "first", "last_arrival", "n", "nbytes")
+
+    def __init__(self, first: int, capacity: int, groups: Sequence[tuple[np.dtype[Any], int]]) -> None:
+        self.first = first
+        self.capacity = capacity
+        self.n = 0
+        self.last_arrival = 0.0
+        self.arrays = [np.zeros((rows, capacity + _SLACK), dtype) for dtype, rows in groups]
+        self.nbytes = sum(array.nbytes for array in self.arrays)
+
+
+class Ring:
+    """The last samples of one channel.
+
+    Args:
+        dtypes: of the channel's own columns; `arrival` and `time` (float64) come before them.
+    """
+
+    def __init__(self, dtypes: Sequence[str]) -> None:
+        columns = [np.dtype("<f8"), np.dtype("<f8"), *(np.dtype("<" + name) for name in dtypes)]
+        self.columns = len(columns)
+        self.sample_bytes = sum(dtype.itemsize for dtype in columns)
+        self._groups = [(dtype, len(list(run))) for dtype, run in groupby(columns)]
+        self._per_8_bytes = [8 // dtype.itemsize for dtype, _ in self._groups]
+        self._blocks: deque[Block] = deque()
+        self.total = 0
+        self.nbytes = 0
+
+    @property
+    def first(self) -> int:
+        """Sequence number of the oldest sample kept."""
+        return self._blocks[0].first if self._blocks else self.total
+
+    def __len__(self) -> int:
+        return self.total - self.first
+
+    @property
+    def oldest_end(self) -> float:
+        """Arrival of the newest sample in the oldest block: what is lost by `drop_oldest` is no newer than this."""
+        return self._blocks[0].last_arrival if self._blocks else float("inf")
+
+    @property
+    def blocks(self) -> int:
+        return len(self._blocks)
+
+    def append(self, columns: Sequence[NDArray[Any]]) -> None:
+        """Samples: `arrival`, `time`, then the channel's columns; 1-d, equal length, converted to the ring's dtypes."""
+        n, at = len(columns[0]), 0
+        while at < n:
+            block = self._blocks[-1] if self._blocks else self._grow()
+            if block.n == block.capacity:
+                block = self._grow()
+            take = min(n - at, block.capacity - block.n)
+            column = iter(columns)
+            for array in block.arrays:
+                for row in array:
+                    row[block.n : block.n + take] = next(column)[at : at + take]
+            block.n += take
+            block.last_arrival = float(block.arrays[0][0, block.n - 1])
+            self.total += take
+            at += take
+
+    def _grow(self) -> Block:
+        most = max(FIRST_BLOCK, BLOCK_BYTES // self.sample_bytes & ~7)
+        last = self._blocks[-1].capacity if self._blocks else FIRST_BLOCK // 2
+        block = Block(self.total, min(2 * last, most), self._groups)
+        self._blocks.append(block)
+        self.nbytes += block.nbytes
+        return block
+
+    def drop_oldest(self) -> None:
+        """Forget the oldest block; the newest one always stays."""
+        if len(self._blocks) > 1:
+            self.nbytes -= self._blocks.popleft().nbytes
+
+    def drop_before(self, arrival: float) -> None:
+        """Forget the blocks that hold nothing newer than `arrival` (unix seconds)."""
+        while len(self._blocks) > 1 and self._blocks[0].last_arrival < arrival:
+            self.drop_oldest()
+
+    def sequence_at(self, arrival: float) -> int:
+        """Sequence number of the first sample that arrived at or after `arrival`; `total` when there is none."""
+        for block in self._blocks:
+            if block.last_arrival >= arrival:
+                return block.first + int(np.searchsorted(block.arrays[0][0, : block.n], arrival))
+        return self.total
+
+    def frames(self, channel: int, start: int, stop: int, now: float) -> Iterator[tuple[int, bytes]]:
+        """Sample frames of the sequence numbers `start` ≤ s < `stop`, oldest first, as (samples, bytes)."""
+        if self._blocks and start >= self._blocks[-1].first:  # the usual case: what came since the last flush
+            yield stop - start, self._encode(self._blocks[-1], channel, start, stop, now, history=False)
+            return
+        for block in self._blocks:
+            a, b = max(start, block.first), min(stop, block.first + block.n)
+            if a < b:
+                yield b - a, self._encode(block, channel, a, b, now, history=False)
+
+    def history_frame(self, channel: int, start: int, stop: int, now: float) -> tuple[int, float, bytes] | None:
+        """The newest stretch of `start` ≤ s < `stop` that one frame can hold.
+
+        Returns:
+            its first sequence number, the arrival of its first sample, the frame; None when nothing of it is kept.
+        """
+        for block in reversed(self._blocks):
+            a, b = max(start, block.first), min(stop, block.first + block.n)
+            if a < b:
+                arrival = float(block.arrays[0][0, a - block.first])
+                return a, arrival, self._encode(block, channel, a, b, now, history=True)
+        return None
+
+    def _encode(self, block: Block, channel: int, start: int, stop: int, now: float, *, history: bool) -> bytes:
+        n, at = stop - start, start - block.first
+        parts = [b""]
+        size = HEADER.size
+        for array, per in zip(block.arrays, self._per_8_bytes, strict=True):
+            data = array[:, at : at + (n + per - 1) // per * per].tobytes()
+            size += len(data)
+            parts.append(data)
+        parts[0] = sample_header(channel, start, n, self.columns, size, now, history=history)
+        return b"".join(parts)
+
+    def read(self, start: int = 0) -> list[NDArray[Any]]:
+        """Copies of all columns from sequence number `start` on, for tests and for readers inside the server."""
+        pieces: list[list[NDArray[Any]]] = []
+        for block in self._blocks:
+            a = max(start - block.first, 0)
+            if a < block.n:
+                pieces.append([row[a : block.n] for array in block.arrays for row in array])
+        dtypes = [dtype for dtype, rows in self._groups for _ in range(rows)]
+        if not pieces:
+            return [np.zeros(0, dtype) for dtype in dtypes]
+        return [np.concatenate(column) for column in zip(*pieces, strict=True)]

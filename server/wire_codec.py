@@ -1,0 +1,183 @@
+"""Messages of the wire to bytes and back: the one codec of what server/wire.py specifies.
+
+Samples are laid out as columns behind a header; text is JSON that JavaScript can read. A ring encodes its samples from
+its own memory (server/live/ring_buffer.py) with the same header.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server.wire import FLAG_HISTORY, HEADER, OPCODE_SAMPLES, BrowserText, Ping, ServerText, Subscribe
+
+_DROPPED_AT = 12
+_SAFE = 2**53 - 1  # JavaScript's Number.MAX_SAFE_INTEGER
+
+
+def padded(size: int) -> int:
+    """`size` rounded up to a multiple of 8."""
+    return (size + 7) & ~7
+
+
+def sample_header(
+    channel: int, sequence: int, n: int, columns: int, size: int, now: float, *, history: bool = False, dropped: int = 0
+) -> bytes:
+    """The 40 bytes before the columns; `columns` counts the two time columns, `size` the whole frame."""
+    flags = FLAG_HISTORY if history else 0
+    return HEADER.pack(OPCODE_SAMPLES, flags, columns, channel, n, dropped, sequence, size, 0, now)
+
+
+def encode_samples(
+    channel: int,
+    sequence: int,
+    columns: Sequence[NDArray[Any]],
+    now: float,
+    *,
+    history: bool = False,
+    dropped: int = 0,
+) -> bytes:
+    """One sample frame from loose columns (a ring encodes faster from its own memory, see server/live/ring_buffer.py).
+
+    Args:
+        columns: `arrival`, `time`, then the channel's own; 1-d, equal length, the advertised dtypes.
+    """
+    n = len(columns[0])
+    size = HEADER.size + sum(padded(n * column.itemsize) for column in columns)
+    parts = [sample_header(channel, sequence, n, len(columns), size, now, history=history, dropped=dropped)]
+    for column in columns:
+        parts.append(column.astype(column.dtype.newbyteorder("<"), copy=False).tobytes())
+        parts.append(bytes(padded(n * column.itemsize) - n * column.itemsize))
+    return b"".join(parts)
+
+
+def with_dropped(frame: bytes, dropped: int) -> bytes:
+    """The same frame, saying that `dropped` samples before it were lost for this browser."""
+    out = bytearray(frame)
+    struct.pack_into("<I", out, _DROPPED_AT, min(dropped, 0xFFFF_FFFF))
+    return bytes(out)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """A decoded sample frame; `columns` as views into the message, `arrival` and `time` first."""
+
+    channel: int
+    sequence: int
+    n: int
+    dropped: int
+    history: bool
+    now: float
+    columns: list[NDArray[Any]]
+
+
+def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Samples]:
+    """The frames of one binary message; what the page's worker does, for tests, benches and other Python readers.
+
+    Args:
+        dtypes: of each channel's own columns, by channel id.
+    Raises:
+        WireError: not frames of this wire, or of a channel that is not in `dtypes`.
+    """
+    out: list[Samples] = []
+    at = 0
+    while at < len(data):
+        if len(data) - at < HEADER.size:
+            raise WireError(f"{len(data) - at} bytes at {at} are no frame.", "A frame's header has 40 bytes.")
+        opcode, flags, count, channel, n, dropped, sequence, size, _, now = HEADER.unpack_from(data, at)
+        if opcode != OPCODE_SAMPLES or channel not in dtypes or size > len(data) - at or size < HEADER.size:
+            raise WireError(
+                f"No frame of a known channel begins at {at}.", f"Its opcode is {opcode}, its channel {channel}."
+            )
+        names = ("f8", "f8", *dtypes[channel])
+        if count != len(names):
+            raise WireError(f"Channel {channel} has {len(names)} columns, the frame {count}.", "Read `channels` first.")
+        columns, start = [], at + HEADER.size
+        for name in names:
+            columns.append(np.frombuffer(data, "<" + name, n, start))
+            start += padded(columns[-1].nbytes)
+        out.append(Samples(channel, sequence, n, dropped, bool(flags & FLAG_HISTORY), now, columns))
+        at += size
+    return out
+
+
+class WireError(ValueError):
+    """What came over the wire is not the wire; `hint` says what would be."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON can hold it and JavaScript can read it: see the last section of the module docstring."""
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, int | np.integer):
+        number = int(value)
+        return number if -_SAFE <= number <= _SAFE else str(number)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value).hex()
+    if isinstance(value, np.void):
+        names = value.dtype.names
+        return {name: plain(value[name]) for name in names} if names else value.tobytes().hex()
+    if isinstance(value, np.ndarray):
+        return [plain(item) for item in value] if value.ndim else plain(value[()])
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if is_dataclass(value):
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in value]
+    return str(value)
+
+
+def encode_text(message: ServerText | BrowserText) -> str:
+    """One text frame."""
+    return json.dumps(plain(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def decode_text(text: str) -> BrowserText:
+    """What a browser said.
+
+    Raises:
+        WireError: not a request of this wire, with what is wrong in words.
+    """
+    try:
+        message = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        where = (
+            f"It fails at character {error.pos + 1}." if isinstance(error, json.JSONDecodeError) else "Is it complete?"
+        )
+        raise WireError("A text frame must be JSON.", where) from None
+    if not isinstance(message, dict):
+        raise WireError("A text frame must be a JSON object.", 'For example {"op": "ping", "t": 1}.')
+    match message.get("op"):
+        case "ping":
+            return Ping(_number(message, "t"))
+        case "subscribe":
+            channels = message.get("channels")
+            if channels is not None and not (
+                isinstance(channels, list) and all(type(item) is int for item in channels)
+            ):
+                raise WireError("`channels` must be null or a list of channel ids.", f"It was {channels!r:.80}.")
+            return Subscribe(max(0.0, _number(message, "history")), channels)
+    raise WireError(f"There is no op {message.get('op')!r:.40}.", "A browser sends `subscribe` or `ping`.")
+
+
+def _number(message: Mapping[str, Any], name: str) -> float:
+    value = message.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
+        raise WireError(f"`{name}` must be a finite number.", f"It was {value!r:.40}.")
+    return float(value)

@@ -1,0 +1,39 @@
+"""How long does a server take to end with everything running? (tests/faults/test_shutdown.py says what everything is.)
+
+python tests/bench/shutdown.py [TIMES]      prints one JSON line: seconds from SIGTERM to the end of the process
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.faults.test_shutdown import end
+
+BUDGET_S = 2.0
+
+
+def main() -> int:
+    times = int(sys.argv[1]) if len(sys.argv) > 1 else 3
+    before = os.getloadavg()[0]
+    seconds = []
+    for _ in range(times):
+        with tempfile.TemporaryDirectory() as folder:
+            seconds.append(round(end(Path(folder)), 2))
+    told = {
+        "seconds": seconds,
+        "budget_s": BUDGET_S,
+        "load_before": round(before, 1),
+        "within": max(seconds) <= BUDGET_S,
+    }
+    print(json.dumps(told))
+    return 0 if told["within"] else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,205 @@
+"""What a simulated cable does: nothing when it is good, and each fault as its name says."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.idtp.frames import build as idtp_build
+from protocols.isb.frames import build as isb_build
+from server.links.baud_mismatch import as_heard
+from server.links.ftdi_packets import Packets
+from server.links.simulated_line import Cable, Faults, frames_of
+from tests.links.link_fixtures import frame, xbus
+
+FRAMES = [frame(i, i * 100) for i in range(200)]
+FOREVER = 10**18
+
+
+@given(st.lists(st.one_of(st.binary(max_size=12), st.binary(max_size=300).map(lambda data: xbus(0x36, data[:254])))))
+def test_cutting_loses_nothing(pieces: list[bytes]) -> None:
+    data = b"".join(pieces)
+    cut, rest = frames_of(data)
+    assert b"".join(cut) + rest == data
+
+
+def test_frames_are_cut_at_frames() -> None:
+    long = b"\xfa\xff\x36\xff\x01\x00" + bytes(256) + b"\x00"
+    cut, rest = frames_of(b"junk" + FRAMES[0] + long + FRAMES[1] + FRAMES[2][:5])
+    assert cut == [b"junk", FRAMES[0], long, FRAMES[1]]
+    assert rest == FRAMES[2][:5]
+
+
+@given(st.binary(max_size=200), st.integers(1, 7))
+def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
+    cable = Cable(Faults())
+    data = noise + b"".join(FRAMES[:5])
+    heard = b""
+    for at in range(0, len(data), step):
+        cable.send(data[at : at + step], at)
+        heard += cable.arrived(FOREVER)
+    assert data.startswith(heard)
+    assert len(data) - len(heard) <= len(noise) + len(b"".join(FRAMES[:5]))
+
+
+def test_drop_loses_whole_frames_in_the_given_share() -> None:
+    cable = Cable(Faults(drop=0.3), seed=1)
+    cable.send(b"".join(FRAMES), 0)
+    kept, rest = frames_of(cable.arrived(FOREVER))
+    assert rest == b""
+    assert set(kept) <= set(FRAMES)
+    assert 0.55 * len(FRAMES) < len(kept) < 0.85 * len(FRAMES)
+
+
+def test_corrupt_flips_one_bit_of_the_given_share() -> None:
+    cable = Cable(Faults(corrupt=0.3), seed=1)
+    cable.send(b"".join(FRAMES), 0)
+    heard = cable.arrived(FOREVER)
+    sent = b"".join(FRAMES)
+    assert len(heard) == len(sent)
+    flips = [(a ^ b).bit_count() for a, b in zip(sent, heard, strict=True)]
+    assert max(flips) == 1
+    assert 0.15 * len(FRAMES) < sum(flips) < 0.45 * len(FRAMES)
+
+
+def test_the_same_seed_makes_the_same_faults() -> None:
+    heard = []
+    for _ in range(2):
+        cable = Cable(Faults(drop=0.1, corrupt=0.1), seed=7)
+        cable.send(b"".join(FRAMES), 0)
+        heard.append(cable.arrived(FOREVER))
+    assert heard[0] == heard[1]
+
+
+def test_bytes_take_their_time_on_the_line() -> None:
+    cable = Cable(Faults(baud=10_000))  # 1 byte/ms
+    cable.send(FRAMES[0] + FRAMES[1], 0)
+    size = len(FRAMES[0])
+    assert cable.next_ns == size * 1_000_000
+    assert cable.arrived(size * 1_000_000 - 1) == b""
+    assert cable.arrived(size * 1_000_000) == FRAMES[0]
+    assert cable.arrived(2 * size * 1_000_000) == FRAMES[1]
+    assert cable.next_ns is None
+
+
+def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
+    cable = Cable(Faults(baud=10_000))
+    cable.send(b"".join(FRAMES), 0)
+    heard = cable.arrived(FOREVER)
+    assert len(heard) + cable.overflowed == sum(map(len, FRAMES))
+    assert 400 < len(heard) < 700  # about half a second of it
+
+
+def test_bursts_come_when_the_adapter_lets_go() -> None:
+    cable = Cable(Faults(burst_ms=16, packet=0))
+    for ms in range(20):
+        cable.send(FRAMES[ms], ms * 1_000_000)
+    assert cable.arrived(15_999_999) == b""
+    assert cable.arrived(16_000_000) == b"".join(FRAMES[:17])
+    assert cable.arrived(31_999_999) == b""
+    assert cable.arrived(32_000_000) == b"".join(FRAMES[17:20])
+    assert cable.next_ns is None
+
+
+def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs_out() -> None:
+    """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
+    cable = Cable(Faults(baud=10_000, burst_ms=100))
+    sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]
+    size = len(sent)
+    assert 62 < size < 2 * 62
+    cable.send(sent, 0)
+    assert cable.next_ns == 62_000_000
+    assert cable.arrived(61_999_999) == b""
+    assert cable.arrived(62_000_000) == sent[:62]
+    assert cable.next_ns == 162_000_000
+    assert cable.arrived(161_999_999) == b""
+    assert cable.arrived(162_000_000) == sent[62:]
+    cable.send(FRAMES[4], 200_000_000)
+    assert cable.arrived(261_999_999) == b""
+    assert cable.arrived(262_000_000) == FRAMES[4]  # the timer ran on: it was started at 162 ms
+
+
+@given(st.lists(st.tuples(st.integers(1, 200), st.integers(0, 40)), max_size=30), st.sampled_from([0, 62]))
+def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple[int, int]], packet: int) -> None:
+    held, out, begin = Packets(16e6, packet), [], 0
+    came: list[int] = []
+    for size, pause_ms in frames:
+        begin += pause_ms * 1_000_000
+        if (gone := held.expired(begin)) is not None:
+            out.append(gone)
+        out += held.take(bytes(size), begin, 86_806.0)
+        came += [begin + round((k + 1) * 86_806.0) for k in range(size)]
+        begin += round(size * 86_806.0)
+    if (gone := held.expired(FOREVER)) is not None:
+        out.append(gone)
+    left = [at for at, data in out for _ in data]
+    assert len(left) == len(came)
+    assert all(-2 <= late - at <= 16_000_002 for at, late in zip(came, left, strict=True))
+    assert all(len(data) <= (packet or 1 << 30) for _, data in out)
+
+
+@pytest.mark.parametrize("baud", [4800, 9600, 115_200, 921_600])
+def test_the_right_rate_hears_what_was_sent(baud: int) -> None:
+    data = bytes(range(256))
+    assert as_heard(data, baud, baud) == data
+    assert as_heard(data, baud, round(baud * 1.02)) == data  # receivers stand two percent
+    assert as_heard(data, baud, round(baud * 0.98)) == data
+
+
+@pytest.mark.parametrize(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
+def test_a_wrong_rate_hears_noise_in_the_amount_that_a_receiver_would(sent: int, heard: int) -> None:
+    data = random.Random(0).randbytes(1000)
+    noise = as_heard(data, sent, heard)
+    assert noise
+    assert noise != data
+    assert len(noise) <= len(data) * heard / sent * 10 / 9.5 + 1  # a byte is over in the middle of its stop bit
+    if heard * 4 < sent:
+        assert len(noise) < len(data)
+
+
+@given(st.binary(max_size=60), st.integers(1, 4_000_000), st.integers(1, 4_000_000))
+def test_any_pair_of_rates_ends(data: bytes, sent: int, heard: int) -> None:
+    assert len(as_heard(data, sent, heard)) <= 10 * len(data) + 1
+
+
+@pytest.mark.parametrize(
+    ("protocol", "frames"),
+    [
+        ("isb", [isb_build(4, 58, bytes(36)), isb_build(8), isb_build(5, 12, bytes(4), offset=16)]),
+        ("idtp", [idtp_build(4, bytes(36), mode=mode, key=b"k") for mode in range(3)]),
+    ],
+)
+def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, frames: list[bytes]) -> None:
+    data = b"noise" + b"".join(frames)
+    assert frames_of(data, protocol) == ([b"noise", *frames], b"")
+    for cut in range(len(data)):
+        pieces, rest = frames_of(data[:cut], protocol)
+        more, end = frames_of(rest + data[cut:], protocol)
+        assert b"".join(pieces + more) == data
+        assert end == b""
+        assert (pieces + more)[-len(frames) :] == frames
+
+
+def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
+    """Host and device agree on the rate, and still nothing can be read."""
+    cable = Cable(Faults(baud=921_600, dead_baud=921_600))
+    sent = b"".join(FRAMES[:20])
+    cable.send(sent, 0)
+    heard = cable.arrived(FOREVER, 921_600)
+    assert heard
+    assert not any(one in heard for one in FRAMES[:20])
+    cable.baud = 115_200
+    cable.send(sent, FOREVER)
+    assert cable.arrived(2 * FOREVER, 115_200) == sent
+
+
+def test_what_is_under_way_keeps_the_rate_at_which_it_was_sent() -> None:
+    """The acknowledgement of a reset is still read at the old rate, although the device has gone to the new one."""
+    cable = Cable(Faults(baud=115_200))
+    cable.send(FRAMES[0], 0)
+    cable.baud = 921_600
+    cable.send(FRAMES[1], 1)
+    assert cable.arrived(FOREVER, 115_200).startswith(FRAMES[0])

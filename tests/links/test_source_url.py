@@ -1,0 +1,112 @@
+"""The grammar of sources: what is understood, and how what is not is answered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from server.links import LinkError, Source, open_link
+from server.links.capture_file import FileLink
+from server.links.serial import Line, SerialLink
+from server.links.simulator import TwinLink
+from server.links.tcp import TcpLink, TcpListenLink
+from server.links.udp import UdpLink
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "place"),
+    [
+        ("/dev/ttyUSB0", "serial", "/dev/ttyUSB0"),
+        ("/dev/null", "serial", "/dev/null"),
+        ("COM3", "serial", "COM3"),
+        ("serial:///dev/ttyUSB0?baud=9600", "serial", "/dev/ttyUSB0"),
+        ("serial://COM3", "serial", "COM3"),
+        ("serial:///dev/serial/by-id/usb-a%20b", "serial", "/dev/serial/by-id/usb-a b"),
+        ("tcp://robot.local:4001", "tcp", "robot.local:4001"),
+        ("tcp-listen://:4001", "tcp-listen", ":4001"),
+        ("UDP://:4001", "udp", ":4001"),
+        ("capture.bin", "file", "capture.bin"),
+        ("capture.bin?speed=2", "file", "capture.bin"),
+        ("file:///data/capture.bin", "file", "/data/capture.bin"),
+        ("twin:xbus?rate=400", "twin", "xbus"),
+    ],
+)
+def test_kinds(text: str, kind: str, place: str) -> None:
+    source = Source.parse(text)
+    assert (source.kind, source.place) == (kind, place)
+
+
+def test_a_file_that_exists_is_that_file_whatever_its_name(tmp_path: Path) -> None:
+    odd = tmp_path / "tcp:what?speed=4"
+    odd.write_bytes(b"x")
+    assert Source.parse(str(odd)) == Source(str(odd), "file", str(odd), {})
+
+
+def test_line_settings() -> None:
+    link = open_link("serial:///dev/ttyUSB0?baud=921600&bits=7&parity=even&stop=2&flow=rtscts")
+    assert isinstance(link, SerialLink)
+    assert link.line == Line(921_600, 7, "even", 2.0, "rtscts")
+    assert link.line.capacity(921_600) == pytest.approx(921_600 / 11)
+    assert Line().capacity(115_200) == 11_520
+    assert Line(stop=1.5, bits=5).capacity(750) == 100
+
+
+def test_each_kind_of_link(tmp_path: Path) -> None:
+    assert isinstance(open_link("/dev/ttyUSB0?baud=9600"), SerialLink)
+    tcp = open_link("tcp://[fe80::1]:4001")
+    assert isinstance(tcp, TcpLink)
+    assert (tcp.host, tcp.port, tcp.place) == ("fe80::1", 4001, "[fe80::1]:4001")
+    listener = open_link("tcp-listen://:0")
+    assert isinstance(listener, TcpListenLink)
+    assert (listener.host, listener.port) == ("", 0)
+    assert isinstance(open_link("udp://127.0.0.1:4001"), UdpLink)
+    file = open_link(f"{tmp_path}/x.bin?speed=4&loop")
+    assert isinstance(file, FileLink)
+    assert (file.speed, file.loop) == (4, True)
+    twin = open_link("twin:xbus?rate=400&drop=0.01&burst_ms=16&baud=921600")
+    assert isinstance(twin, TwinLink)
+    assert twin.options.rate == 400
+    assert (twin.options.faults.drop, twin.options.faults.burst_ms, twin.options.faults.baud) == (0.01, 16, 921_600)
+    assert twin.options.product == "MTi-630"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["empty"]),
+        ("http://robot:80", ["http", "serial, tcp, tcp-listen, udp, file, twin"]),
+        ("seriel:///dev/ttyUSB0", ["seriel", "Did you mean serial?"]),
+        ("tcp://", ["nothing follows"]),
+        ("tcp://robot", ["port is missing", "tcp://host:port"]),
+        ("tcp://robot:0", ["port is '0'", "from 1 to 65535"]),
+        ("tcp://robot:99999", ["99999", "from 1 to 65535"]),
+        ("tcp://robot:80x", ["80x"]),
+        ("tcp://:80", ["host is missing"]),
+        ("tcp://fe80::1:80", ["[fe80::1]:80"]),
+        ("tcp://robot:80?speed=1", ["'speed'", "Any source has"]),
+        ("udp://:-1", ["-1", "from 0 to 65535"]),
+        ("serial:///dev/ttyUSB0?bauds=9600", ["'bauds'", "Did you mean baud?", "flow"]),
+        ("serial:///dev/ttyUSB0?baud=fast", ["'fast'", "from 50 to 12 000 000 Bd"]),
+        ("serial:///dev/ttyUSB0?baud=nan", ["'nan'"]),
+        ("serial:///dev/ttyUSB0?baud=9600.5", ["whole number"]),
+        ("serial:///dev/ttyUSB0?baud=9600&baud=4800", ["baud", "twice"]),
+        ("serial:///dev/ttyUSB0?parity=maybe", ["'maybe'", "none, even, odd, mark, space"]),
+        ("serial:///dev/ttyUSB0?stop=3", ["'3'", "1, 1.5, 2"]),
+        ("serial:///dev/ttyUSB0?flow=both", ["'both'", "rtscts"]),
+        ("capture.bin?speed=0", ["speed is '0'", "from 0.01 to 1 000"]),
+        ("capture.bin?loop=maybe", ["loop is 'maybe'"]),
+        ("twin:abc", ["'abc'", "xbus"]),
+        ("twin:xbus?drop=2", ["drop is '2'", "from 0 to 1"]),
+        ("twin:xbus?dorp=0.1", ["dorp", "Did you mean drop?"]),
+    ],
+)
+def test_what_is_wrong_is_named_with_what_is_allowed(text: str, words: list[str]) -> None:
+    with pytest.raises(LinkError) as caught:
+        open_link(text)
+    error = caught.value
+    assert error.kind == "bad-source"
+    assert error.message.endswith(".")
+    assert error.hint
+    for word in words:
+        assert word in str(error)

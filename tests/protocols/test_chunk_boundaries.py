@@ -1,0 +1,73 @@
+"""Where a piece of a stream ends inside a frame, the frame is known by the bytes that came first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocols.chunk_boundaries import Pieces
+from protocols.clock_sync import HostClock
+from tests.protocols.timing_model import MS, PACKET, Device, Way, errors, mapped, settled, stream
+
+BYTE_NS = 1000.0
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 30), st.integers(0, 50_000)), min_size=1, max_size=30),
+    st.lists(st.integers(1, 60), min_size=1, max_size=20),
+    st.integers(0, 5),
+    st.booleans(),
+)
+def test_it_is_what_looking_at_every_byte_gives(
+    chunks: list[tuple[int, int]], sizes: list[int], forgotten: int, at_once: bool
+) -> None:
+    """The oracle: each byte has an arrival; a frame began no later than any end of a piece inside it allows."""
+    ends = np.cumsum([size for size, _ in chunks])
+    came = np.cumsum([after for _, after in chunks]) + 10**18
+    pieces = Pieces()
+    if at_once:
+        pieces.add_many(ends[:2], came[:2])
+    for end, arrival in zip(ends[2 * at_once :].tolist(), came[2 * at_once :].tolist(), strict=True):
+        pieces.add(end, arrival)
+    begins = np.cumsum([0, *sizes])
+    whole = [i for i, size in enumerate(sizes) if begins[i] + size <= ends[-1]][forgotten:]
+    if not whole:
+        return
+    pieces.forget(int(begins[whole[0]]))
+    offset, size = begins[whole], np.array(sizes)[whole]
+    arrival_of = np.repeat(came, [size for size, _ in chunks])
+    latest = arrival_of[offset + size - 1] - (size * BYTE_NS).astype(np.int64)
+    expected = []
+    for at, count, last in zip(offset.tolist(), size.tolist(), latest.tolist(), strict=True):
+        first = next((k for k in range(count - 1) if at + k + 1 in ends), None)
+        early = last if first is None else int(arrival_of[at + first]) - round((first + 1) * BYTE_NS)
+        expected.append(min(last, early))
+    assert pieces.sent(offset, size, latest, BYTE_NS).tolist() == expected
+
+
+def test_nothing_is_kept_that_nobody_asks_for() -> None:
+    pieces = Pieces()
+    for k in range(1, 1000):
+        pieces.add(10 * k, k)
+        pieces.forget(10 * k - 5)
+        assert len(pieces) <= 2
+    assert Pieces().sent(np.array([0]), 10, np.array([5]), BYTE_NS).tolist() == [5]
+
+
+@pytest.mark.parametrize(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
+def test_a_tail_that_always_waits_for_the_timer_is_no_offset(baud: int, rate: int, size: int) -> None:
+    """The last bytes of every frame are kept back for the same 16 ms, of which nothing is known: its first packet,
+    full at once, tells the truth."""
+    assert 1000 / rate > 16
+    assert size % PACKET
+    way = Way(baud, timer_ms=16)
+    given = stream(Device(((rate, size),), ppm=40), way, 25, seed=1)
+    late = settled(given)
+    told = mapped(given)
+    assert np.ptp(errors(given, told)[late]) < 0.1 * MS
+    assert np.abs(errors(given, told)[late]).max() < 0.2 * MS
+    assert told.clock.spread.bursts, "and what the adapter does is seen"
+    blind = mapped(given, HostClock(given.byte_ns))
+    assert np.abs(errors(given, blind)[late]).min() > 13 * MS

@@ -1,0 +1,82 @@
+"""Frames of any type, in any mode, with a key; a protocol that has no settings says so."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from protocols.events import batches
+from protocols.idtp.custom_payloads import parse
+from protocols.idtp.decoder import IdtpDecoder
+from protocols.idtp.driver import IdtpDriver
+from protocols.idtp.simulator import IdtpDevice
+from protocols.layouts import EncodeError
+from protocols.transactions import Known
+from tests.transaction_player import Wire, play
+
+DRIVER = IdtpDriver()
+KEY = bytes(range(32))
+VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "idtp" / "vectors.json").read_text())["vectors"]
+SCHEMA = parse(
+    '[[message]]\ntype = 0x90\nname = "Wheels"\n[[message.field]]\nname = "Speed"\ntype = "i16"\ncount = 2\n'
+)
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2])
+def test_every_standard_type_in_every_mode_is_read_back(mode: int) -> None:
+    for number, command in enumerate(DRIVER.commands(Known())[:7], 1):
+        readings = {field.name: 0.5 for field in command.arguments if field.dtype == "<f4"}
+        values = {"timestamp": 1000, "sequence": number, "device_id": 7, "mode": mode, **readings}
+        frame = DRIVER.frame(command.name, values, Known(key=KEY))
+        decoder = IdtpDecoder(key=KEY, min_mode=0)
+        decoder.feed(frame, 0)
+        [batch] = batches(decoder.drain(stalled=True))
+        assert (batch.message.name, batch.device, len(batch)) == (command.name, "7", 1)
+        assert DRIVER.name_of(frame) == command.name
+
+
+def test_spans_cover_every_golden_frame_in_order() -> None:
+    for row in VECTORS:
+        frame = bytes.fromhex(row["frame_hex"])
+        spans = DRIVER.spans(frame)
+        ends = [span.offset + span.size for span in spans]
+        assert [span.offset for span in spans] == [0, *ends[:-1]], row["what"]
+        assert ends[-1] == len(frame)
+
+
+def test_a_type_that_a_vendor_described() -> None:
+    driver = IdtpDriver(SCHEMA)
+    frame = driver.frame("Wheels", {"Speed": [1, -2], "mode": 0}, Known())
+    assert frame.hex().endswith("0100feff")
+    assert frame == driver.frame("Frame", {"type": 0x90, "data": "0100feff", "mode": 0}, Known())
+    assert driver.name_of(frame) == "Wheels"
+    assert [span.path for span in driver.spans(frame)][-1] == "Speed"
+    assert DRIVER.name_of(frame) == "0x90"
+
+
+@pytest.mark.parametrize(
+    ("command", "values", "said"),
+    [
+        ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0}, "acc_z is missing"),
+        ("Imu3Acc", {"acc_x": 0.0, "acc_y": 0.0, "acc_z": 0.0, "mode": 2}, "need a key"),
+        ("Frame", {"type": 256}, "from 0 to 255"),
+        ("Frame", {"data": "00" * 973}, "972"),
+        ("Nothing", {}, "no message is called"),
+    ],
+)
+def test_what_cannot_be_sent_is_said(command: str, values: dict[str, object], said: str) -> None:
+    with pytest.raises(EncodeError, match=said):
+        DRIVER.frame(command, values, Known())
+
+
+def test_a_device_is_heard_and_a_frame_sent() -> None:
+    wire = Wire(IdtpDevice(), "idtp")
+    assert play(DRIVER.alive(Known()), wire)
+    assert play(DRIVER.run("ImuQuat", {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, Known()), wire) == {}
+    assert wire.sent[-1].what == "ImuQuat"
+    assert DRIVER.settings(Known()) == ()
+    assert play(DRIVER.identify(Known(device="7")), wire) == Known(device="7")
+    with pytest.raises(EncodeError, match="no settings"):
+        play(DRIVER.read("any", Known()), wire)

@@ -1,0 +1,68 @@
+"""A short stretch of another protocol anywhere in a stream is seen, and chance is not taken for one."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from protocols.idtp.simulator import IdtpDevice
+from protocols.isb.simulator.device import IsbDevice
+from protocols.mixed_protocols import FEW, Mixture
+from protocols.registry import PROTOCOLS
+from protocols.xbus.simulator.device import XbusDevice
+
+S = 1_000_000_000
+
+
+def spoken(protocol: str, seconds: float, seed: int = 0) -> bytes:
+    make = {"xbus": XbusDevice, "isb": IsbDevice, "idtp": IdtpDevice}[protocol]
+    return make(seed=seed).advance(int(seconds * S))  # type: ignore[operator, no-any-return]
+
+
+def examine(own: str, data: bytes, size: int) -> Mixture:
+    mixture = Mixture(own)
+    for at in range(0, len(data), size):
+        mixture.feed(data[at : at + size])
+    mixture.feed(b"", final=True)
+    return mixture
+
+
+@pytest.mark.parametrize("size", [1, 997, 1 << 20])
+@pytest.mark.parametrize("own", PROTOCOLS)
+@pytest.mark.parametrize("other", PROTOCOLS)
+def test_a_short_stretch_in_the_middle_is_seen(own: str, other: str, size: int) -> None:
+    """Only the beginning and the end of a file were looked at, and of a fast replay what had just come by."""
+    if own == other:
+        return
+    seconds = 0.3 if size == 1 else 20
+    stretch = spoken(other, 2)[-1500:]
+    data = spoken(own, seconds) + stretch + spoken(own, seconds, seed=1)
+    mixture = examine(own, data, size)
+    assert mixture.others == [other]
+    alone = examine(own, stretch, size)
+    assert mixture.count == alone.count, "the cut of the chunks changes nothing, and neither does what is around"
+
+
+@pytest.mark.parametrize("own", PROTOCOLS)
+def test_what_a_frame_carries_is_its_own(own: str) -> None:
+    """An Xbus frame inside an Inertial Sense packet, as a payload may happen to be, is no message of an MTi."""
+    assert examine(own, spoken(own, 30), 1 << 16).others == []
+    xbus, isb = PROTOCOLS["xbus"].sample, PROTOCOLS["isb"].sample
+    from protocols.idtp.frames import build as idtp
+    from protocols.isb.frames import DATA
+    from protocols.isb.frames import build as packet
+    from protocols.xbus.frames import build as frame
+
+    hidden = {
+        "xbus": b"".join(frame(0x90, isb) for _ in range(10)),
+        "isb": b"".join(packet(DATA, 200, xbus) for _ in range(10)),
+        "idtp": b"".join(idtp(4, (xbus + bytes(36))[:36], sequence=n, mode=1) for n in range(10)),
+    }
+    assert examine(own, hidden[own], 50).count == {}
+
+
+def test_noise_is_no_protocol() -> None:
+    noise = random.Random(1).randbytes(1 << 22)
+    for own in PROTOCOLS:
+        assert sum(examine(own, noise, 1 << 16).count.values()) < FEW

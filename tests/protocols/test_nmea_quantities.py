@@ -1,0 +1,86 @@
+"""What sentences measure: units as the sentence's own table has them, vectors whole, headings that wrap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from protocols import imx_sentences
+from protocols.events import Text
+from protocols.nmea import SENTENCES, SOURCE, checksum, find
+from protocols.nmea_quantities import Sentences
+from protocols.schema import Message
+
+
+def text(name: str, offset: int = 0, **fields: object) -> Text:
+    return Text("nmea", name, "", offset, 1, 1_000 + offset, fields)
+
+
+@pytest.mark.parametrize("row", imx_sentences.ROWS, ids=lambda row: row.name)
+def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
+    """They were field_01, field_02 … as text: nothing to plot, and no unit."""
+    numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
+    (batch,) = Sentences().batches([text(row.name, **numbers)])
+    shown = {field.unit for field in batch.message.fields if field.unit}
+    assert shown == {field.unit for field in row.fields if field.unit}
+    vectors = {name[:-1] for name in numbers if name.endswith("X")}
+    assert sum(len(field.axes) == 3 for field in batch.message.fields) >= len(vectors)
+
+
+@pytest.mark.parametrize("row", [row for row in SENTENCES.values() if row.source == SOURCE], ids=lambda row: row.name)
+def test_every_number_of_an_mti_has_its_unit(row: Message) -> None:
+    numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype == "f8"}
+    (batch,) = Sentences().batches([text(row.name, **numbers)])
+    shown = sorted(field.unit for field in batch.message.fields if field.unit)
+    kinds = {(field.name.rstrip("XYZ"), field.unit) for field in row.fields if field.dtype == "f8" and field.unit}
+    assert shown == sorted(unit for _, unit in kinds)
+    for field in batch.message.fields:
+        assert field.period == (360 if field.name.startswith("heading") else 0)
+
+
+def test_numbers_along_axes_are_one_quantity() -> None:
+    names = ["q0", "q1", "q2", "q3", *(f"{kind}{axis}" for kind in ("acc", "gyr", "mag") for axis in "XYZ"), "temp"]
+    texts = [text("PSONCMS", k, **{name: float(i + k) for i, name in enumerate(names)}) for k in range(3)]
+    (batch,) = Sentences().batches(texts)
+    assert list(batch.columns) == ["Quaternion", "Acceleration", "RateOfTurn", "MagneticField", "temp"]
+    assert batch.columns["Quaternion"].shape == (3, 4)
+    assert batch.columns["Acceleration"][2].tolist() == [6, 7, 8]
+    assert batch.message.apart == ("Quaternion", "Acceleration", "RateOfTurn", "MagneticField")
+    assert batch.offset.tolist() == [0, 1, 2]
+
+
+def test_a_sentence_keeps_its_message_and_words_alone_make_none() -> None:
+    sentences = Sentences()
+    (first,) = sentences.batches([text("HCHDM", headingM=354.0, ref="M")])
+    more = [text("HCHDM", headingM=1.0), text("GPTXT", text="hello"), text("X", a=np.int64(1))]
+    second, other = sentences.batches(more)
+    assert first.message is second.message
+    assert first.message.fields[0].title == "Heading, magnetic"
+    assert (other.message.title, other.message.fields[0].name) == ("NMEA X", "a")
+    assert sentences.batches([text("", headingM=1.0)]) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("PHTRO,10.37,P,177.62,T", {"pitch": -10.37, "roll": 177.62}),
+        ("PHTRO,10.37,M,17.62,B", {"pitch": 10.37, "roll": -17.62}),
+        ("HCHDG,101.1,7.5,W,3.2,E", {"deviation": -7.5, "variation": 3.2}),
+        ("HCHDG,101.1,7.5,E,3.2,W", {"deviation": 7.5, "variation": -3.2}),
+        (
+            "GPRMC,081836,A,3751.65,S,14507.36,E,000.0,360.0,130998,011.3,W",
+            {"lat": -37.860833, "lon": 145.122667, "mv": -11.3},
+        ),
+        ("GPRMC,081836,A,3751.65,N,14507.36,W,000.0,360.0,130998,011.3,E", {"lon": -145.122667, "mv": 11.3}),
+        ("GPXTE,A,A,0.67,L,N", {"ctrkerr": -0.67}),
+        ("GPDTM,W84,,0.5,S,0.25,W,1.0,W84", {"latOfset": -0.5, "lonOfset": -0.25}),
+        ("HCHDM,354.0,M", {"headingM": 354.0}),
+    ],
+)
+def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, float]) -> None:
+    """Pitch and roll of $PHTRO, deviation and variation came out positive whatever the letter said."""
+    raw = f"${line}*{checksum(line.encode()):02X}\r\n".encode()
+    (found,), _ = find(raw, final=True)
+    (batch,) = Sentences().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
+    assert {name: float(batch.columns[name][0]) for name in expected} == pytest.approx(expected)
+    assert found.line == raw.decode().strip()

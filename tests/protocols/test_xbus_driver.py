@@ -1,0 +1,462 @@
+"""Do the dialogues bring an MTi to where they should, and back, whatever it does? Played against the twin."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from protocols.events import Reply
+from protocols.layouts import EncodeError
+from protocols.registry import PROTOCOLS
+from protocols.transactions import Dialogue, Expect, InState, Known, RefusedError, Send, SilentError, Values, stop
+from protocols.xbus import frames
+from protocols.xbus.device_info import identity
+from protocols.xbus.products import MODELS
+from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.faults import Moods
+from protocols.xbus.simulator.settings import PRODUCTS
+from tests.protocols.xbus_simulators import CHANGES, Between, Deaf, known_of, names, phase, wire
+from tests.protocols.xbus_values import DRIVER, sensible
+from tests.transaction_player import Wire, play
+
+# -- reading and writing -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("product", PRODUCTS)
+def test_a_device_tells_who_it_is_and_goes_on_measuring(product: str) -> None:
+    line = wire(product)
+    known = known_of(line)
+    assert known.product.startswith(product)
+    long = known.serial_number.startswith("00808")  # 64 bits, as the 600-series has them
+    assert len(known.serial_number) == (10 if long else 8)
+    assert long == (PRODUCTS[product].series == 600)
+    assert known.firmware.count(".") == 2
+    assert phase(line) == "measurement"
+
+
+@pytest.mark.parametrize("product", PRODUCTS)
+def test_everything_that_a_product_keeps_is_read_written_and_put_back(product: str) -> None:
+    """What is read may be written as it is, and then nothing has changed."""
+    line = wire(product)
+    known = known_of(line)
+    settings = DRIVER.settings(known)
+
+    def body() -> Dialogue[dict[str, Values]]:
+        found: dict[str, Values] = {}
+        for setting in settings:
+            values = yield from DRIVER.read(setting.name, known)
+            assert set(values) == {field.name for field in setting.fields}, setting.name
+            found[setting.name] = values
+            if setting.write and values != {"outputs": []}:
+                written = yield from DRIVER.write(setting.name, values, known)
+                assert written.refused == "", (setting.name, written)
+                assert written.got is not None
+                assert DRIVER.same(setting.name, values, written.got) == []
+        return found
+
+    found = play(DRIVER.within(body(), known), line)
+    assert len(found) == len(settings) >= 11
+    assert phase(line) == "measurement"
+
+
+def test_every_setting_that_can_be_written_is_among_the_changes() -> None:
+    written = {
+        setting.name
+        for model in MODELS.values()
+        for setting in DRIVER.settings(Known(product=model.name))
+        if setting.write
+    }
+    assert set(CHANGES) == written
+
+
+@pytest.mark.parametrize("setting", CHANGES)
+def test_a_change_is_read_back_and_survives_a_restart(setting: str) -> None:
+    product, values = CHANGES[setting]
+    line = wire(product)
+    known = known_of(line)
+    before = play(DRIVER.within(DRIVER.read(setting, known), known), line)
+    written = play(DRIVER.within(DRIVER.write(setting, values, known), known), line)
+    assert written.refused == ""
+    assert written.got is not None
+    assert DRIVER.same(setting, values, written.got) == []
+    assert DRIVER.same(setting, before, written.got) != []
+    play(DRIVER.store_and_restart(known), line)
+    line.pass_time(2)
+    again = play(DRIVER.within(DRIVER.read(setting, known), known), line)
+    assert DRIVER.same(setting, values, again) == []
+
+
+def test_a_rate_that_the_device_altered_is_read_back_as_it_is() -> None:
+    line = wire()
+    known = known_of(line)
+    values = {"outputs": [{"data_identifier": 0x4020, "output_frequency": 150}]}
+    written = play(DRIVER.within(DRIVER.write("OutputConfiguration", values, known), known), line)
+    assert written.got == {"outputs": [{"data_identifier": 0x4020, "output_frequency": 100}]}
+    assert DRIVER.same("OutputConfiguration", values, written.got) == ["outputs.0.output_frequency"]
+
+
+def test_no_outputs_and_no_sync_settings_are_written_and_read_as_empty_lists() -> None:
+    line = wire()
+    known = known_of(line)
+    for setting, name in (("OutputConfiguration", "outputs"), ("SyncSettings", "settings")):
+        written = play(DRIVER.within(DRIVER.write(setting, {name: []}, known), known), line)
+        assert written.got == {name: []}
+
+
+def test_a_refusal_is_told_in_the_documents_words_and_the_device_measures_again() -> None:
+    line = wire()
+    known = known_of(line)
+    written = play(DRIVER.within(DRIVER.write("FilterProfile", {"profile": "Nonsense"}, known), known), line)
+    assert written.refused == "parameter invalid or outside its range"
+    assert written.got is None
+    assert phase(line) == "measurement"
+
+
+def test_option_flags_are_set_and_cleared_to_the_wanted_word() -> None:
+    line = wire("MTi-3")
+    known = known_of(line)
+    for word in (0x90, 0x82, 0):
+        written = play(DRIVER.within(DRIVER.write("OptionFlags", {"flags": word}, known), known), line)
+        assert written.got == {"flags": word}
+
+
+# -- every command of every product ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("product", PRODUCTS)
+def test_every_command_of_every_product_is_answered(product: str) -> None:
+    """In the state that it says it needs; refused is only what depends on something that is not there."""
+    for command in DRIVER.commands(Known(product=product)):
+        line = wire(product)
+        known = known_of(line)
+        if command.name == "ReqData":
+            software = {"settings": [{**dict.fromkeys(SYNC_FIELDS, 0), "function": 8, "line": 6, "polarity": 1}]}
+            play(DRIVER.within(DRIVER.write("SyncSettings", software, known), known), line)
+            line.pass_time(0.1)
+        if command.name == "WakeUpAck":
+            play(DRIVER.run("Reset", {}, known), line)
+            line.pass_time(0.4)
+        values = dict(sensible(command, known))
+        play(DRIVER.within(DRIVER.run(command.name, values, known), known), line)
+        if command.name == "GoToConfig" or command.name == "WakeUpAck":
+            assert phase(line) == "config"
+        elif command.name == "Reset":
+            assert phase(line) == "boot"
+        else:
+            assert phase(line) == "measurement", command.name
+
+
+SYNC_FIELDS = (
+    *("function", "line", "polarity", "trigger_once", "skip_first", "skip_factor", "pulse_width"),
+    "delay_offset_or_clock_period",
+)
+
+
+def test_a_command_says_in_which_state_it_runs() -> None:
+    known = Known(product="MTi-630")
+    states = {
+        ("ResetOrientation", 0): "config",
+        ("ResetOrientation", 3): "measuring",
+        ("IccCommand", 2): "config",
+        ("IccCommand", 1): "measuring",
+    }
+    arguments = {"ResetOrientation": "code", "IccCommand": "command"}
+    for (command, code), state in states.items():
+        dialogue = DRIVER.run(command, {arguments[command]: code}, known)
+        assert isinstance(dialogue, InState)
+        assert dialogue.state == state
+
+
+def alignments(line: Wire, known: Known) -> tuple[Values, Values]:
+    """What is stored: the rotation of the sensor, that of the local frame."""
+
+    def body() -> Dialogue[tuple[Values, Values]]:
+        sensor = yield from DRIVER.read("AlignmentRotation.RotSensor", known)
+        return sensor, (yield from DRIVER.read("AlignmentRotation.RotLocal", known))
+
+    return play(DRIVER.within(body(), known), line)
+
+
+UNITY = {"q0": 1.0, "q1": 0.0, "q2": 0.0, "q3": 0.0}
+
+
+def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_begins() -> None:
+    line = wire(seconds=5.0)
+    known = known_of(line)
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
+    play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known), line)
+    assert alignments(line, known) == (UNITY, UNITY)
+
+
+@pytest.mark.parametrize("stubborn", [False, True])
+def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
+    """Nothing comes between the two, not even the Reset of a device that is deaf to GoToConfig."""
+    line = wire(seconds=5.0, measuring=True, moods=Moods(stubborn=stubborn))
+    known = Known(product="MTi-630")
+    play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
+    store = DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known)
+    if stubborn:
+        with pytest.raises(SilentError, match="GoToConfig"):
+            play(store, line)
+        assert "Reset" not in names(line)
+        return
+    play(store, line)
+    assert names(line) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    sensor, local = alignments(line, known)
+    assert UNITY not in (sensor, local)
+
+
+def test_an_orientation_is_reset_and_stored_in_one_action() -> None:
+    line = wire(seconds=5.0)
+    known = known_of(line)
+    line.sent.clear()
+    play(DRIVER.within(DRIVER.run("ResetOrientation.Stored", {"code": 3}, known), known), line)
+    assert names(line) == ["ResetOrientation", "GoToConfig", "ResetOrientation", "GoToMeasurement"]
+    assert phase(line) == "measurement"
+    sensor, local = alignments(line, known)
+    assert sensor != UNITY
+    assert local == UNITY
+
+
+def test_a_command_for_measuring_does_not_tell_a_device_to_measure_that_streams() -> None:
+    """It is an error to it, and stood in the log before every such command."""
+    line = wire()
+    known = known_of(line)
+    line.sent.clear()
+    play(DRIVER.within(DRIVER.run("SetNoRotation", {"duration": 1}, known), known), line)
+    assert names(line) == ["SetNoRotation"]
+
+
+def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_of_its_restart() -> None:
+    """All answers were lost; the device had heard GoToConfig, and stayed silent for ever."""
+
+    class Unheard(Between):
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            return b""
+
+    line = Wire(Unheard(), "xbus")
+    line.pass_time(1)
+    with pytest.raises(SilentError, match="after a Reset"):
+        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
+    assert names(line)[-1] == "GoToMeasurement"
+    assert line.notes == ["The device does not answer GoToConfig: it is restarted (Reset)."]
+    line.pass_time(2)
+    assert isinstance(line.device, Unheard)
+    assert line.device.device.phase == "measurement"
+
+
+def test_a_sample_that_was_streamed_is_not_the_answer_to_a_request_that_is_refused() -> None:
+    """Without SendLatest the device refuses, behind the samples that were on their way: "Done." said the job."""
+    line = wire(moods=Moods(late_ns=30_000_000))
+    with pytest.raises(RefusedError, match="ReqData"):
+        play(DRIVER.within(DRIVER.run("ReqData", {}, Known(product="MTi-630")), Known()), line)
+
+
+def test_a_period_longer_than_ten_milliseconds_is_made_of_skips() -> None:
+    line = wire("MTi-30")
+    known = known_of(line)
+
+    def body() -> Dialogue[tuple[Values | None, Values]]:
+        written = yield from DRIVER.write("Period", {"period": 2304}, known)
+        return written.got, (yield from DRIVER.read("OutputSkipFactor", known))
+
+    assert play(DRIVER.within(body(), known), line) == ({"period": 1152}, {"skip_factor": 1})
+    with pytest.raises(EncodeError, match="multiple of 1152"):
+        DRIVER.setting_frames("Period", {"period": 2000}, known)
+
+
+def test_a_serial_number_of_64_bits_is_one_whichever_message_tells_it() -> None:
+    """Configuration has the low word first: before and after a reading one device was two."""
+    line = wire("MTi-680G", serial=0x80AB_CDEF)
+    line.device.receive(frames.build(0x30), line.now_ns)
+    told = []
+    for number in (0x00, 0x0C):
+        decoder = PROTOCOLS["xbus"].decoder()
+        decoder.feed(line.device.receive(frames.build(number), line.now_ns), 0)
+        told += [identity(event)["serial_number"] for event in decoder.drain() if isinstance(event, Reply)]
+    assert told == ["0080ABCDEF"] * 2
+    assert DRIVER.formerly("0080ABCDEF") == ("80ABCDEF", "80ABCDEF00000000")
+    assert DRIVER.formerly("03880001") == ()
+
+
+def test_what_may_not_be_done_twice_is_asked_once() -> None:
+    """A second AdjustUTCTime after a lost acknowledgement would move the clock twice."""
+    line = Wire(Deaf(), "xbus")
+    with pytest.raises(SilentError) as silent:
+        play(DRIVER.run("AdjustUTCTime", {"correction": 5}, Known()), line)
+    assert silent.value.tries == 1
+    assert names(line) == ["AdjustUTCTime"]
+
+
+# -- devices that do not do as they should -----------------------------------------------------------------------------
+
+
+def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
+    line = wire(moods=Moods(stubborn=True))
+    known = Known(product="MTi-630")
+    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
+    sent = names(line)
+    assert sent.count("Reset") == 1
+    assert "WakeUpAck" in sent[sent.index("Reset") :]
+    assert sent[-1] == "GoToMeasurement"
+    assert phase(line) == "measurement"
+    assert line.now_ns < 5e9
+
+
+def test_a_device_that_is_just_starting_is_kept_in_config() -> None:
+    line = Wire(XbusDevice(start_ns=50_000_000), "xbus")
+    known = Known(product="MTi-630")
+    play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    assert names(line)[:2] == ["GoToConfig", "WakeUpAck"]
+
+
+def test_silence_is_told_with_what_was_asked_and_how_often() -> None:
+    line = Wire(Deaf(), "xbus")
+    with pytest.raises(SilentError, match="No answer to GoToConfig") as silent:
+        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
+    assert silent.value.tries == 45
+    assert line.now_ns == pytest.approx(4.5e9 + 3 * 0.5e9, rel=0.01)
+
+
+def test_an_answer_that_is_lost_is_asked_for_again() -> None:
+    class Lossy(Between):
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            return b"" if self.answers % 2 else answer
+
+    line = Wire(Lossy(), "xbus")
+    line.pass_time(1)
+    known = Known(product="MTi-630")
+    written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
+    assert written.got == {"location_id": 7}
+
+
+def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
+    """Both have one number; an empty one holds no values."""
+
+    class Late(Between):
+        held = b""
+
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            late, self.held = self.held, answer
+            return late
+
+    line = Wire(Late(), "xbus")
+    line.pass_time(1)
+    known = Known(product="MTi-630")
+    line.device.receive(frames.build(0x30), line.now_ns)
+    written = play(DRIVER.write("LocationID", {"location_id": 7}, known), line)
+    assert written.got == {"location_id": 7}
+
+
+def test_a_device_that_stops_answering_is_told_of_and_left_measuring_where_it_hears() -> None:
+    class Mute(Between):
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            return b"" if b"\xfa\xff\x85" in answer else answer
+
+    line = Wire(Mute(), "xbus")
+    line.pass_time(1)
+    known = Known(product="MTi-630")
+    with pytest.raises(SilentError, match="ReqLocationID"):
+        play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
+    assert names(line)[-1] == "GoToMeasurement"
+
+
+def test_a_stopped_dialogue_still_tells_the_device_to_measure() -> None:
+    """The browser has gone, the job is stopped: what remains to be written is GoToMeasurement."""
+    line = wire()
+    known = Known(product="MTi-630")
+
+    def body() -> Dialogue[None]:
+        yield from DRIVER.read("LocationID", known)
+        yield from DRIVER.read("LatLonAlt", known)
+
+    dialogue = DRIVER.within(body(), known)
+    act = next(dialogue)
+    while not (isinstance(act, Send) and DRIVER.name_of(act.frame) == "ReqLatLonAlt"):
+        act = dialogue.send(line.do(act))
+    assert phase(line) == "config"
+    for send in stop(dialogue):
+        line.write(send)
+    assert names(line)[-1] == "GoToMeasurement"
+    assert phase(line) == "measurement"
+
+
+def test_an_error_of_the_device_has_its_detail() -> None:
+    class Broken(Between):
+        def spoil(self, answer: bytes, now_ns: int) -> bytes:
+            return frames.build(0x42, struct.pack(">BI", 40, 6))
+
+    line = Wire(Broken(), "xbus")
+    with pytest.raises(RefusedError, match="DSP crashed") as refused:
+        play(DRIVER.run("ReqDID", {}, Known()), line)
+    assert refused.value.code == 40
+
+
+def test_answers_that_get_lost_or_say_something_else_are_asked_for_again() -> None:
+    """Three tries each: with one answer in five lost and one in ten another, a few hundred exchanges go through."""
+    line = wire(moods=Moods(mute=0.2, wrong=0.1), seed=5)
+    known = Known(product="MTi-630")
+    done = failed = 0
+    for number in range(60):
+        try:
+            written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
+        except SilentError:
+            failed += 1
+        else:
+            assert written.got == {"location_id": number}
+            done += 1
+    assert done > 45
+    assert failed < 15
+
+
+def test_answers_that_are_late_are_still_the_right_ones() -> None:
+    """Each comes when the next try is on its way: what is read back is what was written."""
+    line = wire(moods=Moods(late_ns=700_000_000))
+    known = Known(product="MTi-630")
+    for number in (7, 8):
+        written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
+        assert written.got == {"location_id": number}
+
+
+def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> None:
+    line = wire(moods=Moods(cut=1))
+    known = Known(product="MTi-630")
+    written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
+    assert written.refused == "the device restarted before it answered"
+    line.pass_time(2)
+    assert phase(line) == "measurement"
+    assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
+    written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
+    assert written.got == {"location_id": 7}
+
+
+def waits(dialogue: Dialogue[Any]) -> Iterator[Expect]:
+    """The expectations of a dialogue that nobody answers."""
+    try:
+        act = next(dialogue)
+        while True:
+            if isinstance(act, Expect):
+                yield act
+            act = dialogue.send(None)
+    except (StopIteration, SilentError):
+        return
+
+
+def test_waits_are_as_long_as_the_vendors_software_waits() -> None:
+    known = Known(product="MTi-30")
+    waited = {
+        "RunSelftest": 3.0,
+        "RestoreFactoryDef": 2.0,
+        "SetBaudrate": 1.0,
+        "ReqConfiguration": 5.0,
+        "IccCommand": 3.5,
+        "ReqDID": 0.5,
+    }
+    rows = {command.name: command for command in DRIVER.commands(known)}
+    for name, seconds in waited.items():
+        acts = list(waits(DRIVER.run(name, sensible(rows[name], known), known)))
+        assert {act.timeout_s for act in acts} == {seconds}, name

@@ -1,0 +1,244 @@
+"""When does a frame arrive whose device, line, adapter and host are known to the nanosecond?
+
+A simulator for tests of the clock mapping: it knows the truth, which no real link tells.
+
+    device ──────────> line ───────────────> adapter ───────────> host
+    sample at `true`,  bytes × 10 ÷ baud;    hands over at 62     reads a little later;
+    stamped by its     frames queue behind   bytes or when its    now and then much later
+    own clock          each other            timer runs out
+
+Truth is the end of the frame on the wire: `true` is that of a frame which meets nothing on its way, less the time that
+its own bytes take (which the mapping subtracts as well, so that frames of any size fall on one line).
+
+Source: FTDI, AN232B-04 "Data Throughput, Latency and Handshaking", sections 3.2 and 3.3: 62 bytes of payload in a
+packet of 64; the latency timer starts anew with each packet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.chunk_boundaries import Pieces
+from protocols.clock_sync import HostClock, Part
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+EPOCH_NS = 1_700_000_000 * 10**9
+US, MS, S = 1e3, 1e6, 1e9
+PACKET = 62  # bytes that an FTDI adapter hands over at once
+
+
+@dataclass(frozen=True)
+class Device:
+    """What samples and when.
+
+    Args:
+        messages: (samples/s, bytes of the frame) of each.
+        ppm: how much faster its clock runs than the host's.
+        tick_ns: of its clock: 100 µs in an MTi, 1 µs in IDTP.
+        jitter_us: mean time from the stamp to the first byte.
+        first_ns: its clock at the start.
+    """
+
+    messages: Sequence[tuple[float, int]] = ((100, 88),)
+    ppm: float = 0.0
+    tick_ns: int = 1000
+    jitter_us: float = 20.0
+    first_ns: int = 7 * 10**9
+
+
+@dataclass(frozen=True)
+class Way:
+    """What lies between device and host.
+
+    Args:
+        baud: of the line; 0: bytes take no time.
+        timer_ms: of the adapter; 0: there is none.
+        timer_ppm: how slow the adapter's own clock is.
+        wake_us: mean time until the host reads.
+        network_ms: mean of what a network adds.
+        stalls: (begin, end) in s: the host reads nothing in between.
+        loss: share of frames that do not arrive.
+    """
+
+    baud: int = 115_200
+    timer_ms: float = 0.0
+    timer_ppm: float = 17.0
+    wake_us: float = 40.0
+    network_ms: float = 0.0
+    stalls: Sequence[tuple[float, float]] = ()
+    loss: float = 0.0
+
+    @property
+    def byte_ns(self) -> float:
+        return 10 * S / self.baud if self.baud else 0.0
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Frames in the order of the stream; `true` in ns after the epoch of the test, `arrival` in unix ns.
+
+    `ends`, `came`: where what the host read at once ended in the stream, and when it did, unix ns.
+    """
+
+    true: Floats
+    device: Times
+    arrival: Times
+    size: Times
+    byte_ns: float
+    ends: Times
+    came: Times
+
+    def __len__(self) -> int:
+        return len(self.true)
+
+    def pieces(self) -> Pieces:
+        """What a session would know of them."""
+        pieces = Pieces()
+        pieces.add_many(self.ends, self.came)
+        return pieces
+
+
+def stream(device: Device, way: Way, seconds: float, seed: int = 0) -> Stream:
+    """What a device sends in so many seconds."""
+    random = np.random.default_rng(seed)
+    true, size = [], []
+    for rate, frame in device.messages:
+        count = int(rate * seconds)
+        true.append((np.arange(count) / rate + random.uniform(0, 0.5) / rate) * S / (1 + device.ppm * 1e-6))
+        size.append(np.full(count, frame))
+    order = np.argsort(np.concatenate(true), kind="stable")
+    truth, sizes = np.concatenate(true)[order], np.concatenate(size)[order]
+    stamp = device.first_ns + truth * (1 + device.ppm * 1e-6)
+    stamps = (stamp // device.tick_ns * device.tick_ns).astype(np.int64)
+    ready = np.maximum.accumulate(truth + random.exponential(device.jitter_us * US, len(truth)))
+    end = _on_the_line(ready, sizes * way.byte_ns)
+    places = np.cumsum(sizes)
+    packets, ends = end, places
+    if way.timer_ms:
+        packets, ends = _through_the_adapter(end, sizes, way, random.uniform(0, way.timer_ms))
+    came = (EPOCH_NS + _to_the_host(packets, way, random)).astype(np.int64)
+    arrivals = came[np.searchsorted(ends, places)]
+    kept = random.random(len(truth)) >= way.loss
+    ends = np.interp(ends, np.append(0, places), np.append(0, np.cumsum(sizes * kept))).round().astype(np.int64)
+    return Stream(truth[kept], stamps[kept], arrivals[kept], sizes[kept], way.byte_ns, ends, came)
+
+
+def _on_the_line(ready: Floats, takes: Floats) -> Floats:
+    """When the last byte of each frame has passed: one frame after the other."""
+    before = np.concatenate([[0.0], np.cumsum(takes)[:-1]])
+    return np.asarray(np.maximum.accumulate(ready - before) + before + takes)
+
+
+def _through_the_adapter(end: Floats, size: Times, way: Way, phase_ms: float) -> tuple[Floats, Times]:
+    """When each packet leaves, and how many bytes of the stream have left with it."""
+    timer, byte = way.timer_ms * MS * (1 + way.timer_ppm * 1e-6), way.byte_ns
+    packets, ends = [], []
+    last = phase_ms * MS - timer  # when the timer was started
+    held, gone = 0, 0  # bytes in the adapter; those that have left it
+    for finish, count in zip(end.tolist(), size.tolist(), strict=True):
+        begin, left = finish - count * byte, count
+        while True:
+            if held == 0:
+                last += max(0.0, (begin + byte - last) // timer) * timer
+            expires = last + timer
+            room = PACKET - held
+            full = begin + room * byte
+            if left >= room and full <= expires:
+                packet_end, taken = full, room
+            else:
+                taken = min(left, max(0, int((expires - begin) / byte))) if byte else left
+                if taken == left and begin + left * byte <= expires:
+                    held += left
+                    break
+                packet_end = expires
+            begin, left = begin + taken * byte, left - taken
+            gone += held + taken
+            packets.append(packet_end)
+            ends.append(gone)
+            held, last = 0, packet_end
+            if left == 0:
+                break
+    if held:
+        packets.append(last + timer)
+        ends.append(gone + held)
+    return np.array(packets), np.array(ends, np.int64)
+
+
+def _to_the_host(packets: Floats, way: Way, random: np.random.Generator) -> Floats:
+    """When the reading thread has them."""
+    packets = packets + random.exponential(way.wake_us * US, len(packets))
+    if way.network_ms:
+        packets += 0.3 * MS + random.exponential(way.network_ms * MS, len(packets))
+    packets = np.maximum.accumulate(packets)
+    for begin, over in way.stalls:
+        packets = np.where((packets >= begin * S) & (packets < over * S), over * S, packets)
+    return np.asarray(np.maximum.accumulate(packets))
+
+
+def stepped(given: Stream, at_s: float, by_s: float) -> Stream:
+    """The device's clock moves by so much at that time."""
+    device = given.device + np.where(given.true >= at_s * S, round(by_s * S), 0)
+    return replace(given, device=device)
+
+
+def reset(given: Stream, at_s: float, away_s: float = 0.4) -> Stream:
+    """The device starts again: silent for a while, then its clock counts from zero."""
+    kept = (given.true < at_s * S) | (given.true >= (at_s + away_s) * S)
+    after = given.true[kept] >= at_s * S
+    device = given.device[kept]
+    if after.any():
+        device = device - np.where(after, device[after.argmax()] - 100_000, 0)
+    places = np.append(0, np.cumsum(given.size))
+    ends = np.interp(given.ends, places, np.append(0, np.cumsum(given.size * kept))).round().astype(np.int64)
+    arrival, size = given.arrival[kept], given.size[kept]
+    return Stream(given.true[kept], device, arrival, size, given.byte_ns, ends, given.came)
+
+
+# -- what a clock makes of it ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """Per row, as first told: host time and ±, in ns; how often the mapping had begun anew by then."""
+
+    host: Floats
+    bound: Floats
+    restarts: Times
+    clock: HostClock
+
+
+def mapped(given: Stream, clock: HostClock | None = None, *, drain_ms: float = 8) -> Mapped:
+    """Feed a clock as a session does: every some milliseconds, what has arrived of each message."""
+    clock = clock or HostClock(given.byte_ns, pieces=given.pieces())
+    ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1
+    host, bound, restarts = np.empty(len(given)), np.empty(len(given)), np.empty(len(given), np.int64)
+    offset = np.cumsum(given.size) - given.size
+    for first, last in zip([0, *ends.tolist()], [*ends.tolist(), len(given)], strict=True):
+        parts, rows = [], []
+        for size in np.unique(given.size[first:last]).tolist():
+            which = first + np.flatnonzero(given.size[first:last] == size)
+            rows.append(which)
+            parts.append(Part(given.device[which], given.arrival[which], offset[which], size, size))
+        for which, times in zip(rows, clock.times(parts), strict=True):
+            host[which] = (times - EPOCH_NS / S) * S
+        bound[first:last], restarts[first:last] = clock.uncertainty_ns, clock.restarts
+    return Mapped(host, bound, restarts, clock)
+
+
+def errors(given: Stream, told: Mapped) -> Floats:
+    """Mapped time against truth, ns."""
+    return np.asarray(told.host - given.true)
+
+
+def settled(given: Stream, since_s: float = 10.0, begins: Sequence[float] = (0.0,)) -> NDArray[np.bool_]:
+    """Rows that come that long after each beginning (a start, a jump, a reset), and before the next."""
+    keep = np.zeros(len(given), bool)
+    for begin, over in zip(begins, [*begins[1:], np.inf], strict=True):
+        keep |= (given.true >= (begin + since_s) * S) & (given.true < over * S)
+    return keep

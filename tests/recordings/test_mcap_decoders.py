@@ -1,0 +1,165 @@
+"""What other programs recorded, written by their own libraries: ROS 2 bags, protobuf; the senseless does no harm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import Writer as McapWriter
+from mcap_ros2.writer import Writer as RosWriter
+
+from recordings.importers import open_file
+from recordings.mcap_decoders import reader_of
+from recordings.mcap_reader import Topic
+from recordings.mcap_writer import RecordingError
+from recordings.tabular import Rows, TableSource
+from tests.recordings.store_fixtures import START
+
+NS = round(START * 1e9)
+IMU = """std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+geometry_msgs/Vector3 linear_acceleration
+uint8[] raw
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x 0
+float64 y 0
+float64 z 0
+float64 w 1
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+
+
+def bag(path: Path) -> Path:
+    with path.open("wb") as file:
+        writer = RosWriter(file)
+        schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
+        for n in range(50):
+            stamp = NS + n * 10_000_000 - 3_000_000
+            message = {
+                "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": "imu" * (n % 3)},
+                "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+                "orientation_covariance": [float(k) for k in range(9)],
+                "angular_velocity": {"x": 0.1 * n, "y": -1.0, "z": 2.0},
+                "linear_acceleration": {"x": 0.0, "y": 0.0, "z": 9.81},
+                "raw": [1, 2, 3],
+            }
+            writer.write_message("/imu", schema, message, log_time=NS + n * 10_000_000)
+        writer.finish()
+    return path
+
+
+def rows_of(path: Path) -> Rows:
+    source = open_file(path)
+    assert isinstance(source, TableSource)
+    (rows,) = source.rows()
+    return rows
+
+
+def test_a_ros_2_bag_has_its_numbers_with_their_units_at_the_time_they_were_measured(tmp_path: Path) -> None:
+    rows = rows_of(bag(tmp_path / "bag.mcap"))
+    assert rows.table == "/imu"
+    np.testing.assert_allclose(rows.columns["angular_velocity.x"][0], 0.1 * np.arange(50))
+    assert rows.columns["angular_velocity.x"][1] == "rad/s"
+    assert rows.columns["linear_acceleration.z"][1] == "m/s²"
+    assert rows.columns["orientation_covariance.8"][0][0] == 8.0
+    assert "header.stamp" not in rows.columns
+    np.testing.assert_allclose(rows.arrival - rows.time, 0.003, atol=1e-6)
+
+
+def described() -> tuple[bytes, type]:
+    """A schema as foxglove's programs write it, and the class that it describes."""
+    file = descriptor_pb2.FileDescriptorProto(name="own.proto", package="own", syntax="proto3")
+    file.dependency.append("google/protobuf/timestamp.proto")
+    inner = file.message_type.add(name="Vector")
+    outer = file.message_type.add(name="Motion")
+    double, bytes_, message = (descriptor_pb2.FieldDescriptorProto.Type.Value(f"TYPE_{one}") for one in KINDS)
+    one, many = 1, 3
+    for n, name in enumerate("xyz", start=1):
+        inner.field.add(name=name, number=n, type=double, label=one)
+    outer.field.add(name="timestamp", number=1, type=message, type_name=".google.protobuf.Timestamp", label=one)
+    outer.field.add(name="turn", number=2, type=message, type_name=".own.Vector", label=one)
+    outer.field.add(name="noise", number=3, type=double, label=many)
+    outer.field.add(name="picture", number=4, type=bytes_, label=one)
+    stamp = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(stamp)
+    files = descriptor_pb2.FileDescriptorSet(file=[file, stamp])  # what is needed stands last, as some write it
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(stamp)
+    pool.Add(file)
+    return files.SerializeToString(), message_factory.GetMessageClass(pool.FindMessageTypeByName("own.Motion"))
+
+
+KINDS = ("DOUBLE", "BYTES", "MESSAGE")
+
+
+def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> None:
+    schema, motion = described()
+    path = tmp_path / "motion.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        number = writer.register_schema("own.Motion", "protobuf", schema)
+        channel = writer.register_channel("/motion", "protobuf", number)
+        for n in range(20):
+            told = motion(turn={"x": float(n)}, noise=[1.0, 2.0], picture=b"abc")
+            told.timestamp.FromNanoseconds(NS + n * 10**7 - 10**6)
+            writer.add_message(channel, NS + n * 10**7, told.SerializeToString(), 0)
+        writer.finish()
+    rows = rows_of(path)
+    assert rows.columns.keys() == {"turn.x", "turn.y", "turn.z", "noise.0", "noise.1"}
+    assert rows.columns["turn.x"][0].tolist() == list(range(20))
+    assert rows.columns["turn.y"][0].tolist() == [0.0] * 20  # nobody set it: it is zero, and told
+    np.testing.assert_allclose(rows.arrival - rows.time, 0.001, atol=1e-6)
+
+
+@pytest.mark.parametrize("encoding", [("cdr", "ros2msg"), ("protobuf", "protobuf")])
+@given(schema=st.binary(max_size=200), message=st.binary(max_size=60))
+def test_senseless_schemas_and_messages_give_no_numbers(
+    encoding: tuple[str, str], schema: bytes, message: bytes
+) -> None:
+    read = reader_of(Topic(1, "/odd", encoding[0], "a/msg/B", encoding[1], schema))
+    if read is not None:
+        read(message)
+
+
+@given(message=st.binary(max_size=120))
+def test_senseless_messages_of_a_known_kind_are_read_without_harm(message: bytes) -> None:
+    read = reader_of(Topic(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
+    assert read is not None
+    read(b"\x00\x01\x00\x00" + message)
+
+
+def test_an_array_of_nothing_is_not_counted_to_four_thousand_million() -> None:
+    text = b"a/Empty[] many\n====\nMSG: a/Empty\n# nothing\n"
+    assert reader_of(Topic(1, "/odd", "cdr", "a/msg/B", "ros2msg", text)) is None
+
+
+def test_what_nobody_can_read_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = writer.register_schema("a/B", "ros1msg", b"float64 x")
+        writer.add_message(writer.register_channel("/old", "ros1", schema), 1, bytes(8), 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="ros1"):
+        open_file(path)

@@ -1,0 +1,231 @@
+"""What is handed to a tape is on the disk, in order, in as many files as it takes; and a disk that fails is told of."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from recordings.compaction import pack
+from recordings.mcap_reader import Recording, json_messages
+from recordings.mcap_writer import RecordingError, Writer
+from recordings.recording_writer import GATHER_S, Limits, Tape
+from tests.recordings.test_mcap_writer import Message, messages, theirs
+from tests.timeouts import PATIENCE_S
+
+ABOUT = {"title": "A drive"}
+
+
+def named(folder: Path) -> Callable[[int], Path]:
+    return lambda part: folder / f"drive-{part}.mcap"
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"still not: {what}"
+        time.sleep(0.005)
+
+
+def read(path: Path) -> list[Message]:
+    with Recording(path) as recording:
+        return messages(recording)
+
+
+def put(tape: Tape, n: int, size: int = 50, start: int = 0) -> list[Message]:
+    wanted = []
+    for i in range(start, start + n):
+        data = i.to_bytes(4, "big") * (size // 4)
+        way = "tx" if i % 10 == 9 else "rx"
+        tape.chunk("1", way, data, i + 1)  # type: ignore[arg-type]
+        wanted.append((f"{way}/1", i + 1, data))
+    return wanted
+
+
+def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape.device("1", {"protocol": "xbus"})
+    wanted = put(tape, 5000)
+    tape.note("marker", "bump", 7, "1")
+    tape.event({"kind": "link", "text": "gone"}, 8)
+    tape.snapshot("1", {"values": {"Baudrate": {"rate": 2}}}, 9)
+    wanted += put(tape, 100, start=5000)
+    tape.stop()
+    assert tape.trouble is None
+    assert tape.behind_s == 0.0
+    path = tmp_path / "drive-1.mcap"
+    chunks = [message for message in read(path) if message[0][:2] in ("rx", "tx")]
+    assert chunks == wanted
+    assert theirs(path) == read(path)
+    with Recording(path) as recording:
+        assert recording.meta("device/1") == {"protocol": "xbus"}
+        assert list(json_messages(recording, "notes")) == [(7, {"kind": "marker", "text": "bump", "device": "1"})]
+        assert list(json_messages(recording, "snapshot/1")) == [(9, {"values": {"Baudrate": {"rate": 2}}})]
+        assert tape.bytes == recording.size
+
+
+def test_what_was_put_is_written_without_being_asked(tmp_path: Path) -> None:
+    """A process that is killed loses what is not in the file yet."""
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    wanted = put(tape, 100)
+    until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
+    tape.stop()
+    assert GATHER_S <= 0.010  # half of what may be lost
+
+
+def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
+    ended: list[Path] = []
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns, Limits(split_bytes=20_000), ended.append)
+    tape.device("1", {"protocol": "xbus"})
+    tape.device("1", {"product": "MTi-630"})
+    wanted: list[Message] = []
+    for start in range(0, 2000, 100):
+        wanted += put(tape, 100, start=start)
+        until(lambda: tape.behind_s == 0.0, "it is written")
+    tape.stop()
+    paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
+    assert len(paths) > 3
+    assert ended == paths
+    assert [message for path in paths for message in read(path)] == wanted
+    for n, path in enumerate(paths):
+        with Recording(path) as recording:
+            list(recording.blocks())
+            assert recording.whole
+            about = recording.meta("recording")
+            assert about["part"] == str(n + 1)
+            assert about["previous"] == (paths[n - 1].stem if n else "")
+            assert recording.meta("device/1") == {"protocol": "xbus", "product": "MTi-630"}
+            assert recording.size < 40_000
+        pack(path)
+        assert theirs(path) == read(path)
+
+
+def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
+    clock = count(0, 1_000_000_000)  # every look at it is a second later
+    tape = Tape(named(tmp_path), ABOUT, lambda: next(clock), Limits(split_s=30))
+    wanted = []
+    for start in range(0, 400, 10):
+        wanted += put(tape, 10, start=start)
+        until(lambda: not tape._queue, "it is written")
+    tape.stop()
+    paths = sorted(tmp_path.iterdir(), key=lambda path: int(path.stem.split("-")[1]))
+    assert len(paths) >= 2
+    assert [message for path in paths for message in read(path)] == wanted
+
+
+def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    room = [3000]
+
+    def write(fd: int, data: memoryview) -> int:
+        if not room[0]:
+            raise OSError(28, "No space left on device")
+        taken = min(room[0], len(data))
+        room[0] -= taken
+        return int(real(fd, data[:taken]))
+
+    real = os.write
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    monkeypatch.setattr(os, "write", write)
+    wanted = put(tape, 500)
+    until(lambda: not tape.running, "it has ended")
+    monkeypatch.undo()
+    tape.stop()
+    assert tape.trouble is not None
+    assert "disk is full" in tape.trouble.message
+    assert "kept" in tape.trouble.hint
+    found = read(tmp_path / "drive-1.mcap")
+    assert 0 < len(found) < 500
+    assert found == wanted[: len(found)]
+    room_for_one_more = 3000 - sum(len(data) + 31 for _, _, data in found)
+    assert room_for_one_more < 31 + 50 + 200  # records that fitted are there; the channels' own records are the rest
+
+
+def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_back(tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    tape = Tape(named(folder), ABOUT, time.time_ns)
+    wanted = put(tape, 100)
+    until(lambda: tape.behind_s == 0.0, "it is written")
+    shutil.rmtree(folder)
+    until(lambda: not tape.running, "it has noticed")
+    tape.stop()
+    assert tape.trouble is not None
+    assert "removed" in tape.trouble.message
+    assert read(folder / "drive-1.mcap")[: len(wanted)] == wanted
+
+
+def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    wanted = put(tape, 100)
+    until(lambda: tape.behind_s == 0.0, "it is written")
+    other = tmp_path / "other"
+    other.write_bytes(b"somebody else's")
+    os.replace(other, tmp_path / "drive-1.mcap")
+    until(lambda: not tape.running, "it has noticed")
+    tape.stop()
+    assert tape.trouble is not None
+    assert "drive-1-2.mcap" in tape.trouble.hint
+    assert (tmp_path / "drive-1.mcap").read_bytes() == b"somebody else's"
+    assert read(tmp_path / "drive-1-2.mcap")[: len(wanted)] == wanted
+
+
+def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: Path) -> None:
+    notices: list[str] = []
+    parts: list[Path] = []
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
+    wanted = put(tape, 2000)
+    until(lambda: tape.behind_s == 0.0, "it is written")
+    os.truncate(tmp_path / "drive-1.mcap", 50_000)
+    wanted += put(tape, 2000, start=2000)
+    until(lambda: notices, "it has noticed")
+    wanted += put(tape, 2000, start=4000)
+    tape.stop()
+    assert tape.trouble is None
+    assert parts == [tmp_path / "drive-1.mcap", tmp_path / "drive-2.mcap"]
+    first, second = read(parts[0]), read(parts[1])
+    assert (first + second)[-3990:] == wanted[-3990:], "the record that was cut through swallows what it still claims"
+    assert len(first + second) > 3990 + 50_000 // 100
+    with pytest.raises(RecordingError, match="stays as it is"):
+        pack(parts[0])
+    assert read(parts[0]) == first
+
+
+def test_a_clock_that_is_set_while_recording_begins_a_new_part_with_the_new_time(tmp_path: Path) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    put(tape, 10)
+    tape.set_clock(1_000_000)
+    put(tape, 10)
+    tape.stop()
+    times = [[at for _, at, _ in read(tmp_path / f"drive-{part}.mcap")] for part in (1, 2)]
+    assert times == [list(range(1, 11)), list(range(1_000_001, 1_000_011))]
+
+
+def test_a_tape_that_cannot_begin_says_why(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        Tape(named(tmp_path / "nowhere"), ABOUT, time.time_ns)
+
+
+def test_a_slow_disk_holds_up_nobody_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    slow = Writer.chunks
+    held = [True]
+
+    def chunks(self: Writer, found: list[tuple[str, str, bytes, int]]) -> None:
+        while held[0]:
+            time.sleep(0.001)
+        slow(self, found)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Writer, "chunks", chunks)
+    now = time.time_ns()
+    tape.chunk("1", "rx", b"first", now - 5_000_000_000)
+    for i in range(1000):
+        tape.chunk("1", "rx", b"later", now + i)
+    assert tape.behind_s >= 5.0
+    held[0] = False
+    tape.stop()
+    assert len(read(tmp_path / "drive-1.mcap")) == 1001

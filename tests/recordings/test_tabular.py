@@ -1,0 +1,190 @@
+"""Numbers of other programs: CSV with times of any kind, MCAP with JSON; what is no number is told and does no harm."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer as McapWriter
+
+from recordings.column_store import Columns
+from recordings.exporters import Wish, export
+from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
+from recordings.tabular import TableSource
+from server.library.decode import decode
+from server.live import protocol_set
+from tests.recordings.store_fixtures import START, store
+
+
+def opened(path: Path) -> Columns:
+    return decode(open_file(path), path.with_suffix(".columns"), protocol_set.speech())
+
+
+def table(path: Path, text: str) -> Columns:
+    path.write_text(text, encoding="utf-8")
+    return opened(path)
+
+
+def named(columns: Columns) -> dict[str, int]:
+    return {info["name"]: info["id"] for info in columns.manifest["channels"]}
+
+
+@pytest.mark.parametrize(
+    ("head", "times"),
+    [
+        ("time (s)", ["1760000000.5", "1760000001.5"]),
+        ("Time [ms]", ["1760000000500", "1760000001500"]),
+        ("timestamp_us", ["1760000000500000", "1760000001500000"]),
+        ("t (ns)", ["1760000000500000000", "1760000001500000000"]),
+        ("timestamp", ["1760000000500", "1760000001500"]),
+        ("timestamp", ["1760000000500000000", "1760000001500000000"]),
+        ("date", ["2025-10-09T08:53:20.5Z", "2025-10-09 10:53:21.5+02:00"]),
+        ("utc", ["2025-10-09T08:53:20.5", "2025-10-09T08:53:21.5"]),
+    ],
+)
+def test_times_of_every_kind(head: str, times: list[str], tmp_path: Path) -> None:
+    columns = table(tmp_path / "a.csv", f"{head},x\n{times[0]},1\n{times[1]},2\n")
+    np.testing.assert_allclose(columns.exact(1, 0, 2).time, [START + 0.5, START + 1.5], rtol=0, atol=1e-6)
+
+
+def test_times_of_no_calendar_are_counted_from_when_the_file_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t;x\n10.5;1\n11.5;2\n")
+    os.utime(path, (START, START))
+    assert not open_file(path).timed
+    assert opened(path).exact(1, 0, 2).time.tolist() == [START, START + 1]
+
+
+def test_columns_go_together_and_keep_their_units(tmp_path: Path) -> None:
+    head = "# a comment\n\ntime (s),Gyro.x (°/s),Gyro.y (°/s),Gyro.z (°/s),accX,accY,accZ,mag_x,Temperature [°C]\n"
+    columns = table(tmp_path / "a.csv", head + "1760000000,1,2,3,4,5,6,7,\n1760000001,1,2,3,4,5,6,nan,21.5\n")
+    infos = {info["name"]: info for info in columns.manifest["channels"]}
+    assert infos.keys() == {"Gyro", "acc", "mag_x", "Temperature"}
+    assert [column["name"] for column in infos["Gyro"]["columns"]] == ["x", "y", "z"]
+    assert infos["Gyro"]["unit"] == "°/s"
+    assert infos["acc"]["columns"][2]["axis"] == "z"
+    temperature = columns.exact(infos["Temperature"]["id"], 0, 2).columns[0]
+    assert np.isnan(temperature[0])
+    assert temperature[1] == 21.5
+    assert columns.manifest["damage"] == []
+
+
+def test_what_is_no_number_is_told(tmp_path: Path) -> None:
+    text = "time,x\n1760000000,1\n1760000001,many\n1760000002,3,4\nnever,5\n1760000004,6\n"
+    columns = table(tmp_path / "a.csv", text)
+    rows = columns.exact(1, 0, 10)
+    assert rows.time.tolist() == [1760000000, 1760000001, 1760000004]
+    words = " ".join(damage["words"] for damage in columns.manifest["damage"])
+    assert "1 lines" in words
+    assert "2 cells" in words
+
+
+@pytest.mark.parametrize(
+    "text", ["hello\n", "a,b\n1,2\n", "time,x\n", "\n\n", "time,x\n,\n", "\ufeff", "time,x\n\x00\x00"]
+)
+def test_a_table_that_is_none_is_told_in_a_sentence(text: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(RecordingError) as failed:
+        opened(tmp_path / "a.csv")
+    assert failed.value.message.endswith(".")
+
+
+def test_what_was_exported_as_csv_is_read_again(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    made = export("csv", Wish(columns), tmp_path / "run.csv")[0]
+    again = opened(made)
+    numbers = named(again)
+    for name, number in (("Acceleration", 1), ("PacketCounter", 2)):
+        wanted, got = columns.exact(number, 0, 1000), again.exact(numbers[name], 0, 1000)
+        np.testing.assert_array_equal(got.time, wanted.time)
+        np.testing.assert_array_equal(got.arrival, wanted.arrival)
+        for a, b in zip(got.columns, wanted.columns, strict=True):
+            np.testing.assert_array_equal(a.astype(b.dtype), b)
+
+
+def test_messages_in_json_are_tables_and_others_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2", library="theirs")
+        pose = writer.register_channel("/pose", "json", 0)
+        other = writer.register_channel("/camera", "cdr", 0)
+        for n in range(100):
+            body = f'{{"position": {{"x": {n}, "y": 2}}, "name": "a", "cov": [1, 2], "ok": true}}'
+            writer.add_message(pose, round(START * 1e9) + n * 10**7, body.encode() if n != 50 else b"{", 0)
+            writer.add_message(other, round(START * 1e9) + n * 10**7, b"\x00\x01", 0)
+        writer.finish()
+    columns = opened(path)
+    numbers = named(columns)
+    assert numbers.keys() == {"position", "cov", "ok"}
+    rows = columns.exact(numbers["position"], 0, 100)
+    assert rows.columns[0][[0, 49, 51, 99]].tolist() == [0, 49, 51, 99]
+    assert np.isnan(rows.columns[0][50])
+    np.testing.assert_allclose(np.diff(rows.time), 0.01, atol=1e-6)
+    assert any("/camera is cdr" in damage["words"] for damage in columns.manifest["damage"])
+
+
+def test_an_export_as_mcap_is_read_again(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    (made,) = export("mcap", Wish(columns, channels=(2,)), tmp_path / "run.mcap")
+    again = opened(made)
+    got = again.exact(named(again)["PacketCounter"], 0, 1000)
+    assert got.columns[0].tolist() == list(range(1000))
+
+
+def test_quantities_of_an_export_have_their_axes_and_units_again(tmp_path: Path) -> None:
+    columns = store(tmp_path / "store", devices=1)
+    (made,) = export("mcap", Wish(columns, channels=(1,)), tmp_path / "run.mcap")
+    (info,) = (one for one in opened(made).manifest["channels"] if "Acceleration" in one["name"])
+    assert [(column["name"], column["unit"]) for column in info["columns"]] == [(axis, "m/s²") for axis in "xyz"]
+
+
+def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
+    """One message of a moment had all quantities nested, its times too."""
+    path = tmp_path / "run.mcap"
+    number = {"type": "number", "unit": "m/s²"}
+    axes = {"type": "object", "properties": dict.fromkeys("xyz", number)}
+    second = {"type": "number", "unit": "s"}
+    inside = {"time": second, "arrival": second, "Acceleration": axes}
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = {"title": "MTData2", "type": "object", "properties": inside}
+        id = writer.register_schema("imuscope.MTData2", "jsonschema", json.dumps(schema).encode())
+        topic = writer.register_channel("/MTi-630/MTData2", "json", id)
+        for n in range(20):
+            body = {"time": START + n, "arrival": START + n, "Acceleration": {"x": n, "y": 0.5, "z": 9.8}}
+            at = round((START + n) * 1e9)
+            writer.add_message(topic, at, json.dumps(body).encode(), at)
+        writer.finish()  # type: ignore[no-untyped-call]
+    again = opened(path)
+    assert again.exact(named(again)["Acceleration"], 0, 20).columns[0].tolist() == list(range(20))
+    assert {"time", "arrival"} <= named(again).keys()
+
+
+def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
+    """A table is one message a moment there; its rows were columns of their own, and those past the sixteenth gone."""
+    columns = store(tmp_path / "store")
+    (made,) = export("mcap", Wish(columns, channels=(4,)), tmp_path / "run.mcap")
+    source = open_file(made)
+    assert isinstance(source, TableSource)
+    (rows,) = (rows for rows in source.rows() if rows.table == "/MTi-630/GnssSatInfo")
+    wanted = columns.exact(4, 0, 30)
+    np.testing.assert_array_equal(rows.columns["GnssSatInfo.svid"][0], wanted.columns[0])
+    assert rows.columns["GnssSatInfo.cno"][1] == "dBHz"
+    np.testing.assert_allclose(rows.time, wanted.time, atol=1e-6)
+
+
+def test_an_mcap_without_json_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        writer.add_message(writer.register_channel("/camera", "cdr", 0), 1, b"x", 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="cdr"):
+        open_file(path)

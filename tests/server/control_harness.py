@@ -1,0 +1,97 @@
+"""The server without its HTTP side, in the test's own event loop: real twins behind real pseudo-terminals."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from protocols.xbus.simulator.device import XbusDevice
+from server.control.controllers import Desks
+from server.control.device_controller import Desk, Task
+from server.links import open_link
+from server.links.base import LinkSettings, steady_clock
+from server.links.simulated_device import TwinOptions
+from server.links.simulated_line import Faults
+from server.links.simulator import Bench
+from server.live.hub import Hub
+from server.live.protocol_set import speech
+from server.live.sessions import Sessions
+from server.wire import Job
+from tests.timeouts import PATIENCE_S
+
+
+class House:
+    """Hub, sessions and desks."""
+
+    def __init__(self, data: Path, trial_s: float) -> None:
+        now_ns = steady_clock()
+        self.hub = Hub(lambda: now_ns() / 1e9)
+        self.sessions = Sessions(self.hub, open_link, speech(), LinkSettings(now_ns=now_ns))
+        self.desks = Desks(self.hub, self.sessions, data, trial_s)
+
+    async def add(self, source: str) -> Desk:
+        """Open a source and wait until it streams."""
+        device = self.sessions.add(source).info.id
+        desk = self.desks.get(device)
+        await until(lambda: desk.session.info.status == "live", "it streams")
+        return desk
+
+    async def apply(self, desk: Desk, changes: dict[str, dict[str, object]], reason: str = "") -> Job:
+        return await over(desk.add("Write", self.desks.jobs.apply(desk, changes, reason)))
+
+    async def read(self, desk: Desk) -> Job:
+        return await over(desk.add("Read", self.desks.jobs.read(desk, None, "")))
+
+
+@asynccontextmanager
+async def house(data: Path, trial_s: float = 0.5) -> AsyncIterator[House]:
+    """A server's inside, closed as the server closes it."""
+    made = House(data, trial_s)
+    made.sessions.start()
+    try:
+        yield made
+    finally:
+        await made.sessions.close()
+
+
+async def until(condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
+    """Wait; fail with what did not happen."""
+    end = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end, f"after {patience_s} s still not: {what}"
+        await asyncio.sleep(0.01)
+
+
+async def over(task: Task) -> Job:
+    """The job when it is done."""
+    await asyncio.wait_for(task.over.wait(), PATIENCE_S)
+    return task.job
+
+
+@asynccontextmanager
+async def bench(port: int = 0, **faults: int) -> AsyncIterator[Bench]:
+    """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports."""
+    options = TwinOptions(faults=Faults(baud=115_200, **faults))
+    made = Bench(lambda start_ns: XbusDevice("MTi-630", start_ns=start_ns, rate=100, port=port), options)
+    made.start()
+    try:
+        yield made
+    finally:
+        made.stop()
+
+
+def outputs(rate: int, *identifiers: int) -> dict[str, object]:
+    """An output configuration: time, and the given quantities at one rate."""
+    accompanying = [{"data_identifier": one, "output_frequency": 0xFFFF} for one in (0x1020, 0x1060)]
+    asked = [{"data_identifier": one, "output_frequency": rate} for one in identifiers or (0x2010, 0x4020)]
+    return {"outputs": [*accompanying, *asked]}
+
+
+def at_rate(values: dict[str, object], code: int) -> dict[str, object]:
+    """A port configuration with another code for the rate of every port that has one."""
+    words = values["words"]
+    assert isinstance(words, list)
+    return {"words": [(word & ~0xFF) | code if word else 0 for word in words]}

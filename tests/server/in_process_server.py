@@ -1,0 +1,63 @@
+"""The real application on a real socket, in a thread of the test's process, so that a test may change its parts."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from types import TracebackType
+from typing import Any
+
+from httpx import Client
+
+from server import http_server
+from server.app import create_app
+from server.auth import Access
+from server.config import Config
+from server.live.protocol_detection import Speech
+from server.live.sessions import OpenLink
+from tests.server.fakes import SPEECH
+from tests.timeouts import PATIENCE_S
+
+
+class Running:
+    """`with Running(config, open_link) as running:` serves on a free port until the block ends."""
+
+    def __init__(self, config: Config, open_link: OpenLink, speech: Speech = SPEECH) -> None:
+        self._app = create_app(config, Access(config), open_link=open_link, speech=speech)
+        self.state: Any = self._app._app.state  # type: ignore[attr-defined]
+        self._listener = http_server.listen("127.0.0.1", 0)
+        port = self._listener.getsockname()[1]
+        self.url = f"http://127.0.0.1:{port}"
+        self.ws = f"ws://127.0.0.1:{port}/ws"
+        ready = threading.Event()
+        self._server = http_server.server(self._app, ready.set)
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self._thread = threading.Thread(target=asyncio.run, args=(self._serve(),))
+        self._thread.start()
+        assert ready.wait(PATIENCE_S)
+        self.client = Client(base_url=self.url, timeout=PATIENCE_S)
+
+    async def _serve(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        await self._server.serve(sockets=[self._listener])
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Run a function in the server's thread and wait for it."""
+        done: Future[Any] = Future()
+        assert self.loop is not None
+        self.loop.call_soon_threadsafe(lambda: done.set_result(function(*arguments)))
+        return done.result(PATIENCE_S)
+
+    def __enter__(self) -> Running:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.client.close()
+        self._server.should_exit = True
+        self._thread.join(PATIENCE_S)
+        self._listener.close()
+        assert not self._thread.is_alive()

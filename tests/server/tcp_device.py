@@ -1,0 +1,82 @@
+"""A fast device at the end of a TCP connection, that knows when it sent each byte.
+
+with Line(rate=2000) as line:
+    serve(line.source)
+    line.sent            all bytes that were sent
+    line.sent_at(n)      when byte n was, monotonic s
+"""
+
+from __future__ import annotations
+
+import bisect
+import contextlib
+import socket
+import threading
+import time
+
+from tests.bench.serial_device import frame
+from tests.timeouts import PATIENCE_S
+
+
+class Line:
+    """Sends frames (tests/bench/serial_device.py) to who connects, until that one goes or the block ends.
+
+    Args:
+        rate: frames per second.
+    """
+
+    def __init__(self, rate: float = 2000.0) -> None:
+        self._rate = rate
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.source = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
+        self._stop = threading.Event()
+        self._pieces: list[bytes] = []
+        self._ends: list[int] = []
+        self._times: list[float] = []
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    @property
+    def sent(self) -> bytes:
+        """Everything so far."""
+        return b"".join(self._pieces)
+
+    @property
+    def size(self) -> int:
+        """How many bytes that is."""
+        return self._ends[-1] if self._ends else 0
+
+    def sent_at(self, place: int) -> float:
+        """When the byte at that place was handed to the kernel, monotonic s."""
+        return self._times[bisect.bisect_right(self._ends, place)]
+
+    def _run(self) -> None:
+        self._listener.settimeout(60)
+        with contextlib.suppress(OSError):
+            connection, _ = self._listener.accept()
+            with connection:
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._send(connection)
+
+    def _send(self, connection: socket.socket) -> None:
+        started, n = time.monotonic(), 0
+        while not self._stop.is_set():
+            due = int((time.monotonic() - started) * self._rate) + 1
+            while n < due:
+                data = frame(n, self._rate)
+                self._times.append(time.monotonic())
+                connection.sendall(data)
+                self._pieces.append(data)
+                self._ends.append(self.size + len(data))
+                n += 1
+            time.sleep(0.5 / self._rate)
+
+    def __enter__(self) -> Line:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        with contextlib.suppress(OSError):  # who waits for a connection is told; closing alone would let it wait
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._thread.join(PATIENCE_S)

@@ -1,0 +1,241 @@
+"""Upgrading keeps what was kept: files of every earlier format open, with their values; a later one is refused.
+
+tests/golden/kept/N holds files as a server of format N left them: a recording of each family (of the twins, 0.6 s),
+what a person changed about one, a snapshot, a trial, a configuration file, and what `imuscope decode` made of the
+recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.records import Metadata
+
+from recordings import column_store, mcap_writer, sidecar
+from recordings.importers import open_file
+from recordings.library import INDEX, Library
+from recordings.mcap_reader import Recording
+from recordings.mcap_records import bytes_of
+from recordings.mcap_writer import RecordingError, Writer
+from recordings.probe import peek
+from server.commands.decode import DecodeError, decode_file
+from server.config import MapTiles, load
+from server.control.rollback import Record, Trials
+from server.control.snapshots import SnapshotError, from_text, to_text
+from server.live.decode_options import Reading
+from tests.server_process import ROOT
+
+KEPT = ROOT / "tests" / "golden" / "kept"
+FORMATS = sorted(folder.name for folder in KEPT.iterdir())
+FAMILIES = ("xbus", "isb", "idtp")
+NEWER = "was written by a newer imuscope (format {}; this one reads {})."
+
+
+@pytest.fixture(params=FORMATS)
+def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A copy of what one format left."""
+    return Path(shutil.copytree(KEPT / request.param, tmp_path / "kept"))
+
+
+FRAME = "ENU|NED|NWU|ECEF|WGS84"
+RENAMED = {"time #2 (s)": "DID_BAROMETER.time (s)"}
+
+
+def test_it_stays_small() -> None:
+    assert sum(path.stat().st_size for path in KEPT.rglob("*") if path.is_file()) < 60_000 * len(FORMATS)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_recording_opens_with_its_values(kept: Path, family: str) -> None:
+    """Every message, as many samples as then, and the values of the last one. Times are mapped anew at each opening,
+    better than before where that is possible, so of them only the arrival is held."""
+    then = json.loads((kept / "decoded.json").read_text(encoding="utf-8"))
+    made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", Reading(), io.StringIO())
+    assert sorted(path.name for path in made) == sorted(name for name in then if name.startswith(family))
+    for path in made:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(line for line in file if not line.startswith("#")))
+        last = dict(zip(rows[0], rows[-1], strict=True))
+        assert len(rows) - 1 == then[path.name]["rows"], path.name
+        last |= {_plain(name): value for name, value in last.items()}
+        for name, value in then[path.name]["last"].items():
+            assert _number(last[RENAMED.get(name, name)]) == pytest.approx(_number(value), rel=1e-6), (
+                f"{path.name} {name}"
+            )
+
+
+def _plain(heading: str) -> str:
+    """A heading as it was before it named the frame: "vel.x (m/s; NED)" was "vel.x (m/s)", "q.w (NED from body)" "q.w".
+
+    Columns are found by whole headings in files of today; this is for the values that were kept.
+    """
+    return re.sub(rf"(; | \()({FRAME})( from body)?\)$", lambda found: ")" if found[1] == "; " else "", heading)
+
+
+def _number(text: str) -> Any:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def test_what_was_changed_about_it_is_read(kept: Path) -> None:
+    (entry,) = [one for one in Library(kept).all() if one.path.name == "xbus.mcap"]
+    assert (entry.title, entry.edits.tags, entry.edits.pinned) == ("Drive to the pond", ("outdoor", "föhn"), True)
+    assert entry.edits.notes == "Two laps.\nWind from the west."
+    (marker,) = entry.edits.markers
+    assert (marker.time, marker.kind, marker.text, marker.device) == (1795252226.5, "note", "the bump", "1")
+    assert entry.peek.devices[0].product.startswith("MTi-630")
+    assert entry.peek.damaged == ""
+
+
+def test_a_snapshot_is_read(kept: Path) -> None:
+    snapshot = from_text((kept / "snapshot.yaml").read_text(encoding="utf-8"))
+    assert (snapshot.protocol, snapshot.product, snapshot.serial_number) == ("xbus", "MTi-630-8A1G6", "0080A1B2")
+    assert (snapshot.firmware, snapshot.title, snapshot.pinned) == ("1.12.0", "Before this change", True)
+    assert snapshot.taken == 1795252226.0
+    outputs = snapshot.values["OutputConfiguration"]["outputs"]
+    assert outputs == [
+        {"data_identifier": 0x2010, "output_frequency": 100},
+        {"data_identifier": 0x4020, "output_frequency": 400},
+    ]
+    assert snapshot.values["Gravity"] == {"magnitude": 9.80665, "none": None, "big": 2**60}
+    assert snapshot.missing == {"CanConfig": "message unknown"}
+
+
+def test_a_trial_that_was_under_way_is_found(kept: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    shutil.copy(kept / "trial.json", folder / "xbus-0080A1B2.json")
+    (record,) = Trials(folder).all()
+    assert record.old == {"Baudrate": {"baudrate": 2}}
+    assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "asking")
+    assert (record.serial_number, record.deadline) == ("0080A1B2", 1795252300.5)
+
+
+def test_a_configuration_file_is_read(kept: Path) -> None:
+    config = load(kept / "imuscope.toml")
+    assert (config.host, config.port, config.data) == ("0.0.0.0", 8081, Path("/var/lib/imuscope"))
+    assert config.sources == ("/dev/ttyUSB0", "tcp://10.0.0.7:4000")
+    assert config.reading().key == bytes(range(16))
+    assert (config.min_mode, config.trial_s, config.history_s, config.memory_mb) == ("safety", 30, 300, 128)
+    assert (config.view_token, config.control_token) == ("look-but-do-not-touch", "touch-if-you-must")
+    assert (config.record, config.recordings_quota_gb, config.split_mb, config.split_min) == (True, 20, 2000, 60)
+    assert (config.foxglove, config.rerun_connect) == (8765, "rerun+http://desk.local:9876/proxy")
+    assert config.map == MapTiles("http://maps.local/{z}/{x}/{y}.png", "© OpenStreetMap contributors")
+
+
+# ── what is only a cache ─────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_an_index_of_before_is_found_out_anew(kept: Path) -> None:
+    """What the list knows of a recording beyond its file; an older one may know less, or say it otherwise."""
+    path = kept / "xbus.mcap"
+    stat = path.stat()
+    stamp = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns}
+    (kept / INDEX).mkdir()
+    for told in ({}, stamp, {**stamp, "thumbnail": [[1.0]], "losses": None}, [], "old", 7):
+        (kept / INDEX / "xbus.mcap.json").write_text(json.dumps(told))
+        (entry,) = [one for one in Library(kept).all() if one.path == path]
+        assert not entry.indexed
+        assert entry.peek.damaged == ""
+
+
+def test_columns_of_another_version_are_made_again(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    store.mkdir()
+    np.save(store / "blocks.npy", np.zeros(0, column_store.INDEX))
+    (store / "columns.bin").write_bytes(b"")
+    (store / "manifest.json").write_text(json.dumps({"version": column_store.VERSION - 1, "shapes": {}}))
+    with pytest.raises(ValueError, match=f"columns of version {column_store.VERSION - 1}"):
+        column_store.Columns(store)
+
+
+# ── later formats ────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_what_is_written_tells_its_format(tmp_path: Path) -> None:
+    writer = Writer(tmp_path / "new.mcap", {"title": "New"})
+    writer.close()
+    with Recording(tmp_path / "new.mcap") as recording:
+        assert recording.meta(mcap_writer.RECORDING)["format"] == str(mcap_writer.FORMAT)
+    sidecar.write(tmp_path / "new.mcap", sidecar.Edits(title="Newer"))
+    assert json.loads((tmp_path / "new.mcap.json").read_text())["imuscope"] == sidecar.VERSION
+    Trials(tmp_path).keep(Record("s", "xbus", "", "1", "", {}, {}, None, None, False))
+    assert json.loads((tmp_path / "xbus-1.json").read_text())["imuscope"] == 1
+
+
+def later(path: Path) -> Path:
+    """A recording of a format that is not there yet."""
+    writer = Writer(path, {"title": "Later"})
+    writer.chunk("1", "rx", b"\xfa\xff", 1)
+    writer.close()
+    old, new = (
+        {"title": "Later", "format": number} for number in (str(mcap_writer.FORMAT), str(mcap_writer.FORMAT + 1))
+    )
+    name = mcap_writer.RECORDING
+    data = path.read_bytes()
+    assert bytes_of(Metadata(name=name, metadata=old)) in data
+    path.write_bytes(data.replace(*(bytes_of(Metadata(name=name, metadata=one)) for one in (old, new))))
+    return path
+
+
+def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
+    path = later(tmp_path / "later.mcap")
+    words = NEWER.format(mcap_writer.FORMAT + 1, mcap_writer.FORMAT)
+    with pytest.raises(RecordingError) as error:
+        open_file(path)
+    assert error.value.message == f"later.mcap {words}"
+    assert error.value.hint.startswith("Update imuscope")
+    with pytest.raises(DecodeError, match="newer imuscope"):
+        decode_file(path, tmp_path / "out.csv", Reading(), io.StringIO())
+    told = peek(path)
+    assert told is not None
+    assert (told.title, told.damaged, told.devices) == ("Later", f"It {words}", [])
+    (entry,) = Library(tmp_path).all()
+    assert entry.peek.damaged == f"It {words}"
+
+
+def test_what_a_newer_imuscope_changed_about_a_recording_is_not_overwritten(tmp_path: Path) -> None:
+    shutil.copy(KEPT / "1" / "xbus.mcap", tmp_path)
+    beside = sidecar.beside(tmp_path / "xbus.mcap")
+    beside.write_text('{"imuscope": 2, "title": {"en": "Pond"}}')
+    library = Library(tmp_path)
+    (entry,) = library.all()
+    words = NEWER.format(2, sidecar.VERSION)
+    assert entry.peek.damaged == f"xbus.mcap.json {words}"
+    assert entry.edits == sidecar.Edits()
+    with pytest.raises(RecordingError, match="newer imuscope"):
+        library.edit("xbus", sidecar.Edits(title="Mine"))
+    assert beside.read_text() == '{"imuscope": 2, "title": {"en": "Pond"}}'
+    beside.unlink()
+    os.utime(tmp_path / "xbus.mcap", (time.time(), time.time()))
+    assert library.edit("xbus", sidecar.Edits(title="Mine")).title == "Mine"
+
+
+def test_a_snapshot_of_a_later_format_is_refused() -> None:
+    text = to_text(from_text((KEPT / "1" / "snapshot.yaml").read_text(encoding="utf-8")), {})
+    with pytest.raises(SnapshotError, match="This snapshot was written by a newer imuscope") as error:
+        from_text(text.replace("imuscope: 1", "imuscope: 2"))
+    assert error.value.hint.startswith("Update imuscope")
+    with pytest.raises(SnapshotError, match="This is no snapshot"):
+        from_text(text.replace("imuscope: 1", "imuscope: old"))
+
+
+def test_a_trial_of_a_later_format_is_left_alone(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    body = json.loads((KEPT / "1" / "trial.json").read_text())
+    path = tmp_path / "xbus-1.json"
+    path.write_text(json.dumps({"imuscope": 2, **body, "old": "elsewhere"}))
+    assert Trials(tmp_path).all() == []
+    assert "newer imuscope" in caplog.text
+    assert path.exists()

@@ -1,0 +1,49 @@
+"""The tables as text and over HTTP: the same rows that the forms are drawn from, none missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from protocols.registry import PROTOCOLS
+from protocols.transactions import Known
+from server.commands.commands import WIDTH, Row, every_form, manual
+from server.commands.compose import ComposeError
+from tests.server_process import imuscope
+
+
+def test_every_command_and_setting_is_listed_and_described() -> None:
+    listed = {line.strip().partition("  ")[0] for line in manual() if line}
+    for one in PROTOCOLS.values():
+        if one.driver is None:
+            continue
+        rows: list[Row] = [*one.driver.commands(Known()), *one.driver.settings(Known())]
+        for row in rows:
+            assert row.name in listed
+            text = list(manual(one.name, row.name))
+            assert text[0].startswith(row.name)
+            assert all(len(line) <= WIDTH for line in text), row.name
+    assert {forms.protocol for forms in every_form()} == {"xbus", "isb", "idtp"}
+
+
+def test_a_command_is_told_with_ranges_meaning_and_source() -> None:
+    text = "\n".join(manual("xbus", "SetPeriod"))
+    assert "period  u2, 1/115200 s, 225 to 65535, usually 1152" in text
+    assert "Source: MT0101P 5.3.5" in text
+    assert "`send` wants --yes" in " ".join("\n".join(manual("", "RestoreFactoryDef")).split())
+
+
+def test_what_is_not_there_is_answered_with_the_nearest() -> None:
+    with pytest.raises(ComposeError, match="near: SetPeriod"):
+        list(manual("", "SetPeriot"))
+
+
+def test_described_types_are_listed(tmp_path: Path) -> None:
+    """`commands` took no --schema, so what `compose` made of one could be looked up nowhere."""
+    schema = tmp_path / "wheels.toml"
+    schema.write_text('[[message]]\ntype = 0x80\nname = "Wheels"\n[[message.field]]\nname = "Speed"\ntype = "i16"\n')
+    done = imuscope("commands", "--schema", str(schema), "Wheels")
+    assert done.returncode == 0, done.stderr
+    assert "Speed  i2" in done.stdout
+    assert imuscope("commands", "Wheels").returncode == 1

@@ -1,0 +1,44 @@
+"""Packing by a process aside: what is waiting is packed, and one that cannot be packed stops no other."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from server.library.compaction_worker import Packer
+from tests.faults.fault_harness import frames
+from tests.faults.test_kill import recording
+from tests.server.control_harness import until
+
+
+def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each had a process of its own, a second and a half of a core for a file of 40 kB."""
+    begun: list[int] = []
+    begin = asyncio.create_subprocess_exec
+
+    async def counted(*command: str, **options: Any) -> asyncio.subprocess.Process:
+        process = await begin(*command, **options)
+        begun.append(process.pid)
+        return process
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", counted)
+    packed: list[Path] = []
+    packer = Packer(packed.append)
+    for name in "abcde":
+        recording(tmp_path / f"{name}.mcap", frames(0, 500))
+    whole = (tmp_path / "c.mcap").read_bytes()
+    (tmp_path / "c.mcap").write_bytes(whole[:4000] + bytes(3000) + whole[7000:])
+
+    async def check() -> None:
+        await packer.resume(tmp_path)
+        await until(lambda: not packer.busy, "all are seen to")
+
+    asyncio.run(check())
+    assert [path.stem for path in packed] == ["a", "b", "d", "e"]
+    assert "c.mcap could not be packed" in caplog.text
+    assert len(begun) == 1

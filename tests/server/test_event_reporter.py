@@ -1,0 +1,47 @@
+"""What is refused on and on is told with exact counts, and ever more rarely."""
+
+from __future__ import annotations
+
+from protocols.events import Reject
+from server.live.event_reporter import Incidents
+from server.live.hub import Hub
+
+
+def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:
+    """When what was refused is told, and how many each time; reasons[i] comes `rate` times in second i ("": none)."""
+    now = 1000.0
+    hub = Hub(lambda: now)
+    incidents = Incidents(hub, "1")
+    found: list[tuple[float, int]] = []
+    hub.heard_event.add(lambda event: found.append((round(now - 1000.0, 1), event.samples)))
+    incidents.tick(now)
+    sent = 0
+    for second, reason in enumerate(reasons):
+        for tenth in range(10):
+            now = 1000.0 + second + tenth / 10
+            for _ in range(rate // 10 if reason else 0):
+                incidents.rejects([Reject(0, 40, reason, round(now * 1e9))])
+                sent += 1
+            incidents.tick(now)
+    return found, sent
+
+
+def test_one_stale_event_a_second_came_without_end() -> None:
+    found, sent = told(["stale"] * 600 + [""] * 10)
+    assert found[0][0] <= 1.1, "at once"
+    assert len(found) < 20
+    assert sum(count for _, count in found) == sent
+
+
+def test_another_reason_is_told_at_once() -> None:
+    found, _ = told(["stale"] * 100 + ["bad_hmac"] * 2)
+    assert any(100 <= at <= 101.2 for at, _ in found)
+
+
+def test_what_has_ended_is_told_soon_and_news_again_later() -> None:
+    found, sent = told(["stale"] * 3 + [""] * 57 + ["stale"] * 2 + [""] * 2)
+    first = [one for one in found if one[0] < 50]
+    assert first[-1][0] < 5
+    assert sum(count for _, count in first) == 30
+    assert any(60 < at <= 61.2 for at, _ in found)
+    assert sum(count for _, count in found) == sent

@@ -1,0 +1,163 @@
+"""`imuscope replay`: the original bytes, at their pace, over real sockets and a real pseudo-terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from server.cli import main
+from server.commands.replay import ReplayError, address
+from tests.fork_server import Child
+from tests.links.test_replay import of, recording
+from tests.server_process import begun
+from tests.timeouts import PATIENCE_S
+
+
+@contextmanager
+def replaying(path: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str] | Child, str]]:
+    """The command, and the address that it prints."""
+    process = begun("replay", str(path), *arguments, apart=True)
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def all_of(connection: socket.socket) -> bytes:
+    connection.settimeout(PATIENCE_S)
+    found = b""
+    while data := connection.recv(65536):
+        found += data
+    return found
+
+
+def test_over_tcp_the_original_bytes_at_their_pace(tmp_path: Path) -> None:
+    with replaying(recording(tmp_path, devices=1), "--tcp", "127.0.0.1:0") as (process, place):
+        time.sleep(0.5)  # nobody is there: it waits
+        host, port = place.removeprefix("tcp://").split(":")
+        with socket.create_connection((host, int(port))) as connection:
+            began = time.monotonic()
+            found = all_of(connection)
+            took = time.monotonic() - began
+        assert found == of(1)
+        assert took > 0.9  # not quicker than the 0.99 s of the recording; how much slower depends on the machine
+        assert process.wait(PATIENCE_S) == 0
+
+
+def test_two_clients_one_device_of_two_and_a_stretch(tmp_path: Path) -> None:
+    arguments = ("--tcp", ":0", "--device", "2", "--from", "0.2", "--to", "0.5", "--speed", "0.5")
+    with replaying(recording(tmp_path), *arguments) as (_, place):
+        port = int(place.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as first:
+            with socket.create_connection(("127.0.0.1", port)) as second:
+                second.sendall(b"what comes back is thrown away")
+                late = all_of(second)
+            assert all_of(first) == of(2, 20, 50)
+        assert of(2, 20, 50).endswith(late)
+        assert late
+
+
+def test_over_udp_a_datagram_for_each_chunk(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(PATIENCE_S)
+        place = f"127.0.0.1:{receiver.getsockname()[1]}"
+        with replaying(recording(tmp_path, devices=1), "--udp", place, "--speed", "5") as (process, printed):
+            assert printed == f"udp://:{receiver.getsockname()[1]}"
+            datagrams = [receiver.recv(65536) for _ in range(100)]
+            assert process.wait(PATIENCE_S) == 0
+    assert datagrams == [of(1, n, n + 1) for n in range(100)]
+
+
+def heard(port: int) -> bytes:
+    """What comes within a while; b"" when nothing does, or the other end has gone."""
+    if not select.select([port], [], [], 20.0)[0]:
+        return b""
+    with contextlib.suppress(OSError):
+        return os.read(port, 65536)
+    return b""
+
+
+def test_on_a_pseudo_terminal_every_byte_from_the_first(tmp_path: Path) -> None:
+    with replaying(recording(tmp_path, devices=1, frames=600), "--pty", "--speed", "20") as (process, place):
+        time.sleep(0.5)  # nobody has opened it: nothing is lost by that
+        port = os.open(place, os.O_RDWR | os.O_NOCTTY)
+        try:
+            found, wanted = b"", of(1, 0, 600)
+            while len(found) < len(wanted) and (piece := heard(port)):
+                found += piece
+                time.sleep(0.001)
+        finally:
+            os.close(port)
+        assert found == wanted
+        assert process.wait(PATIENCE_S) == 0
+
+
+def test_a_reader_that_does_not_read_holds_it_up_and_loses_nothing(tmp_path: Path) -> None:
+    with replaying(recording(tmp_path, devices=1, frames=600), "--pty", "--speed", "50") as (_, place):
+        port = os.open(place, os.O_RDWR | os.O_NOCTTY)
+        try:
+            time.sleep(1.5)  # far more than it lasts, and more than a terminal holds
+            found, wanted = b"", of(1, 0, 600)
+            while len(found) < len(wanted) and (piece := heard(port)):
+                found += piece
+        finally:
+            os.close(port)
+        assert found == wanted
+
+
+def test_a_loop_goes_on_until_it_is_stopped(tmp_path: Path) -> None:
+    path = recording(tmp_path, devices=1, frames=5)
+    with replaying(path, "--tcp", ":0", "--loop") as (process, place):
+        with socket.create_connection(("127.0.0.1", int(place.rpartition(":")[2]))) as connection:
+            connection.settimeout(PATIENCE_S)
+            found = b""
+            while len(found) < 3 * len(of(1, 0, 5)):
+                found += connection.recv(65536)
+        assert found.startswith(of(1, 0, 5) * 3)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 0
+
+
+def test_what_cannot_be_played_is_said_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = str(recording(tmp_path))
+    wrong = [
+        ((str(tmp_path / "none.mcap"),), "there is no file"),
+        ((path,), "name one with --device: 1 (xbus), 2 (xbus)"),
+        ((path, "--device", "7"), "holds no device '7'"),
+        ((path, "--device", "1", "--speed", "0"), "--speed 0 is outside"),
+        ((path, "--device", "1", "--from", "5"), "lasts 0.990 s"),
+        ((path, "--device", "1", "--tcp", "nowhere"), "is not a valid address"),
+        ((path, "--device", "1", "--tcp", "203.0.113.1:80"), "cannot be used"),
+        ((path, "--tcp", ":1", "--pty"), "not allowed with"),
+    ]
+    for arguments, words in wrong:
+        try:
+            status: int | str | None = main(["replay", *arguments])
+        except SystemExit as end:
+            status = end.code
+        assert status == 1, arguments
+        said = capsys.readouterr()
+        assert words in said.err
+        assert said.err.count("\n") == 1
+        assert said.out == ""
+
+
+@pytest.mark.parametrize("text", ["", "x", "x:", "x:70000", "x:-1", "1:2:x"])
+def test_addresses(text: str) -> None:
+    with pytest.raises(ReplayError):
+        address(text)
+    assert address(":40") == ("", 40)
+    assert address("[::1]:40") == ("::1", 40)

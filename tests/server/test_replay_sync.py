@@ -1,0 +1,87 @@
+"""A 3D scene that follows the player of a recording: paused it stands, moved it turns, with its page it is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import InvalidStatus
+
+from protocols.isb.simulator.device import IsbDevice
+from recordings.compaction import pack
+from recordings.mcap_writer import Writer
+from tests.server_process import ServerProcess
+from tests.timeouts import PATIENCE_S, connecting
+from tests.viser_client import looking, turns
+
+STARTED = 1.76e9  # unix s
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Iterator[ServerProcess]:
+    """A server whose library holds four seconds of a device that turns."""
+    (tmp_path / "recordings").mkdir()
+    writer, device = Writer(tmp_path / "recordings" / "turn.mcap", {"title": "a turn"}), IsbDevice(start_ns=0)
+    writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921_600, "protocol": "isb"})
+    for step in range(1, 400):
+        if data := device.advance(step * 10_000_000):
+            writer.chunk("1", "rx", data, round(STARTED * 1e9) + step * 10_000_000)
+    writer.close()
+    pack(tmp_path / "recordings" / "turn.mcap")
+    with ServerProcess("twin:isb", data=tmp_path) as server:
+        yield server
+
+
+async def at_rest(socket: ClientConnection) -> list[list[float]]:
+    """The orientations that come, of which there is one at least, until for a second none does."""
+    found: list[list[float]] = []
+    before = -1
+    while not found or len(found) > before:
+        before = len(found)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(1):
+                while True:
+                    found += turns(await socket.recv())
+    return found
+
+
+def test_a_scene_follows_the_player(recorded: ServerProcess) -> None:
+    asyncio.run(play(recorded.url))
+
+
+async def play(url: str) -> None:
+    page = f"{url.replace('http', 'ws', 1)}/ws/scene/turn"
+    async with asyncio.timeout(3 * PATIENCE_S):  # which goes by when it does not stand while it is paused
+        async with connecting(page) as player:
+            address = json.loads(await player.recv())["address"]
+
+            async def at(t: float) -> None:
+                await player.send(json.dumps({"t": t, "rate": 0.0}))
+
+            async with looking(url, address.rstrip("/")) as viewer:
+                await at(STARTED + 1.5)
+                first = await at_rest(viewer)
+                await at(1e11)  # beyond its end: its last row
+                last = await at_rest(viewer)
+                assert last[-1] != first[-1]
+                await at(STARTED + 1.5)
+                back = await at_rest(viewer)
+                assert back[-1] == first[-1], "the same place is the same picture"
+        with pytest.raises(InvalidStatus):
+            async with looking(url, address.rstrip("/")):
+                pass
+
+
+def test_a_recording_that_is_not_there_has_no_scene(server: ServerProcess) -> None:
+    async def attempt() -> None:
+        async with connecting(server.url.replace("http", "ws", 1) + "/ws/scene/nothing"):
+            pass
+
+    with pytest.raises(InvalidStatus) as refused:
+        asyncio.run(attempt())
+    assert refused.value.response.status_code == 404

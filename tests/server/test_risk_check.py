@@ -1,0 +1,33 @@
+"""What a person's wish becomes before it is a job."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from protocols.isb.driver import IsbDriver
+from protocols.transactions import Known
+from server.control.device_controller import Desk
+from server.control.risk_check import command_of
+
+PRESENT = SimpleNamespace(kept_by=lambda command: None)
+DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=PRESENT))
+
+
+@pytest.mark.parametrize(
+    ("command", "given", "sent"),
+    [
+        ("ASCE", {}, {"options": 0, "messages": []}),
+        ("GET_DID_INS_1", {"period": 5}, {"size": 0, "offset": 0, "period": 5}),
+        ("DID_RMC.INS", {}, {"options": 0}),
+    ],
+)
+def test_arguments_that_are_left_out_have_their_defaults(
+    command: str, given: dict[str, Any], sent: dict[str, Any]
+) -> None:
+    """These were refused with "is missing", though the fields have defaults and the command line fills them in."""
+    values = command_of(DESK, command, given).values[command]
+    assert {name: list(one) if isinstance(one, tuple) else one for name, one in values.items()} == sent
+    assert IsbDriver().frame(command, values, Known())

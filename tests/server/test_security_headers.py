@@ -1,0 +1,74 @@
+"""What every answer says to a browser about itself, path by path: policies, types, and who may take it in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from server.config import Config
+from server.links.base import Link, LinkSettings
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import Running
+
+# Of a page, beyond "only this server": what it may do that the strict one may not. All else has no page in it.
+WASM, INLINE = "'wasm-unsafe-eval'", "'unsafe-inline'"
+PAGES = {"/": set(), "/rerun/": {WASM}, "/rerun/start.js": {WASM}}
+DATA = (
+    *("/api/devices", "/api/build", "/api/recordings", "/healthz", "/metrics", "/openapi.json", "/api/nothing"),
+    *("/api/recordings/none", "/assets/none.js", "/api/ports/scan", "/viser", "/api/map", "/nothing.html"),
+)
+
+
+def open_link(source: str, settings: LinkSettings) -> Link:
+    return FakeLink(source, settings)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    with Running(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), open_link) as running:
+        running.client.timeout = 60
+        yield running
+
+
+def policy_of(running: Running, path: str) -> dict[str, str]:
+    answer = running.client.get(path)
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    assert answer.headers["cross-origin-resource-policy"] == "same-origin"
+    assert len(answer.headers.get_list("content-security-policy")) == 1
+    parts = (part.strip().partition(" ") for part in answer.headers["content-security-policy"].split(";"))
+    return {name: value for name, _, value in parts}
+
+
+@pytest.mark.parametrize("path", DATA)
+def test_what_is_no_page_can_do_nothing_in_a_browser(path: str, running: Running) -> None:
+    nothing = "'none'"
+    wanted = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
+    assert policy_of(running, path) == wanted
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, running: Running) -> None:
+    policy = policy_of(running, path)
+    assert policy["default-src"] == policy["base-uri"] == "'none'"
+    assert policy["frame-ancestors"] == "'self'"
+    allowed = {word for value in policy.values() for word in value.split()}
+    assert allowed - {"'none'", "'self'", "data:", "blob:"} == PAGES[path]
+    assert policy["script-src"].split()[0] == "'self'"
+    assert policy["connect-src"] == "'self'"
+
+
+def test_what_was_refused_says_so_too(running: Running) -> None:
+    for headers in ({"host": "rebound.example"}, {"x-forwarded-for": "203.0.113.5"}):
+        answer = running.client.get("/api/devices", headers=headers)
+        assert answer.status_code in (401, 403)
+        assert answer.headers["content-security-policy"].startswith("default-src 'none'")
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        assert answer.headers["cache-control"] == "no-store"
+
+
+def test_no_page_of_another_origin_is_let_read(running: Running) -> None:
+    for method in ("GET", "OPTIONS"):
+        answer = running.client.request(method, "/api/devices", headers={"origin": "https://elsewhere.example"})
+        assert not [name for name in answer.headers if name.startswith("access-control-")]

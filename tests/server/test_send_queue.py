@@ -1,0 +1,208 @@
+"""The outbox: what a slow browser loses is the oldest, is counted exactly, and is never an event."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server.live.ring_buffer import Ring
+from server.live.send_queue import Frame, History, Outbox, Packet
+from server.wire_codec import decode_samples, encode_samples
+
+NOTHING = History({})
+
+
+def frame(channel: int, sequence: int, n: int) -> Frame:
+    data = encode_samples(channel, sequence, [np.arange(n) * 1.0] * 3, 0.0)
+    return Frame(channel, n, data)
+
+
+def outbox(limit: int = 10_000, channels: list[int] | None = None) -> Outbox:
+    box = Outbox(limit=limit)
+    box.subscribe(channels, NOTHING, "backfilled")
+    assert box.take_history(0.0) is None
+    assert box.take() == "backfilled"
+    assert box.idle
+    return box
+
+
+@given(st.lists(st.tuples(st.integers(1, 3), st.integers(1, 20), st.booleans()), max_size=60))
+def test_sent_plus_dropped_is_everything(steps: list[tuple[int, int, bool]]) -> None:
+    """Per channel: sequence numbers that arrive and the `dropped` before them account for every sample, in order."""
+    box = outbox(limit=1500)
+    total = dict.fromkeys((1, 2, 3), 0)
+    seen = dict.fromkeys((1, 2, 3), 0)
+    told = dict.fromkeys((1, 2, 3), 0)
+    received = b""
+    for channel, n, is_taken in steps:
+        box.offer(Packet.of([frame(channel, total[channel], n), frame(3, total[3] + (n if channel == 3 else 0), 1)]))
+        total[channel] += n
+        total[3] += 1
+        if is_taken and (message := box.take()) is not None:
+            assert isinstance(message, bytes)
+            received += message
+    while (message := box.take()) is not None:
+        assert isinstance(message, bytes)
+        received += message
+    for samples in decode_samples(received, {1: ["f8"], 2: ["f8"], 3: ["f8"]}):
+        channel = samples.channel
+        assert samples.sequence == seen[channel] + samples.dropped
+        seen[channel] = samples.sequence + samples.n
+        told[channel] += samples.dropped
+    for channel in (1, 2, 3):
+        assert seen[channel] <= total[channel]
+        assert told[channel] <= box.dropped_of.get(channel, 0)
+        if seen[channel] == total[channel]:
+            assert told[channel] == box.dropped_of.get(channel, 0)
+
+
+def payload(data: bytes) -> bytes:
+    """What a server's unfragmented binary frame carries (RFC 6455, 5.2)."""
+    head, length = data[0], data[1]
+    assert head == 0x82
+    at = {126: 4, 127: 10}.get(length, 2)
+    said = length if at == 2 else int.from_bytes(data[2:at], "big")
+    assert len(data) == at + said
+    return data[at:]
+
+
+@given(st.lists(st.sampled_from(["offer", "large", "say", "take", "open", "shut"]), max_size=80))
+def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps: list[str]) -> None:
+    """A socket that takes frames at once now and then: all arrives once, in the order it was offered."""
+    wire: list[str | bytes] = []
+    is_open = True
+
+    def send_now(data: bytes) -> bool:
+        if is_open:
+            wire.append(payload(data))
+        return is_open
+
+    box = Outbox(limit=20_000, send_now=send_now)
+    box.subscribe(None, NOTHING, "")
+    assert box.take_history(0.0) is None
+    assert box.take() == ""
+    total, said = 0, 0
+    for step in [*steps, *["take"] * len(steps)]:
+        if step in ("offer", "large"):
+            n = 3 if step == "offer" else 3000
+            box.offer(Packet.of([frame(1, total, n)]))
+            total += n
+        elif step == "say":
+            box.say(f"{total}")
+            said += 1
+        elif step == "take":
+            if (message := box.take()) is not None:
+                wire.append(message)
+        else:
+            is_open = step == "open"
+    at = dropped = 0
+    for message in wire:
+        if isinstance(message, str):
+            assert int(message) >= at, "text goes before the samples that come after it"
+            continue
+        for samples in decode_samples(message, {1: ["f8"]}):
+            assert samples.sequence == at + samples.dropped
+            at = samples.sequence + samples.n
+            dropped += samples.dropped
+    assert sum(isinstance(message, str) for message in wire) == said
+    assert dropped <= box.dropped
+    assert at == total or box.dropped > dropped
+
+
+def test_while_a_message_is_on_its_way_nothing_goes_at_once() -> None:
+    went: list[bytes] = []
+    box = Outbox(send_now=lambda data: went.append(data) is None)
+    box.subscribe(None, NOTHING, "")
+    assert box.take_history(0.0) is None
+    assert box.take() == ""
+    box.sending_since = 1.0
+    box.offer(Packet.of([frame(1, 0, 5)]))
+    assert not went
+    assert isinstance(box.take(), bytes)
+    box.sending_since = None
+    box.offer(Packet.of([frame(1, 5, 5)]))
+    assert len(went) == 1
+    assert box.idle
+    assert box.sent_bytes == len(payload(went[0]))
+
+
+def test_a_slow_browser_is_told_exactly_how_many() -> None:
+    box = outbox(limit=3 * len(frame(1, 0, 10).data))
+    for k in range(10):
+        box.offer(Packet.of([frame(1, 10 * k, 10)]))
+    message = box.take()
+    assert isinstance(message, bytes)
+    got = decode_samples(message, {1: ["f8"]})
+    assert [samples.sequence for samples in got] == [70, 80, 90]  # the oldest went
+    assert [samples.dropped for samples in got] == [70, 0, 0]
+    assert box.dropped_of == {1: 70}
+
+
+def test_events_are_never_dropped_and_go_first() -> None:
+    box = outbox(limit=100)
+    for k in range(500):
+        box.offer(Packet.of([frame(1, k, 1)]))
+        box.say(f"event {k}")
+    assert [box.take() for _ in range(500)] == [f"event {k}" for k in range(500)]
+
+
+def test_only_the_newest_state_waits() -> None:
+    box = outbox()
+    for k in range(5):
+        box.say_latest("health", f"health {k}")
+        box.say_latest("devices", f"devices {k}")
+    assert [box.take(), box.take(), box.take()] == ["health 4", "devices 4", None]
+
+
+def test_nothing_flows_before_the_first_subscribe() -> None:
+    box = Outbox()
+    box.offer(Packet.of([frame(1, 0, 5)]))
+    assert box.idle
+
+
+def test_only_what_was_asked_for() -> None:
+    box = outbox(channels=[2])
+    shared = Packet.of([frame(1, 0, 5), frame(2, 0, 5)])
+    box.offer(shared)
+    box.offer(Packet.of([frame(1, 5, 5)]))
+    message = box.take()
+    assert message == shared.frames[1].data
+    assert box.take() is None
+
+
+def test_a_packet_is_shared_and_not_copied() -> None:
+    boxes = [outbox(), outbox()]
+    packet = Packet.of([frame(1, 0, 5)])
+    for box in boxes:
+        box.offer(packet)
+    assert boxes[0].take() is packet.data
+    assert boxes[1].take() is packet.data
+
+
+def test_subscribing_again_forgets_what_waits() -> None:
+    box = outbox()
+    box.offer(Packet.of([frame(1, 0, 5)]))
+    box.subscribe(None, NOTHING, "again")
+    assert box.take() is None
+    assert box.dropped_of == {}  # forgotten on request is not dropped
+
+
+def test_history_is_newest_first_and_one_message_at_a_time() -> None:
+    rings = {1: Ring(["f4"]), 2: Ring(["f8"])}
+    for number, ring in rings.items():
+        n = 20_000 // number
+        ring.append([np.arange(n) * 0.01 * number, np.zeros(n), np.zeros(n)])
+    history = History({number: (ring, 0, ring.total) for number, ring in rings.items()})
+    ends = {1: 20_000, 2: 10_000}
+    newest = float("inf")
+    while (message := history.take(0.0, limit=50_000)) is not None:
+        assert len(message) < 50_000 + 70_000
+        found = decode_samples(message, {1: ["f4"], 2: ["f8"]})
+        for samples in found:
+            assert samples.history
+            assert samples.sequence + samples.n == ends[samples.channel]
+            ends[samples.channel] = samples.sequence
+        assert found[0].columns[0][-1] <= newest + 150  # messages go back in time, to within a block
+        newest = found[0].columns[0][-1]
+    assert ends == {1: 0, 2: 0}

@@ -1,0 +1,77 @@
+"""A comparison is of what devices are set to: not of temperatures, counters and what runs at the moment."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+from protocols.registry import PROTOCOLS
+from protocols.transactions import Known
+from server.api.errors import ApiError
+from server.api.snapshots import compare_sides
+from server.control.api_models import Compare, SideRef
+from server.control.device_controller import Desk
+from server.control.form_builder import forms_of
+from server.control.settings_diff import SideValues, compare
+from tests.server.control_harness import house
+
+IMX = Known(product="IMX-5", serial_number="1", firmware="2.7.1.0")
+
+
+def test_temperatures_and_up_time_counted_as_differences(tmp_path: Path) -> None:
+    """Two readings of one device, between which nothing was set, differ in nothing."""
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            desk = await here.add("twin:isb?rate=50")
+            await here.read(desk)
+            first = SideValues("First", desk.values)
+            await asyncio.sleep(0.02)
+            await here.read(desk)
+            assert first.values["DID_SYS_PARAMS"] != desk.values["DID_SYS_PARAMS"]
+            found = compare(desk.driver, desk.known, SideValues("Now", desk.values), first)
+            assert found.rows == []
+            assert found.same > 50
+            assert "DID_SYS_PARAMS" not in {*found.missing, *found.profile, *found.changes}
+
+    asyncio.run(check())
+
+
+def test_a_profile_taken_during_a_calibration_began_one_wherever_it_was_written() -> None:
+    """The state of a calibration starts it when it is written."""
+    driver = PROTOCOLS["isb"].driver
+    rest = {"DID_MAG_CAL": {"state": 0, "progress": 0.0, "declination": 0.0}}
+    rest |= {"DID_SURVEY_IN": {"state": 0, "maxDurationSec": 60, "minAccuracy": 1.0}}
+    busy = {"DID_MAG_CAL": {"state": 1, "progress": 7.0, "declination": 0.1}}
+    busy |= {"DID_SURVEY_IN": {"state": 2, "maxDurationSec": 90, "minAccuracy": 1.0}}
+    found = compare(driver, IMX, SideValues("Now", rest), SideValues("Profile", busy))
+    assert found.changes == {"DID_SURVEY_IN": {"maxDurationSec": 90}}
+    assert [row.path for row in found.rows] == ["maxDurationSec"]
+    assert "DID_MAG_CAL" not in found.profile
+    assert "state" not in found.profile["DID_SURVEY_IN"]
+
+
+def test_factory_settings_that_nobody_tells_agreed_with_everything(tmp_path: Path) -> None:
+    """ "No difference, 0 values agree": that was an empty side."""
+
+    async def refusal(desk: Desk, here: Any) -> ApiError | None:
+        try:
+            await compare_sides(Compare(SideRef("device"), SideRef("factory")), desk, here.desks)
+        except ApiError as error:
+            return error
+        return None
+
+    async def check() -> None:
+        async with house(tmp_path) as here:
+            imx, mti = await here.add("twin:isb?rate=50"), await here.add("twin:xbus?baud=921600")
+            for desk in (imx, mti):
+                await here.read(desk)
+            error = await refusal(imx, here)
+            assert error is not None
+            assert error.body.kind == "no-defaults"
+            assert "IMX-5" in error.body.message
+            assert await refusal(mti, here) is None
+            assert [forms_of(desk.driver, "x", desk.known).factory for desk in (imx, mti)] == [False, True]
+
+    asyncio.run(check())

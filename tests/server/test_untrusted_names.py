@@ -1,0 +1,249 @@
+"""Names that somebody types, uploads or puts into an address: none becomes a path, none is a fault, none is endless.
+
+Each is sent wherever a name, a title, a text or an id is taken. What is answered is an answer, in the one shape of
+errors where it is one; what lies on disk afterwards lies in the data folder and has a name that any system can hold.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+import pytest
+
+from recordings.library import clean_name
+from server.api.unicode_guard import is_whole
+from server.config import Config
+from server.control.snapshots import Snapshot, Snapshots
+from server.links.base import Link, LinkSettings
+from tests.server.fakes import FakeLink
+from tests.server.in_process_server import Running
+from tests.server.test_opening import drive
+
+NASTY = {
+    "parent": "../../escape.mcap",
+    "parent, backwards": "..\\..\\escape.mcap",
+    "absolute": "/etc/escape.mcap",
+    "drive": "C:\\escape.mcap",
+    "spelled": "%2e%2e%2fescape.mcap",
+    "hidden": ".hidden.mcap",
+    "an option": "-rf.mcap",
+    "options": "--output=x",
+    "nul": "a\0b.mcap",
+    "lines": "a\r\nSet-Cookie: x=1\r\n\r\n.mcap",
+    "dot": ".",
+    "dots": "..",
+    "space": "  ",
+    "long": "x" * 300,
+    "long in bytes": "🛰" * 90 + ".mcap",
+    "emoji": "💥 🇦🇶.mcap",
+    "device": "CON",
+    "device with suffix": "nul.mcap",
+    "backwards": "\u202epacm.exe",
+    "combining": "e" + "\u0301" * 100 + ".mcap",
+    "shell": "$(reboot);`id`|x.mcap",
+    "markup": "<img src=x onerror=alert(1)>.mcap",
+    "quotes": "\"';--.mcap",
+    "half a character": "\ud800.mcap",
+    "wildcards": "*?[a-z].mcap",
+    "yaml": "!!python/object/apply:os.system ['x']",
+    "format": "{0.__class__} %s %n",
+}
+FILE = {"content-type": "application/octet-stream"}
+
+
+def open_link(source: str, settings: LinkSettings) -> Link:
+    return FakeLink(source, settings)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Holds the data folder, and beside it what nobody may touch."""
+    folder = tmp_path_factory.mktemp("names")
+    (folder / "data" / "recordings").mkdir(parents=True)
+    (folder / "escape.mcap").write_text("not yours")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def running(folder: Path) -> Iterator[Running]:
+    with Running(Config(data=folder / "data", sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+        running.client.timeout = 60
+        yield running
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("file") / "a.mcap"
+    drive(path, seconds=0.1)
+    return path.read_bytes()
+
+
+def quoted(name: str) -> str:
+    return quote(name.encode("utf-8", "surrogatepass"), safe="").replace(".", "%2E")
+
+
+def sent(running: Running, method: str, path: str, body: Any = None, content: bytes = b"") -> httpx.Response:
+    """A request and its answer, which is in order whatever was asked."""
+    headers, data = {}, content
+    if body is not None:
+        headers, data = {"content-type": "application/json"}, json.dumps(body).encode()
+    elif content:
+        headers = FILE
+    answer = running.client.request(method, f"{running.url}{path}", content=data, headers=headers)
+    assert answer.status_code < 500, (method, path, answer.text)
+    assert "x=1" not in answer.headers.get("set-cookie", "")
+    if answer.status_code >= 400:
+        assert set(answer.json()) == {"kind", "message", "hint"}, (method, path)
+        assert len(answer.json()["message"]) < 400
+    return answer
+
+
+def is_harmless(name: str) -> bool:
+    """Could this be a file's name anywhere, and be given to a command?"""
+    stem = name.partition(".")[0].upper()
+    return (
+        name.isprintable()
+        and 0 < len(name.encode()) <= 255
+        and name[0] not in "-. "
+        and not set(name) & set('/\\<>:"|?*')
+        and stem not in {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}
+    )
+
+
+def in_order(folder: Path) -> None:
+    """Nothing lies outside the data folder, and nothing in it has a name that is trouble."""
+    assert sorted(path.name for path in folder.iterdir()) == ["data", "escape.mcap"]
+    assert (folder / "escape.mcap").read_text() == "not yours"
+    for path in (folder / "data" / "recordings").iterdir():
+        assert path.name.startswith(".") or is_harmless(path.name), path.name
+
+
+@pytest.fixture(scope="module")
+def recording(running: Running, file: bytes) -> str:
+    """The address of one that is there."""
+    uploaded = sent(running, "PUT", "/api/recordings/upload?name=there.mcap", content=file)
+    return f"/api/recordings/{uploaded.json()['id']}"
+
+
+UPLOADED = ("parent", "spelled", "hidden", "an option", "nul", "long in bytes", "device", "half a character")
+
+
+@pytest.mark.parametrize("what", UPLOADED)
+def test_an_uploaded_file_gets_a_name_that_is_no_path(what: str, running: Running, folder: Path, file: bytes) -> None:
+    name = NASTY[what]
+    uploaded = sent(running, "PUT", f"/api/recordings/upload?name={quoted(name)}", content=file)
+    assert uploaded.is_success or (uploaded.status_code == 422 and len(name) > 400), uploaded.text
+    in_order(folder)
+    own = f"/api/recordings/{quoted(uploaded.json()['id'])}"
+    disposition = sent(running, "GET", f"{own}/download").headers["content-disposition"]
+    assert disposition.isascii()
+    assert ".." not in disposition
+    sent(running, "DELETE", own)
+
+
+@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+def test_a_name_is_a_name(name: str, running: Running, folder: Path, recording: str) -> None:
+    device = running.client.get("/api/devices").json()[0]["id"]
+    sent(running, "PATCH", recording, {"title": name, "tags": [name], "notes": name, "pinned": False})
+    sent(running, "POST", f"{recording}/exports", {"format": "csv", "channels": [name], "device": name})
+    assert sent(running, "GET", f"/api/recordings?q={quoted(name[:300])}").status_code in (200, 422)
+    for path in (
+        *(
+            "/api/recordings/{}",
+            "/api/recordings/{}/download",
+            "/api/recordings/{}/original",
+            "/api/devices/{}/control",
+        ),
+        *("/api/recordings/exports/{}/file", f"/api/devices/{device}/snapshots/{{}}", "/viser/{}/", "/rerun/{}", "/{}"),
+        *("/api/views/scene?device={}", f"/api/devices/{device}/query?channel={{}}", "/api/tiles/{}/0/0"),
+    ):
+        assert sent_or_no_view(running, path.format(quoted(name))) not in (200, 201), path
+    for method, path in (
+        *(("DELETE", f"/api/devices/{device}/snapshots/{{}}"), ("DELETE", "/api/recordings/{}")),
+        *(("POST", "/api/recordings/{}/undelete"), ("POST", "/api/recordings/{}/play")),
+    ):
+        sent(running, method, path.format(quoted(name)), {} if method == "POST" else None)
+    sent(running, "POST", f"/api/devices/{device}/snapshots", {"title": name, "text": name})
+    sent(running, "POST", f"/api/devices/{device}/reading", {"protocol": name, "key": name, "schema": name})
+    in_order(folder)
+
+
+def sent_or_no_view(running: Running, path: str) -> int:
+    """As `sent`; a view that is not there is told with 503."""
+    answer = running.client.get(f"{running.url}{path}")
+    if answer.status_code == 503:
+        assert answer.json()["kind"] == "no-view"
+        return 503
+    return sent(running, "GET", path).status_code
+
+
+@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+def test_a_file_gets_a_name_that_any_system_can_hold(name: str) -> None:
+    found = clean_name(name)
+    assert is_harmless(found), found
+    assert clean_name(found) == found
+
+
+@pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
+def test_a_snapshot_lies_where_snapshots_lie(name: str, tmp_path: Path) -> None:
+    """Also the serial number comes from outside: from whatever is on the line."""
+    kept = Snapshots(tmp_path / "data" / "snapshots")
+    snapshot = Snapshot("xbus", name, name, name, title=name, taken=1.76e9, values={"a": {"b": 1}}, reason=name)
+    info = kept.keep(snapshot, {})
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+    for path in tmp_path.rglob("*"):
+        assert is_harmless(path.name), path
+    assert kept.get("xbus", name, info.name).values == {"a": {"b": 1}}
+    for other in NASTY.values():
+        with pytest.raises(KeyError):
+            kept.get("xbus", name, other)
+        with pytest.raises(KeyError):
+            kept.delete("xbus", name, other)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body"),
+    [
+        ("PATCH", "/api/recordings/a", {"title": "x" * 201}),
+        ("PATCH", "/api/recordings/a", {"notes": "x" * 20_001}),
+        ("PATCH", "/api/recordings/a", {"tags": ["x"] * 51}),
+        ("PATCH", "/api/recordings/a", {"tags": ["x" * 61]}),
+        ("PATCH", "/api/recordings/a", {"file": "x" * 201}),
+        ("POST", "/api/recordings/a/markers", {"text": "x" * 2001, "time": 1.0}),
+        ("POST", "/api/recordings/mark", {"text": "x" * 2001}),
+        ("POST", "/api/recordings/start", {"title": "x" * 10_000}),
+        ("POST", "/api/devices", {"source": "x" * 1001}),
+        ("GET", "/api/recordings?q=" + "x" * 401, None),
+        ("PUT", "/api/recordings/upload?name=" + "x" * 401, None),
+    ],
+)
+def test_every_text_has_a_limit(method: str, path: str, body: Any, running: Running) -> None:
+    answer = sent(running, method, path, body, b"" if body is not None or method == "GET" else b"x")
+    assert answer.status_code in (404, 409, 413, 422), answer.text
+
+
+def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: Running) -> None:
+    for path in ("/api/devices", "/api/recordings/start", "/api/recordings/mark", "/api/devices/1/reading"):
+        answer = running.client.post(path, json={"x": "y" * 1024 * 1024})
+        assert answer.status_code == 413
+
+
+@pytest.mark.parametrize(
+    ("body", "is_fine"),
+    [
+        (b'{"text": "\\ud83d\\ude80"}', True),
+        (b'{"text": "\\uD83D"}', False),
+        (b'{"\\ude80": 1}', False),
+        (b'{"text": "\\\\ud83d"}', True),  # six letters
+        (b'{"text": "\\ud83d"', True),  # no JSON: said by who reads it
+        (b"[" * 100_000 + b'"\\ud83d"', True),
+        (b"", True),
+    ],
+)
+def test_half_a_character_is_told_from_a_whole_one(body: bytes, is_fine: bool) -> None:
+    assert is_whole(body) == is_fine

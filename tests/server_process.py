@@ -1,0 +1,200 @@
+"""How do tests and benchmarks run the real server? As a process of its own, on a port the system chooses.
+
+It never outlives who started it, however that one ended: a server that is left behind goes on trying its serial port,
+and so takes the next run's pseudo-terminal, which has the same name, before the server of that run is there.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import ssl
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+
+from tests.fork_server import Child, Nursery
+from tests.timeouts import PATIENCE_S
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Runs what follows it in its place, to be ended by Linux with the process whose number is given first. The signal is
+# PR_SET_PDEATHSIG (1) of prctl(2); it is kept over exec. (A preexec_fn would run Python between fork and exec.)
+_TIED = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, int(signal.SIGTERM))
+if os.getppid() != int(sys.argv[1]): sys.exit("who asked for this has ended")
+os.execv(sys.argv[2], sys.argv[2:])
+"""
+
+
+def tied(command: list[str]) -> list[str]:
+    """The command line that runs `command` (its first word a path) until it ends or this process does, even killed."""
+    if sys.platform != "linux":
+        return command
+    return [sys.executable, "-I", "-S", "-c", _TIED, str(os.getpid()), *command]
+
+
+# Whom tests have start what they need (tests/conftest.py); without it, each command is an interpreter of its own.
+nursery: Nursery | None = None
+
+
+def begun(
+    *words: str, fresh: bool = False, prefix: Sequence[str] = (), apart: bool = False
+) -> subprocess.Popen[str] | Child:
+    """`imuscope WORDS`, running, in a process group of its own: an interrupted run of tests stops it through who began
+    it, not behind their back.
+
+    Args:
+        fresh: in an interpreter of its own, also where tests share the work of starting one.
+        prefix: put before the command, to run it as somebody else.
+        apart: what is printed as an error has a pipe of its own.
+    """
+    if nursery is not None and not fresh and not prefix:
+        pipes = [os.pipe() for _ in range(1 + apart)]
+        with open(os.devnull) as nothing:
+            child = nursery.start(words, nothing.fileno(), pipes[0][1], pipes[-1][1])
+        for _, written in pipes:
+            os.close(written)
+        child.stdout, *errors = (os.fdopen(read, encoding="utf-8", errors="replace") for read, _ in pipes)
+        child.stderr = errors[0] if errors else None
+        return child
+    return subprocess.Popen(
+        [*prefix, *tied([sys.executable, "-m", "server.cli", *words])],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE if apart else subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+    )
+
+
+def imuscope(*words: str, given: bytes = b"", fresh: bool = False) -> subprocess.CompletedProcess[str]:
+    """`imuscope WORDS`, as a person runs it, to its end."""
+    with tempfile.TemporaryFile() as asked, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        asked.write(given)
+        asked.seek(0)
+        if nursery is not None and not fresh:
+            status = nursery.start(words, asked.fileno(), out.fileno(), err.fileno()).wait(PATIENCE_S)
+        else:
+            command = [sys.executable, "-m", "server.cli", *words]
+            status = subprocess.run(
+                command, cwd=ROOT, stdin=asked, stdout=out, stderr=err, timeout=PATIENCE_S
+            ).returncode
+        for file in (out, err):
+            file.seek(0)
+        return subprocess.CompletedProcess(words, status, out.read().decode(), err.read().decode())
+
+
+class ServerProcess:
+    """`imuscope serve SOURCE …`, started and waited for until it answers.
+
+    Args:
+        sources: as on the command line; none starts what the command starts by itself.
+        data: the data folder.
+        arguments: further options.
+        prefix: put before the command, to run it as somebody else.
+        timeout_s: time allowed until /healthz answers (a first start compiles).
+        fresh: start an interpreter for it, also where tests share the work of that (tests/fork_server.py).
+    Raises:
+        RuntimeError: the server ended or did not answer; the message holds what it printed.
+    """
+
+    def __init__(
+        self,
+        *sources: str,
+        data: Path,
+        arguments: tuple[str, ...] = (),
+        prefix: tuple[str, ...] = (),
+        timeout_s: float = 180,
+        fresh: bool = False,
+    ) -> None:
+        words = ["serve", *sources, "--host", "127.0.0.1", "--port", "0", "--data", str(data), *arguments]
+        self.process = begun(*words, fresh=fresh, prefix=prefix)
+        self.data = data
+        self.lines: list[str] = []
+        self._certificate = data / "tls" / "certificate.pem"
+        if "--tls-cert" in arguments:
+            self._certificate = Path(arguments[arguments.index("--tls-cert") + 1])
+        self._is_beyond_loopback = "0.0.0.0" in arguments
+        self._address = threading.Event()
+        self.url = ""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        try:
+            self._wait(timeout_s)
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def trust(self) -> ssl.SSLContext | None:
+        """Who a client believes: the server's certificate and nobody else; None without TLS."""
+        if not self.url.startswith("https"):
+            return None
+        return ssl.create_default_context(cafile=self._certificate)
+
+    @property
+    def log(self) -> str:
+        """Everything printed so far."""
+        return "".join(self.lines)
+
+    def stop(self) -> int:
+        """End the process, kindly first. Returns its exit status."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+        status = self.process.wait()
+        self._reader.join(PATIENCE_S)  # what a killed one had begun aside ends a little later
+        if self.process.stdout:
+            self.process.stdout.close()
+        return status
+
+    def __enter__(self) -> ServerProcess:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.lines.append(line)
+            if not self.url and (found := re.search(r"https?://[\w.:\[\]-]+", line)):
+                url = found[0].rstrip("/")
+                # The machine's own name is printed then, which not every machine can look up.
+                self.url = re.sub(r"//.*(?=:)", "//localhost", url) if self._is_beyond_loopback else url
+                self._address.set()
+        self._address.set()
+
+    def _wait(self, timeout_s: float) -> None:
+        deadline = time.monotonic() + timeout_s
+        self._address.wait(timeout_s)
+        while time.monotonic() < deadline:
+            if self.process.poll() is not None:
+                break
+            if self.url and self._answers():
+                return
+            time.sleep(0.02)
+        raise RuntimeError(f"the server did not come up:\n{self.log}")
+
+    def _answers(self) -> bool:
+        try:
+            with urllib.request.urlopen(f"{self.url}/healthz", timeout=PATIENCE_S, context=self.trust) as answer:
+                return bool(answer.status == 200)
+        except OSError:
+            return False

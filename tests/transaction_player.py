@@ -1,0 +1,123 @@
+"""Play a dialogue against a twin, on a clock of its own: no link, no thread, no sleeping.
+
+    play(driver.read("LocationID", known), Wire(XbusDevice(), "xbus"))
+
+The device is any twin (`advance`, `receive`, `baud`); `Wire` decodes what it sends and hears it only at its own rate.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, Protocol
+
+from protocols.events import Decoder, Event
+from protocols.registry import PROTOCOLS
+from protocols.transactions import Act, Dialogue, Expect, Note, Pause, Relink, Send, T
+
+STEP_NS = 1_000_000  # how finely time passes while something is awaited
+
+
+class Twin(Protocol):
+    @property
+    def baud(self) -> int: ...
+
+    def advance(self, now_ns: int) -> bytes: ...
+
+    def receive(self, data: bytes, now_ns: int) -> bytes: ...
+
+
+class Wire:
+    """A twin at the other end of a perfect cable.
+
+    Args:
+        baud: of the host's end; None follows the device whatever it does.
+        step_ns: how finely time passes.
+    Attributes:
+        sent: every Send that was written, in order.
+        notes: every sentence that it told, in order.
+        now_ns: the time.
+    """
+
+    def __init__(
+        self, device: Twin, protocol: str, baud: int | None = None, start_ns: int = 0, step_ns: int = STEP_NS
+    ) -> None:
+        self.device = device
+        self.protocol = protocol
+        self.baud = baud
+        self.now_ns = start_ns
+        self.sent: list[Send] = []
+        self.notes: list[str] = []
+        self._step_ns = step_ns
+        self._decoder = self._fresh()
+        self._events: deque[Event] = deque()
+        self._asking = False
+
+    def _fresh(self) -> Decoder:
+        return PROTOCOLS[self.protocol].decoder()
+
+    @property
+    def heard(self) -> bool:
+        """Do host and device speak at one rate?"""
+        return self.baud is None or self.baud == self.device.baud
+
+    def take(self, data: bytes) -> None:
+        """Bytes from the device."""
+        if data and self.heard:
+            self._decoder.feed(data, self.now_ns)
+            self._events.extend(self._decoder.drain())
+
+    def write(self, send: Send) -> None:
+        self.sent.append(send)
+        heard = self.heard  # before: a device that resets answers at its old rate
+        data = self.device.receive(send.frame if heard else b"", self.now_ns)
+        if data and heard:
+            self._decoder.feed(data, self.now_ns)
+            self._events.extend(self._decoder.drain())
+
+    def pass_time(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+        self.take(self.device.advance(self.now_ns))
+
+    def expect(self, act: Expect) -> Any | None:
+        end_ns = self.now_ns + round(act.timeout_s * 1e9)
+        while True:
+            while self._events:
+                found = act.match(self._events.popleft())
+                if found is not None:
+                    return found
+            if self.now_ns >= end_ns:
+                return None
+            self.pass_time(min(self._step_ns, end_ns - self.now_ns) / 1e9)
+
+    def relink(self, baud: int | None) -> None:
+        self.baud = baud if baud is not None else self.baud
+        self._decoder = self._fresh()
+        self._events.clear()
+
+    def do(self, act: Act) -> Any:
+        """Do one act; what the dialogue is to be sent. A Send after a wait forgets what nobody waited for."""
+        asked, self._asking = self._asking, isinstance(act, Send)
+        if isinstance(act, Send):
+            if not asked:
+                self._events.clear()
+            return self.write(act)
+        if isinstance(act, Expect):
+            return self.expect(act)
+        if isinstance(act, Pause):
+            return self.pass_time(act.seconds)
+        if isinstance(act, Note):
+            return self.notes.append(act.words)
+        assert isinstance(act, Relink)
+        self.relink(act.baud)
+        return True
+
+
+def play(dialogue: Dialogue[T], wire: Wire) -> T:
+    """Run a dialogue to its end; what it returns, or raises."""
+    try:
+        act = next(dialogue)
+        while True:
+            act = dialogue.send(wire.do(act))
+    except StopIteration as end:
+        result: T = end.value
+        return result

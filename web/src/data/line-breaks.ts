@@ -1,0 +1,177 @@
+/**
+ * Where must a line through the samples of a ring not be joined? Before a row of `breaks`: samples were dropped on the way, the
+ * spacing is more than 2.5 × the usual, or more than 1.5 × where the device's counter says that one is missing (`losses`), or the
+ * device's clock was reset or jumped in between (`cuts`: what is drawn side by side then need not have happened side by side). And at a row of `wraps[column]`, where a wrapping quantity jumps over its edge.
+ *
+ * The usual spacing is the median of the last rows, so it follows a device whose rate was changed. Without a device clock only
+ * arrival times are known; they come in bursts, whose median spacing is zero, so there the mean is taken, and some more allowed.
+ */
+import type { Values } from "./minmax-pyramid";
+
+/** A line is broken where two samples lie further apart than this many usual spacings (design, "Plots"). */
+const BREAK_FACTOR = 2.5;
+/** Added for channels on arrival time only: a USB adapter delivers every 16 ms, a busy host sometimes skips one. */
+const BURST_S = 0.05;
+/** Spacings looked at for the usual one. */
+const STEPS_SEEN = 63;
+/** Rows judged by one usual spacing: the rate may change within a long block of history. */
+const STRETCH = 256;
+
+/** One lost sample leaves twice the usual spacing, which could be jitter: only where one is known to be missing this is a gap. */
+const MISSING_FACTOR = 1.5;
+/** Losses remembered, as many as the server keeps of a device; the oldest go first. */
+const LOSSES_KEPT = 8000;
+/** Steps of a clock remembered; the oldest go first. */
+const CUTS_KEPT = 1000;
+
+/** Index of the first element ≥ x of an ascending list. */
+export function lowerBound(list: readonly number[], x: number): number {
+  let a = 0;
+  let b = list.length;
+  while (a < b) {
+    const m = (a + b) >> 1;
+    if (list[m]! < x) a = m + 1;
+    else b = m;
+  }
+  return a;
+}
+
+/** What is read of a ring. */
+export interface Rows {
+  readonly first: number;
+  readonly end: number;
+  readonly mask: number;
+  readonly times: Float64Array;
+  readonly columns: readonly Values[];
+  readonly clocked: boolean;
+}
+
+export class Gaps {
+  readonly breaks: number[] = [];
+  readonly wraps: readonly (number[] | undefined)[];
+  /** Usual spacing, s; NaN while unknown. */
+  step = NaN;
+  /** Longest spacing that is no gap, s, where it is known; NaN: told by the usual spacing. Of summarised rows it is known. */
+  longest = NaN;
+  readonly #periods: readonly number[];
+  readonly #cuts: number[] = [];
+  /** Spans in which samples are missing: where each begins, ascending, and how far it and those before it reach. Facts of time: they stay when rows go. */
+  readonly #lostFrom: number[] = [];
+  readonly #lostTo: number[] = [];
+  #stepAt = 0;
+
+  /** @param periods where each column wraps; 0: never */
+  constructor(periods: readonly number[]) {
+    this.#periods = periods;
+    this.wraps = periods.map((period) => (period > 0 ? [] : undefined));
+  }
+
+  /** Rows from ≤ row < to were written, and so may lie differently to the one after them. */
+  judge(rows: Rows, from: number, to: number): void {
+    const end = Math.min(rows.end, to + 1);
+    for (let a = from; a < end; a += STRETCH) this.#stretch(rows, a, Math.min(a + STRETCH, end));
+  }
+
+  /** No line may be drawn to `row` from the one before it. */
+  insert(row: number): void {
+    const at = lowerBound(this.breaks, row);
+    if (this.breaks[at] !== row) this.breaks.splice(at, 0, row);
+  }
+
+  /** No line may be drawn over the moment `time`, by whatever rows come to lie around it. `row`: the first at or after it. */
+  cut(time: number, row: number, { first, end }: Rows): void {
+    const at = lowerBound(this.#cuts, time);
+    if (this.#cuts[at] === time) return;
+    this.#cuts.splice(at, 0, time);
+    if (this.#cuts.length > CUTS_KEPT) this.#cuts.shift();
+    if (row > first && row < end) this.insert(row);
+  }
+
+  /** Samples are missing between t0 and t1. Rows from ≤ row < to may lie around the hole; whether some do. */
+  lose(t0: number, t1: number, from: number, to: number, rows: Rows): boolean {
+    const before = this.breaks.length;
+    this.#keepLoss(t0, t1);
+    for (let row = Math.max(from, rows.first + 1); row < Math.min(to, rows.end); row++) {
+      if (this.#isLost(rows.times[(row - 1) & rows.mask]!, rows.times[row & rows.mask]!, this.step, rows)) this.insert(row);
+    }
+    return this.breaks.length > before;
+  }
+
+  /** Rows are counted `by` lower from now on. */
+  shift(by: number): void {
+    this.#stepAt -= by;
+    for (const list of [this.breaks, ...this.wraps]) list?.forEach((row, k) => (list[k] = row - by));
+  }
+
+  clear(): void {
+    for (const list of [this.breaks, ...this.wraps]) if (list !== undefined) list.length = 0;
+    this.#cuts.length = 0;
+    this.step = NaN;
+    this.#stepAt = 0;
+  }
+
+  #stretch(rows: Rows, from: number, to: number): void {
+    const { times, mask } = rows;
+    const step = this.#usual(rows, to);
+    const usual = BREAK_FACTOR * step + (rows.clocked ? 0 : BURST_S);
+    const longest = this.longest === this.longest ? this.longest : usual;
+    mark(this.breaks, rows, from, to, (row) => {
+      const [before, time] = [times[(row - 1) & mask]!, times[row & mask]!];
+      return time - before > longest || this.#isCut(before, time) || this.#isLost(before, time, step, rows);
+    });
+    this.wraps.forEach((wraps, c) => {
+      if (wraps === undefined) return;
+      const values = rows.columns[c]!;
+      const half = this.#periods[c]! / 2;
+      mark(wraps, rows, from, to, (row) => Math.abs(values[row & mask]! - values[(row - 1) & mask]!) > half);
+    });
+  }
+
+  /** Is there a cut after `before`, up to `time`? */
+  #isCut(before: number, time: number): boolean {
+    const { length } = this.#cuts;
+    if (length === 0 || this.#cuts[length - 1]! <= before) return false; // nearly always
+    return this.#cuts.some((cut) => cut > before && cut <= time);
+  }
+
+  /** Is the spacing between these that of a sample that is known to be missing? Of rows that bound stretches nobody can tell. */
+  #isLost(before: number, time: number, step: number, { clocked }: Rows): boolean {
+    if (!clocked || this.longest === this.longest || !(time - before > MISSING_FACTOR * step)) return false;
+    const at = lowerBound(this.#lostFrom, time) - 1;
+    return at >= 0 && this.#lostTo[at]! > before;
+  }
+
+  #keepLoss(t0: number, t1: number): void {
+    const at = lowerBound(this.#lostFrom, t0);
+    this.#lostFrom.splice(at, 0, t0);
+    this.#lostTo.splice(at, 0, Math.max(t1, this.#lostTo[at - 1] ?? -Infinity));
+    for (let k = at + 1; k < this.#lostTo.length && this.#lostTo[k]! < t1; k++) this.#lostTo[k] = t1;
+    if (this.#lostFrom.length <= LOSSES_KEPT) return;
+    this.#lostFrom.shift();
+    this.#lostTo.shift();
+  }
+
+  /** Usual spacing of the rows before `to`. */
+  #usual({ first, mask, times, clocked }: Rows, to: number): number {
+    if (to >= this.#stepAt && to - this.#stepAt < STEPS_SEEN / 2 && this.step === this.step) return this.step;
+    const a = Math.max(first, to - 1 - STEPS_SEEN);
+    const n = to - 1 - a;
+    if (n < 3) return this.step;
+    const steps = new Float64Array(n);
+    for (let k = 0; k < n; k++) steps[k] = times[(a + k + 1) & mask]! - times[(a + k) & mask]!;
+    const step = clocked ? steps.sort()[n >> 1]! : (times[(to - 1) & mask]! - times[a & mask]!) / n;
+    // A block of history is judged by its own spacing; the newest rows say what is usual now.
+    if (to >= this.#stepAt || this.step !== this.step) [this.step, this.#stepAt] = [step, to];
+    return step;
+  }
+}
+
+/** Replace what a sorted list says of rows from ≤ row < to by what `test` says of them, and drop rows no longer held. */
+function mark(list: number[], { first }: Rows, from: number, to: number, test: (row: number) => boolean): void {
+  const found: number[] = [];
+  for (let row = Math.max(from, first + 1); row < to; row++) if (test(row)) found.push(row);
+  const a = lowerBound(list, from);
+  if (a < list.length) list.splice(a, lowerBound(list, to) - a, ...found);
+  else for (const row of found) list.push(row);
+  if (list.length > 0 && list[0]! <= first) list.splice(0, lowerBound(list, first + 1));
+}

@@ -1,0 +1,115 @@
+/** The bar at the foot: what will be written, why it cannot be, how it goes, what came of it. */
+import { useEffect, useRef } from "preact/hooks";
+import { count } from "../../ui/format";
+import type { Job } from "../../wire/types";
+import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
+import { isOver, JobLine, jobOf, StopJob } from "./jobs";
+import { type Model, viewOnly } from "./model";
+import { server } from "./api";
+import { question } from "./view-state";
+
+export function ApplyBar({ model }: { readonly model: Model }) {
+  const changes = model.changes.value;
+  const names = Object.keys(changes);
+  const last = model.applied.value;
+  const job = last === undefined ? undefined : jobOf(model, last);
+  const running = model.control.value?.running;
+  // What the device did not take is read first; the changes are still there behind it.
+  if (job && (!isOver(job) || names.length === 0 || !tookAll(job))) return <Progress model={model} id={job.id} />;
+  if (names.length === 0) {
+    return running ? (
+      <div class="applybar" role="region" aria-label="What is being done">
+        <span class="dot off" />
+        <span class="grow ell" role="status">
+          <b>{running.title}</b> <span class="mid">{running.step}</span>
+        </span>
+        <StopJob model={model} job={running} />
+      </div>
+    ) : null;
+  }
+  return <Changes model={model} names={names} />;
+}
+
+function Changes({ model, names }: { readonly model: Model; readonly names: readonly string[] }) {
+  const total = names.reduce((sum, name) => sum + (model.counts.value.get(name) ?? 1), 0);
+  const titles = names.map((name) => model.setting(name)?.title ?? name);
+  const blocked = model.blocked.value;
+  const onTrial = names.some((name) => model.previews.value[name]?.line);
+  return (
+    <div class="applybar" role="region" aria-label="Changes to write">
+      <div class="grow">
+        <p>
+          <b class="yourswords">{count(total, "change")}</b> <span class="mid">in {titles.slice(0, 3).join(", ")}{titles.length > 3 ? ` and ${titles.length - 3} more` : ""}</span>
+        </p>
+        <p class={blocked ? "why-not" : "dim"} id="apply-why">
+          <Message text={blocked || (onTrial ? "On trial: it goes back by itself unless you keep it." : "A snapshot is kept first; what is written is read back.")} />
+        </p>
+      </div>
+      <label class="field reason">
+        <span class="vh">Reason, kept with the snapshot</span>
+        <input type="text" placeholder="Reason, if you like" value={model.reason.value} onInput={(event) => (model.reason.value = event.currentTarget.value)} />
+      </label>
+      <button type="button" class="btn icon" aria-label="Undo the last edit" title="Undo (Ctrl Z)" onClick={() => model.undo()}>
+        <Icon name="undo" />
+      </button>
+      <button type="button" class="btn edge" onClick={() => model.discard()}>
+        Discard all
+      </button>
+      <button type="button" class="btn main" disabled={blocked !== ""} aria-describedby="apply-why" onClick={() => void apply(model, names)}>
+        Apply
+      </button>
+    </div>
+  );
+}
+
+function Progress({ model, id }: { readonly model: Model; readonly id: number }) {
+  const job = jobOf(model, id);
+  const bar = useRef<HTMLDivElement>(null);
+  // "Apply" is gone with the bar it stood on: the focus stays where it was, for who works by keyboard.
+  useEffect(() => {
+    if (document.activeElement === document.body || document.activeElement === null) bar.current?.focus();
+  }, [id]);
+  const dismiss = (): void => {
+    model.applied.value = undefined;
+    document.getElementById("form")?.focus();
+  };
+  return (
+    <div class="applybar" role="region" aria-label="What was written" tabIndex={-1} ref={bar}>
+      <div class="grow">
+        <JobLine model={model} id={id} />
+      </div>
+      {job && isOver(job) && (
+        <button type="button" class="btn edge" onClick={dismiss}>
+          {tookAll(job) ? "OK" : "Edit again"}
+        </button>
+      )}
+    </div>
+  );
+}
+
+const tookAll = (job: Job): boolean => job.state === "done" && job.outcomes.length === 0;
+
+/** Writes what was changed; what could harm is asked once more, in the words of the server, which knows it for every way to write. */
+async function apply(model: Model, names: readonly string[], confirmed = false): Promise<void> {
+  if (viewOnly.value) return;
+  const body = { changes: model.changes.value, reason: model.reason.value, confirmed, devices: [], product: "", base: model.basesOf(names) };
+  const outcome = await server.apply(model.id, body);
+  if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
+    const onTrial = names.some((name) => model.previews.value[name]?.line);
+    const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
+    question.value = {
+      title: "Write this?",
+      words: [outcome.problem.message, ...(onTrial ? ["It is applied on trial: unless you keep it within 20 s of the device's answer, it goes back."] : [])],
+      caution: caution ?? (onTrial ? "cuts-line" : "restarts"),
+      go: onTrial ? "Write on trial" : "Write",
+      act: () => void apply(model, names, true),
+    };
+    return;
+  }
+  const job = await model.run(Promise.resolve(outcome));
+  if (job === undefined) return;
+  model.applied.value = job.id;
+  model.reason.value = "";
+  model.elsewhere.value = [];
+}

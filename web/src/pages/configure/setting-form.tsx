@@ -1,0 +1,185 @@
+/** One setting as a form: its words, its fields, what the server says of it, the bytes that would be sent. */
+import { useEffect } from "preact/hooks";
+import { BudgetBar } from "../../forms/budget-bar";
+import { BytesView } from "../../forms/frame-view";
+import { changesOf, touches } from "../../forms/edits";
+import { Fields } from "../../forms/field";
+import { OutputsTable } from "../../forms/outputs-table";
+import { optionsOf } from "../../forms/options";
+import type { Sheet } from "../../forms/form-context";
+import { StreamsTable } from "../../forms/streams-table";
+import type { FieldForm, Forms, LoadInfo, SettingForm } from "../../forms/types";
+import type { Path, Values } from "../../forms/values";
+import { Icon } from "../../ui/icons";
+import { Message } from "../../ui/message";
+import { makeItFit } from "./fit-rates";
+import { type Model, viewOnly } from "./model";
+import { all, CAUTIONS, here } from "./view-state";
+
+interface Props {
+  readonly model: Model;
+  readonly form: SettingForm;
+  /** It has the page for itself: its title stands above, its bytes are shown also without a change. */
+  readonly alone: boolean;
+}
+
+const EFFECT: Readonly<Record<SettingForm["after"], string>> = {
+  "": "",
+  measurement: "Takes effect when the device measures again.",
+  reset: "Takes effect after a restart, done automatically.",
+};
+
+export function Setting({ model, form, alone }: Props) {
+  const edits = model.counts.value.get(form.name) ?? 0;
+  const lacking = model.body.value?.missing[form.name];
+  const unread = model.present.value[form.name] === undefined;
+  const showsBytes = alone || edits > 0 || form.editor !== "";
+  useEffect(() => {
+    if (!showsBytes) return undefined;
+    model.preview(form.name, 0);
+    if (form.editor) model.preview(`=${form.name}`, 0);
+    return () => {
+      model.forget(form.name);
+      model.forget(`=${form.name}`);
+    };
+  }, [form, showsBytes]);
+  return (
+    <section class={`setting ${edits > 0 ? "edited" : ""}`} aria-label={form.title} data-setting={form.name}>
+      {!alone && (
+        <div class="sethead">
+          <h2>{form.title}</h2>
+          <span class="dim mono ell">{form.name}</span>
+          <span class="grow" />
+          <Discard model={model} form={form} edits={edits} />
+        </div>
+      )}
+      <Words form={form} source={!alone} />
+      {unread && <p class="hint inset unread">{unreadWords(lacking)} “Read again” asks the device.</p>}
+      <Body model={model} form={form} />
+      {showsBytes && <Consequences model={model} form={form} />}
+    </section>
+  );
+}
+
+/** Why a form is not what the device has. */
+function unreadWords(why: string | undefined): string {
+  if (why === undefined) return "Not read from this device yet.";
+  return why.startsWith("not ") ? `N${why.slice(1)}.` : `Not read from this device: ${why}.`;
+}
+
+export function Discard({ model, form, edits }: { readonly model: Model; readonly form: SettingForm; readonly edits: number }) {
+  return edits > 0 ? (
+    <button type="button" class="btn small" onClick={() => model.discard(form.name)}>
+      <Icon name="undo" />
+      Discard {edits === 1 ? "the change" : `${edits} changes`}
+    </button>
+  ) : null;
+}
+
+/** What it is for, where that is written, when it takes effect, what harm it can do. */
+export function Words({ form, source = false }: { readonly source?: boolean; readonly form: Pick<SettingForm, "doc" | "source" | "caution" | "consequence"> & { readonly after?: SettingForm["after"] } }) {
+  const effect = EFFECT[form.after ?? ""];
+  return (
+    <div class="setwords">
+      {(form.doc || effect) && (
+        <p>
+          {form.doc} {effect} {source && form.source !== "" && <span class="dim source">{form.source}</span>}
+        </p>
+      )}
+      {form.caution !== "" && (
+        <p class="caution">
+          <span class="tag warn">▲ {CAUTIONS[form.caution]}</span> {form.consequence}
+        </p>
+      )}
+    </div>
+  );
+}
+
+export function sheetOf(model: Model, form: SettingForm): Sheet {
+  return {
+    id: `set-${form.name}`,
+    values: model.valuesOf(form),
+    before: model.present.value[form.name],
+    problems: model.previews.value[form.name]?.problems ?? [],
+    readOnly: !form.writable || viewOnly.value,
+    all: all.value,
+    set: (path: Path, value: unknown) => model.edit(form, path, value),
+    wrong: (path: Path, why: string | undefined) => model.setWrong(form.name, path, why),
+    hover: (path: string) => (model.hot.value = path),
+    options: optionsOf(form, model.present.value),
+    sought: here.value.place === form.name ? (here.value.more ?? "") : "",
+    epoch: model.epochs.value[form.name] ?? 0,
+  };
+}
+
+function Body({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
+  const sheet = sheetOf(model, form);
+  const forms = model.forms.value as Forms;
+  const list: FieldForm | undefined = form.editor === "" ? undefined : form.fields.find(({ editor }) => editor === "list");
+  if (list === undefined) return <Fields sheet={sheet} fields={form.fields} />;
+  if (!model.isKnown(form)) return null; // an empty table would say that nothing is sent
+  const load = model.loadOf(form.name) ?? model.loadOf(`=${form.name}`);
+  const rest = form.fields.filter((field) => field !== list);
+  const table = { sheet, field: list, load, hot: model.hot.value };
+  return (
+    <>
+      {form.editor === "outputs" ? <OutputsTable {...table} choices={forms.outputs} /> : <StreamsTable {...table} choices={forms.streams} />}
+      {rest.length > 0 && <Fields sheet={sheet} fields={rest} />}
+    </>
+  );
+}
+
+/** Load, line, bytes. */
+function Consequences({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
+  const preview = model.previews.value[form.name];
+  const before: Values | undefined = model.present.value[form.name];
+  const found = changesOf(form, before, model.valuesOf(form));
+  const changed = (path: string): boolean => path !== "" && before !== undefined && touches(found, path.split(".").map((part) => (/^\d+$/.test(part) ? Number(part) : part)));
+  const load: LoadInfo | null = model.loadOf(form.name) ?? (form.editor ? model.loadOf(`=${form.name}`) : null);
+  const loose = (preview?.problems ?? []).filter(({ path }) => !form.fields.some(({ name }) => path === name || path.startsWith(`${name}.`)));
+  const hover = (path: string): void => {
+    model.hot.value = path;
+  };
+  return (
+    <>
+      {(form.editor || (preview?.line && preview.load)) && load && (
+        <BudgetBar load={load} before={model.loadOf(`=${form.name}`)} baud={model.baud.value} rates={model.rates.value} changed={changed} hot={model.hot.value} hover={hover}>
+          {form.editor && (
+            <button type="button" class="btn edge small" disabled={viewOnly.value || model.capacity(load) === null} onClick={() => void makeItFit(model, form)}>
+              <Icon name="wand" />
+              Make it fit
+            </button>
+          )}
+        </BudgetBar>
+      )}
+      {form.editor && <FitWords model={model} form={form} />}
+      {preview?.line && (
+        <p class="caution inset">
+          <span class="tag warn">▲ on trial</span> {preview.line}
+        </p>
+      )}
+      {loose.map(({ path, message, hint }) => (
+        <p class="problem inset" role="alert" key={path}>
+          <b><Message text={message} /></b> <Message text={hint} />
+        </p>
+      ))}
+      {preview && <BytesView frames={preview.frames} changed={changed} hot={model.hot.value} hover={hover} />}
+    </>
+  );
+}
+
+/** What "Make it fit" did, in words, until the next edit. */
+function FitWords({ model, form }: { readonly model: Model; readonly form: SettingForm }) {
+  const fit = model.fitting.value;
+  if (fit === undefined || fit.setting !== form.name || fit.draft !== model.drafts.value[form.name]) return null;
+  return (
+    <div class="fitwords hint inset" role="status">
+      <b>{fit.words.length === 0 ? "It fits as it is." : "Lowered to fit:"}</b>
+      <ul>
+        {fit.words.map((words) => (
+          <li key={words}>{words}</li>
+        ))}
+      </ul>
+    </div>
+  );
+}

@@ -1,0 +1,121 @@
+/** Opens a recording: how far its first decoding is, why it cannot be opened, and then the recording itself. */
+import { useSignal } from "@preact/signals";
+import { useLayoutEffect } from "preact/hooks";
+import { readPlace } from "../../recordings/permalink";
+import { type Answer, detailOf, take } from "../../recordings/prefetch";
+import { Replay } from "../../recordings/replay-controller";
+import type { Screen } from "../../recordings/visible-range";
+import { isOpening } from "../../recordings/api";
+import type { OpeningState, RecordingDetail } from "../../recordings/types";
+import type { Problem } from "../../ui/http";
+import { Message } from "../../ui/message";
+import type { App } from "../app-state";
+import { Bar } from "../top-bar";
+import { href, route } from "../route";
+import { OfflineBand } from "../empty-states";
+import { PageOverlays } from "./overlays";
+import { ReplayPage } from "./replay-page";
+import { all } from "./library-store";
+
+/** How often is asked how far it is, ms. */
+const ASK_MS = 120;
+/** And when some of it is on screen, whether there is more, ms. */
+const MORE_MS = 400;
+
+type State = { readonly kind: "opening"; readonly state: OpeningState | undefined } | { readonly kind: "failed"; readonly problem: Problem } | { readonly kind: "open"; readonly replay: Replay; readonly times: number };
+
+/** The one that is open now; for the console and the tests, beside the live store. */
+declare global {
+  interface Window {
+    imuscopeReplay?: Replay | undefined;
+  }
+}
+
+export function OpenPage({ id, app }: { readonly id: string; readonly app: App }) {
+  const now = useSignal<State>({ kind: "opening", state: undefined });
+  // Before the page is painted: what was prepared is on screen with the first frame.
+  useLayoutEffect(() => {
+    let replay: Replay | undefined;
+    let timer: ReturnType<typeof setTimeout> | undefined;
+    let over = false;
+    let times = 0;
+    const opened = (detail: RecordingDetail, screen?: Screen): void => {
+      if (detail.progress < 1) timer = setTimeout(() => void ask(), MORE_MS);
+      if (replay?.grow(detail)) return;
+      replay = replay?.reopened(detail) ?? new Replay(detail, readPlace(route.peek().query ?? ""), screen);
+      window.imuscopeReplay = replay;
+      now.value = { kind: "open", replay, times: (times += 1) };
+    };
+    const ask = async (first?: Promise<Answer>): Promise<void> => {
+      const { outcome, screen } = first ? await first : { outcome: await detailOf(id), screen: undefined };
+      if (over) return screen?.dispose();
+      if (!outcome.ok && outcome.problem.status === 0 && replay) timer = setTimeout(() => void ask(), 2000);
+      else if (!outcome.ok) {
+        now.value = { kind: "failed", problem: outcome.problem };
+        // A server that is away comes back; what cannot be opened stays so.
+        if (outcome.problem.status === 0) timer = setTimeout(() => void ask(), 2000);
+      } else if (isOpening(outcome.value)) {
+        now.value = { kind: "opening", state: outcome.value };
+        timer = setTimeout(() => void ask(), ASK_MS);
+      } else opened(outcome.value, screen);
+    };
+    const known = all.peek()?.find((one) => one.id === id);
+    void ask(take(id, known));
+    return () => {
+      over = true;
+      clearTimeout(timer);
+      replay?.dispose();
+      window.imuscopeReplay = undefined;
+    };
+  }, [id]);
+  const state = now.value;
+  if (state.kind === "open") return <ReplayPage key={state.times} replay={state.replay} app={app} />;
+  return (
+    <div class={`app plain ${app.store.connection.value === "closed" ? "offline" : ""}`}>
+      <Bar app={app} />
+      {app.store.connection.value === "closed" && <OfflineBand app={app} />}
+      <main class="centre wholecentre">
+        <h1 class="vh">Recording {id}</h1>
+        {state.kind === "failed" ? <Failed problem={state.problem} /> : <Opening id={id} state={state.state} />}
+      </main>
+      <PageOverlays app={app} />
+    </div>
+  );
+}
+
+function Opening({ id, state }: { readonly id: string; readonly state: OpeningState | undefined }) {
+  const share = state?.progress ?? 0;
+  return (
+    <div class="veil">
+      <section class="card opening">
+        <h2 class="ell">Opening {id}</h2>
+        <p>{state?.message ?? "Looking whether it was opened before."}</p>
+        <progress value={share} max={1} aria-label={`Opened ${Math.round(100 * share)} %`} />
+        <p class="num">
+          {Math.round(100 * share)}
+          <span class="u">%</span>
+        </p>
+      </section>
+    </div>
+  );
+}
+
+function Failed({ problem }: { readonly problem: Problem }) {
+  return (
+    <div class="veil">
+      <section class="card">
+        <h2>
+          <span class="dot bad" />
+          It cannot be opened
+        </h2>
+        <p><Message text={problem.message} /></p>
+        {problem.hint !== "" && <p class="hint"><Message text={problem.hint} /></p>}
+        <div class="row">
+          <a class="btn main" href={href("recordings")}>
+            To the library
+          </a>
+        </div>
+      </section>
+    </div>
+  );
+}

@@ -1,0 +1,240 @@
+/**
+ * Can these numbers be trusted? Rates, losses, load, jitter and clock of the selected device, how they went in the last minute,
+ * and one sentence on who lost what. Written twice a second; the age of the last sample ten times.
+ */
+import { view } from "../data/view-state";
+import { type Surface, surface } from "../ui/canvas";
+import { el, every, Live, LiveMessage, type Panel } from "../ui/dom";
+import { number } from "../ui/format";
+import type { DeviceHealth, DeviceInfo, MessageHealth } from "../wire/types";
+import { ageOf, channelsOf, type Deps, recently, selected } from "./panel-context";
+import { type Figure, type Figures, figuresOf, timeWords, totals, verdict } from "./health-text";
+import { drawBars, drawLevel, drawTicks } from "./sparkline";
+import { rateBars } from "./health-history";
+import { rejections, trustOf } from "./authenticity";
+
+/** Bars in a small sparkline: one for two seconds. */
+const SLOTS = 31;
+
+type Key = Exclude<keyof Figures, "share">;
+
+const ROWS: readonly { readonly key: Key; readonly name: string; readonly help: string; readonly spark: boolean }[] = [
+  { key: "samples", name: "Samples", help: "Of the fastest message, over the last second", spark: true },
+  { key: "gaps", name: "Gaps", help: "Samples of the last minute that the device's own counter says are missing, and how long its link was down", spark: true },
+  { key: "rejects", name: "Rejects", help: "Frames of the last minute that failed their check; never shown as data", spark: true },
+  { key: "bytes", name: "Bytes", help: "All bytes that arrived, over the last second", spark: false },
+  { key: "shareText", name: "Share of link", help: "Bytes a second against what the link can carry", spark: false },
+  { key: "jitter", name: "Arrival jitter", help: "99th percentile of late arrival against the device's clock", spark: true },
+  { key: "age", name: "Last sample", help: "Since the newest sample arrived at the host", spark: false },
+  { key: "dropped", name: "Dropped here", help: "Samples not sent to this browser because it did not keep up", spark: false },
+  { key: "drift", name: "Clock drift", help: "The device's clock against the host's", spark: false },
+  { key: "uncertainty", name: "Device time", help: "How far off device times on the host's clock may be, all of them together", spark: false },
+];
+
+/** A figure and its unit; a tag where it wants to be read. */
+class Cell {
+  readonly node = el("dd");
+  readonly #value = new Live();
+  readonly #unit = new Live();
+  readonly #box = el("span", {}, this.#value.node);
+  readonly #after = el("span", { class: "u" }, this.#unit.node);
+
+  constructor() {
+    this.node.append(this.#box, this.#after);
+  }
+
+  set(figure: Figure): void {
+    const tagged = figure.tone !== "";
+    this.#value.set(tagged && figure.unit ? `${figure.value} ${figure.unit}` : figure.value);
+    this.#unit.set(tagged ? "" : figure.unit);
+    const name = tagged ? `tag ${figure.tone}` : "";
+    if (this.#box.className !== name) this.#box.className = name;
+  }
+}
+
+export function mountHealth(host: HTMLElement, deps: Deps): Panel {
+  const list = el("dl", { class: "hl" });
+  const cells = new Map<Key, Cell>();
+  const sparks = new Map<Key, Surface>();
+  const fill = el("i");
+  for (const { key, name, help, spark } of ROWS) {
+    const cell = new Cell();
+    const mini = el("dd", { class: "mini", "aria-hidden": "true" });
+    if (spark) {
+      const canvas = el("canvas");
+      mini.append(canvas);
+      sparks.set(key, surface(canvas, () => undefined));
+    }
+    if (key === "shareText") mini.append(el("span", { class: "meter" }, fill));
+    list.append(el("div", { title: help }, el("dt", {}, name), mini, cell.node));
+    cells.set(key, cell);
+  }
+  const messages = mountMessages(list, deps);
+  const reasons = mountReasons(list);
+  const words = new LiveMessage(el("p", { class: "note" }));
+  const uneven = mountUneven();
+  host.append(list, words.node, uneven.node);
+  const [figuresDue, ageDue] = [every(2), every(10)];
+  return {
+    update(now) {
+      const device = selected(deps);
+      const id = device?.id ?? "";
+      const health = deps.store.health.value.get(id);
+      const all = figuresDue(now);
+      if (!all && !ageDue(now)) return;
+      const recent = recently(deps, id);
+      const dropped = Math.max(deps.store.dropped(), health?.dropped ?? 0);
+      const expected = device?.status !== "ended" && device?.status !== "idle";
+      const figures = figuresOf(health, recent, ageOf(deps, id), dropped, expected);
+      cells.get("age")?.set(figures.age);
+      if (!all) return;
+      for (const [key, cell] of cells) cell.set(figures[key]);
+      fill.style.width = `${(100 * Math.min(1, figures.share ?? 0)).toFixed(1)}%`;
+      messages.update(health);
+      reasons.update(health, device);
+      words.set(verdict(device, deps.store.events.value, health, dropped, deps.lostLater?.(id)));
+      list.title = totals(health);
+      words.node.hidden = words.isEmpty;
+      uneven.update(health);
+      drawSparks(deps, id, sparks, device?.status === "lost");
+    },
+    dispose() {
+      for (const spark of sparks.values()) spark.dispose();
+      list.remove();
+      words.node.remove();
+      uneven.node.remove();
+    },
+  };
+}
+
+/** Why the times of a device are uneven, and what helps; hidden while they are not. */
+function mountUneven(): { readonly node: HTMLElement; update(health: DeviceHealth | undefined): void } {
+  const words = new LiveMessage(el("p", { class: "note uneven" }));
+  words.node.hidden = true;
+  return {
+    node: words.node,
+    update(health) {
+      words.set(timeWords(health));
+      words.node.hidden = words.isEmpty;
+    },
+  };
+}
+
+/** A message that came as often as this streams; answers and greetings come once or twice. */
+const STREAMS = 5;
+
+/** One line per message that streams, below the samples; none while there is only one. */
+function mountMessages(list: HTMLElement, deps: Deps): { update(health: DeviceHealth | undefined): void } {
+  let lines: { readonly name: string; readonly row: HTMLElement; readonly cell: Cell }[] = [];
+  const figure = (one: MessageHealth): Figure => ({ value: number(one.rate, 1), unit: "/s", tone: "" });
+  return {
+    update(health) {
+      const streaming = health?.messages.filter((one) => one.count >= STREAMS) ?? [];
+      const several = streaming.length > 1 ? streaming : [];
+      if (several.length !== lines.length || several.some((one, i) => one.name !== lines[i]?.name)) {
+        for (const line of lines) line.row.remove();
+        lines = several.map((one) => {
+          const cell = new Cell();
+          const group = channelsOf(deps).find(({ info }) => info.message === one.name)?.info.group;
+          const row = el("div", { class: "sub" }, el("dt", { title: one.name }, group || one.name), cell.node);
+          return { name: one.name, row, cell };
+        });
+        list.firstElementChild?.after(...lines.map((line) => line.row));
+      }
+      several.forEach((one, i) => lines[i]?.cell.set(figure(one)));
+    },
+  };
+}
+
+/**
+ * Lines under the rejects: why, since the session began, in one line that is always there (a line for each reason would move what is
+ * below whenever a busy machine cuts a frame); and how many samples were verified and how many not.
+ */
+function mountReasons(list: HTMLElement): { update(health: DeviceHealth | undefined, device: DeviceInfo | undefined): void } {
+  const lines = new Map<string, { readonly row: HTMLElement; readonly cell: Cell }>();
+  const reasons = new Live();
+  const why = el("div", { class: "sub reasons" }, el("dt", {}, "since the beginning"), el("dd", {}, reasons.node));
+  const rejects = [...list.children].find((row) => row.firstElementChild?.textContent === "Rejects");
+  rejects?.after(why);
+  const after: Element = why;
+  return {
+    update(health, device) {
+      const wanted = new Map<string, Figure>();
+      const passed = device && trustOf(device, health)?.mark === "○" ? "header checked" : "verified";
+      const told = rejections(health).map(({ words, count }) => `${words} ${number(count, 0)}`);
+      reasons.set(told.join(", ") || "none");
+      why.title = told.join(", ");
+      if (health?.unverified) wanted.set("unverified", { value: `▲ ${number(health.unverified, 0)}`, unit: "smp", tone: "warn" });
+      if (typeof health?.verified === "number") wanted.set(passed, { value: number(health.verified, 0), unit: "smp", tone: "" });
+      for (const [name, line] of lines) {
+        if (wanted.has(name)) continue;
+        line.row.remove();
+        lines.delete(name);
+      }
+      let last: Element = after;
+      for (const [name, figure] of wanted) {
+        let line = lines.get(name);
+        if (!line) {
+          const cell = new Cell();
+          line = { cell, row: el("div", { class: "sub" }, el("dt", {}, name), cell.node) };
+          lines.set(name, line);
+          last.after(line.row);
+        }
+        line.cell.set(figure);
+        last = line.row;
+      }
+    },
+  };
+}
+
+function drawSparks(deps: Deps, id: string, sparks: ReadonlyMap<Key, Surface>, gone: boolean): void {
+  const moments = deps.minute.of(id);
+  const draw = (key: Key, how: (to: Surface) => void): void => {
+    const to = sparks.get(key);
+    if (to) how(to);
+  };
+  draw("samples", (to) => drawBars(to, rateBars(moments, deps.store.serverNow(), SLOTS), gone));
+  // One report in four, the newest at the right, the same scale however short the past is.
+  const lately = moments.filter((_, i) => (moments.length - 1 - i) % 4 === 0).slice(-SLOTS);
+  const slots = <T,>(values: readonly T[]): readonly (T | undefined)[] => [...new Array<undefined>(SLOTS - values.length).fill(undefined), ...values];
+  draw("gaps", (to) => drawTicks(to, slots(lately.map((moment) => moment.lost))));
+  draw("rejects", (to) => drawTicks(to, slots(lately.map((moment) => moment.rejects))));
+  const jitter = lately.map((moment) => moment.jitter);
+  draw("jitter", (to) => drawLevel(to, slots(jitter), 1.25 * Math.max(0.001, ...jitter.map((value) => value ?? 0))));
+}
+
+/** Keys that the page's title line and the phone's strip share. */
+export const STRIP: readonly Key[] = ["samples", "gaps", "rejects", "shareText", "jitter", "uncertainty", "age"];
+
+const STRIP_UNITS: Partial<Record<Key, string>> = { samples: "samples/s", gaps: "samples lost", rejects: "rejects", shareText: "% of link", jitter: "ms jitter", uncertainty: "ms device time", age: "old" };
+
+/** Health in one line, for the phone. */
+export function mountStrip(host: HTMLElement, deps: Deps): Panel {
+  const why = new LiveMessage(el("span"));
+  const items = STRIP.map((key) => {
+    const [value, unit] = [new Live(), new Live()];
+    const box = el("b", {}, value.node);
+    host.append(el("span", {}, box, el("span", { class: "u" }, unit.node)));
+    return { key, value, unit, box };
+  });
+  host.append(why.node);
+  const due = every(4);
+  return {
+    update(now) {
+      if (host.offsetParent === null || !due(now)) return;
+      const id = view.value.device ?? "";
+      const recent = recently(deps, id);
+      const expected = selected(deps)?.status !== "ended";
+      const health = deps.store.health.value.get(id);
+      const figures = figuresOf(health, recent, ageOf(deps, id), deps.store.dropped(), expected);
+      for (const { key, value, unit, box } of items) {
+        const figure = figures[key];
+        value.set(key === "age" ? `${figure.value} ${figure.unit.replace(" ago", "")}` : figure.value);
+        unit.set(key === "gaps" && figure.tone ? "" : (STRIP_UNITS[key] ?? figure.unit));
+        box.className = figure.tone ? `tag ${figure.tone}` : "";
+      }
+      why.set(timeWords(health));
+    },
+    dispose: () => host.replaceChildren(),
+  };
+}

@@ -1,0 +1,102 @@
+import { describe, expect, it } from "vitest";
+import type { DeviceHealth, DeviceInfo, EventInfo } from "../wire/types";
+import { figuresOf, type Recent, recentOf, timeWords, totals, verdict } from "./health-text";
+
+const health: DeviceHealth = {
+  device: "1",
+  time: 100,
+  rate: 400,
+  messages: [],
+  gaps: 3,
+  lost: 90,
+  rejects: 2,
+  bytes: 1e6,
+  bytes_per_s: 31242,
+  capacity: 92160,
+  jitter_ms: 0.314,
+  last_arrival: 99.99,
+  drift_ppm: 12.42,
+  uncertainty_ms: 0.2,
+  rejects_by: {},
+  verified: null,
+  unverified: null,
+  dropped: 0,
+  time_cause: null,
+};
+const quiet = { gaps: 0, lost: 0, blind: 0, rejects: 0 };
+const device = { id: "1", status: "live", message: "", hint: "" } as unknown as DeviceInfo;
+
+describe("figuresOf", () => {
+  it("has no colour while all is well, though something was lost long ago", () => {
+    const figures = figuresOf(health, quiet, 0.004, 0);
+    expect(Object.values(figures).map((figure) => (typeof figure === "object" ? figure.tone : "")).join("")).toBe("");
+    expect(figures.shareText.value).toBe("33.9");
+    // "Last minute" says what was in it; what the session lost is told beside.
+    expect(figures.gaps).toEqual({ value: "0", unit: "smp", tone: "" });
+    expect(figures.rejects).toEqual({ value: "0", unit: "frames", tone: "" });
+    expect(totals(health)).toBe("Since the session began: 3 gaps, 90 samples lost, 2 frames rejected.");
+    expect(figures.drift.value).toBe("+12.4");
+    expect(figures.age).toEqual({ value: "4", unit: "ms ago", tone: "" });
+  });
+  it("warns of what was lost within the minute, of a late sample, of a full link", () => {
+    const figures = figuresOf({ ...health, bytes_per_s: 90000 }, { gaps: 1, lost: 72, blind: 0, rejects: 1 }, 2.5, 10);
+    expect(figures.gaps).toEqual({ value: "1 · 72 smp", unit: "", tone: "warn" });
+    expect(figures.rejects).toEqual({ value: "1", unit: "frame", tone: "warn" });
+    expect(figures.age.tone).toBe("bad");
+    expect(figures.shareText.tone).toBe("warn");
+    expect(figures.dropped.tone).toBe("warn");
+  });
+  it("tells how long a link was down, where nobody counted samples", () => {
+    const gaps = (recent: Partial<Recent>): string => figuresOf(health, { ...quiet, ...recent }, 0, 0).gaps.value;
+    expect(gaps({ gaps: 1, blind: 15.3 })).toBe("1 · 15 s");
+    expect(gaps({ gaps: 3, lost: 72, blind: 15.3 })).toBe("3 · 72 smp + 15 s");
+  });
+  it("says how far off device times may be, rounded up, and marks it while that could be mended", () => {
+    const bound = (ms: number | null) => figuresOf({ ...health, uncertainty_ms: ms }, quiet, 0, 0).uncertainty;
+    expect(bound(0.36)).toEqual({ value: "± 0.4", unit: "ms", tone: "" });
+    expect(bound(0.062).value).toBe("± 0.07");
+    expect(bound(15.2).value).toBe("± 16");
+    expect(bound(0.4).value).toBe("± 0.4");
+    expect(bound(null).value).toBe("—");
+    expect(timeWords(health)).toBe("");
+    const uneven = { ...health, time_cause: { kind: "bursts" as const, text: "It comes in bursts.", remedy: "Set the timer." } };
+    expect(figuresOf(uneven, quiet, 0, 0).uncertainty.tone).toBe("warn");
+    expect(timeWords(uneven)).toBe("It comes in bursts. Set the timer.");
+  });
+  it("invents nothing before the first report", () => {
+    const figures = figuresOf(undefined, quiet, undefined, 0);
+    expect(figures.samples.value).toBe("—");
+    expect(figures.share).toBeUndefined();
+    expect(figures.drift.value).toBe("—");
+  });
+});
+
+describe("recentOf", () => {
+  const event = (time: number, kind: string, samples: number, data = {}): EventInfo =>
+    ({ seq: 0, time, device: "1", kind, level: "fault", text: "", t0: null, t1: null, samples, data }) as EventInfo;
+  it("counts the last minute of one device, sums included", () => {
+    const events = [event(10, "gap", 5), event(50, "gap", 7), event(60, "gap", 90, { gaps: 12 }), event(70, "reject", 3), event(75, "reply", 0)];
+    expect(recentOf(events, "1", 80)).toEqual({ gaps: 13, lost: 97, blind: 0, rejects: 3 });
+    expect(recentOf(events, "2", 80)).toEqual(quiet);
+  });
+});
+
+describe("verdict", () => {
+  const gap = { seq: 1, time: 52333, device: "1", kind: "gap", level: "fault", text: "72 samples lost (180 ms): on the device's side" };
+  const events = [{ ...gap, t0: 52333, t1: 52333.18, samples: 72, data: {} } as EventInfo];
+  it("says who lost it", () => {
+    expect(verdict(device, events, health, 0)).toBe("Gap 14:32:13: 72 samples lost (180 ms): on the device's side.");
+    expect(verdict(device, [], health, 0)).toMatch(/2 frames/);
+    expect(verdict(device, [], health, 7)).toMatch(/this browser/);
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toMatch(/Nothing was lost/);
+  });
+  it("does not say of a recording that nothing was lost where it is only further on", () => {
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0)).toContain("this session");
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 0)).toBe("Nothing was lost in this recording.");
+    expect(verdict(device, [], { ...health, rejects: 0 }, 0, 165)).toBe("Nothing was lost up to here; 165 samples are missing further on.");
+  });
+  it("tells the cause of a lost device before anything else", () => {
+    const lost = { ...device, status: "lost", message: "ttyUSB0 is gone.", hint: "Plug it in again." } as DeviceInfo;
+    expect(verdict(lost, events, health, 3)).toBe("ttyUSB0 is gone. Plug it in again.");
+  });
+});

@@ -1,0 +1,117 @@
+/**
+ * What runs through all plots and lanes? One transparent layer over them: the hatch over what is missing, markers, the cursor, the span
+ * being measured or selected. It is redrawn when the pointer moves, while the traces under it stay as they are.
+ */
+import type { Loss } from "../data/losses";
+import { drawMarkers, type MarkLine } from "./markers";
+import type { Palette, Sheet } from "./canvas-style";
+import { hatch } from "./canvas-style";
+import type { Plot } from "./plot";
+import { type Reads, valueAt } from "./legend";
+import { xOf, type TimeWindow } from "./time-window";
+
+/** A loss is at least this wide (design, "Loss"), px. */
+const LOSS_PX = 2;
+
+/** Where something is drawn under the glass, CSS px from the stack's top. */
+export interface Pane {
+  readonly top: number;
+  readonly bottom: number;
+}
+
+export interface Marks {
+  readonly losses: readonly Loss[];
+  /** The device is gone: nothing came since then. */
+  readonly lostSince: number | undefined;
+  /** Where the cursor reads, unix s. */
+  readonly cursor: number | undefined;
+  readonly measure: number | undefined;
+  /** Span being selected with shift and drag. */
+  readonly selection: readonly [number, number] | undefined;
+  readonly reads: Reads;
+  readonly markers: readonly MarkLine[];
+}
+
+export function drawGlass(sheet: Sheet, panes: readonly Pane[], plots: readonly Plot[], w: TimeWindow, look: Palette, marks: Marks, hidden: ReadonlySet<string>): void {
+  const x = sheet.begin();
+  const right = w.left + w.width;
+  const clip = (px: number): number => Math.min(right, Math.max(w.left, px));
+  const band = (from: number, to: number): void => panes.forEach(({ top, bottom }) => x.fillRect(from, top, to - from, bottom - top));
+  const line = (px: number, width: number): void => {
+    if (px >= w.left && px <= right) band(sheet.snap(px), sheet.snap(px) + width);
+  };
+  x.fillStyle = hatch(x, look.colour.loss, 4);
+  x.globalAlpha = 0.55;
+  for (const { t0, t1 } of marks.losses) {
+    if (t1 < w.t0 || t0 > w.t1) continue;
+    const [a, b] = [xOf(w, t0), xOf(w, t1)];
+    const grow = Math.max(0, LOSS_PX - (b - a)) / 2;
+    band(clip(a - grow), clip(b + grow));
+  }
+  if (marks.lostSince !== undefined && marks.lostSince < w.t1) {
+    const from = clip(xOf(w, marks.lostSince));
+    x.globalAlpha = 0.3;
+    x.fillStyle = hatch(x, look.colour.loss, 6);
+    band(from, right);
+    x.globalAlpha = 1;
+    x.fillStyle = look.colour.loss;
+    line(xOf(w, marks.lostSince), 1.5);
+  }
+  x.fillStyle = look.colour.yours;
+  if (marks.selection !== undefined) {
+    x.globalAlpha = 0.14;
+    band(clip(xOf(w, Math.min(...marks.selection))), clip(xOf(w, Math.max(...marks.selection))));
+  }
+  x.globalAlpha = 1;
+  const [first, last] = [panes[0], panes.at(-1)];
+  if (first && last && marks.markers.length > 0) drawMarkers(x, marks.markers, w, look, first.top, last.bottom);
+  if (marks.measure !== undefined) drawMeasure(x, sheet, panes, w, look, marks, clip);
+  if (marks.cursor === undefined) return;
+  x.fillStyle = look.colour.ink;
+  line(xOf(w, marks.cursor), 1);
+  dots(x, plots, w, look, marks.cursor, hidden, marks.reads);
+}
+
+function drawMeasure(
+  x: CanvasRenderingContext2D, sheet: Sheet, panes: readonly Pane[], w: TimeWindow, look: Palette, marks: Marks, clip: (px: number) => number,
+): void {
+  const at = xOf(w, marks.measure!);
+  x.fillStyle = x.strokeStyle = look.colour.yours;
+  if (marks.cursor !== undefined) {
+    const other = xOf(w, marks.cursor);
+    const [a, b] = [clip(Math.min(at, other)), clip(Math.max(at, other))];
+    x.globalAlpha = 0.14;
+    for (const { top, bottom } of panes) x.fillRect(a, top, b - a, bottom - top);
+    x.globalAlpha = 1;
+  }
+  if (at < w.left || at > w.left + w.width) return;
+  x.lineWidth = 1;
+  x.setLineDash([3, 3]);
+  x.beginPath();
+  for (const { top, bottom } of panes) {
+    x.moveTo(sheet.snap(at) + 0.5, top);
+    x.lineTo(sheet.snap(at) + 0.5, bottom);
+  }
+  x.stroke();
+  x.setLineDash([]);
+}
+
+/** A dot on each trace where the cursor reads it. */
+function dots(x: CanvasRenderingContext2D, plots: readonly Plot[], w: TimeWindow, look: Palette, t: number, hidden: ReadonlySet<string>, reads: Reads): void {
+  const px = xOf(w, t);
+  if (px < w.left || px > w.left + w.width) return;
+  x.lineWidth = 1.5;
+  x.strokeStyle = look.colour.bg;
+  for (const plot of plots) {
+    if (!plot.visible) continue;
+    for (const series of plot.spec.series) {
+      const value = hidden.has(series.key) ? NaN : valueAt(series, t, w.base, reads);
+      if (value !== value) continue;
+      x.beginPath();
+      x.arc(px, plot.top + plot.y(value), 3, 0, 7);
+      x.fillStyle = look.colour[series.colour];
+      x.fill();
+      x.stroke();
+    }
+  }
+}

@@ -1,0 +1,25 @@
+import { expect, it } from "vitest";
+import type { SampleFrame } from "../wire/codec";
+import type { ChannelInfo } from "../wire/types";
+import { motionOf, worstOf } from "./overview-data";
+
+const frame = (time: readonly number[], ...columns: readonly (readonly number[])[]): SampleFrame => ({
+  channel: 1, n: time.length, dropped: 0, sequence: 0, history: true, now: 0,
+  arrival: Float64Array.from(time), time: Float64Array.from(time), columns: columns.map((values) => Float64Array.from(values)),
+});
+
+it("says how much the liveliest column varied in every part", () => {
+  const motion = motionOf(frame([0, 1, 5, 6, 9], [0, 1, 0, 4, 7], [0, 0, 0, 2, 7]), 0, 10, 4);
+  expect([...motion]).toEqual([0.25, NaN, 1, 0]);
+});
+
+it("keeps a fault of one sample, and a flag that should be up and is not", () => {
+  const bits = [
+    { name: "clip", low: 0, width: 1, severity: "caution", normal_set: false },
+    { name: "self_test", low: 1, width: 1, severity: "fault", normal_set: true },
+  ];
+  const info = { columns: [{ bits }] } as unknown as ChannelInfo;
+  const worst = new Uint8Array(4);
+  worstOf(info, frame([0, 3, 3, 6, 9], [2, 3, 2, 2, 0]), 0, 10, 4, worst);
+  expect([...worst]).toEqual([0, 1, 0, 2]);
+});

@@ -1,0 +1,103 @@
+/**
+ * What a link to a recording, or to Live, carries: the range on screen, both cursors, the device, the clock, the frame, the series
+ * hidden and shown, and the further plots asked for. Times are unix seconds to 0.1 ms; nothing of it is kept on the server.
+ *
+ *     #/recordings/<id>?t0=1732191845.2&t1=1732191865.2&cursor=1732191850.125&loop=…,…&device=1&base=arrival&frame=NED&hide=…&show=…&panels=…
+ */
+import type { WorldFrame } from "../data/rotations";
+import { href } from "../pages/route";
+
+export interface Place {
+  readonly t0?: number;
+  readonly t1?: number;
+  /** Length of a window that follows the newest sample, s. */
+  readonly span?: number;
+  readonly cursor?: number;
+  readonly measure?: number;
+  readonly loop?: readonly [number, number];
+  readonly device?: string;
+  readonly base?: "device" | "arrival";
+  readonly frame?: WorldFrame;
+  /** Keys of series that are hidden, of norms that are shown (by themselves they are not), and of further plots. */
+  readonly hide: readonly string[];
+  readonly show: readonly string[];
+  readonly panels: readonly string[];
+}
+
+/** Digits after the point of a second: finer than any sensor's sampling. */
+const DIGITS = 4;
+const FRAMES: readonly WorldFrame[] = ["ENU", "NED", "NWU"];
+
+export function readPlace(query: string): Place {
+  const given = new URLSearchParams(query);
+  const time = (name: string): number | undefined => {
+    const value = Number(given.get(name) ?? NaN);
+    return Number.isFinite(value) ? value : undefined;
+  };
+  const list = (name: string): readonly string[] => given.get(name)?.split(",").filter(Boolean).map(decodeURIComponent) ?? [];
+  const [t0, t1, cursor, measure, device, base] = [time("t0"), time("t1"), time("cursor"), time("measure"), given.get("device") ?? "", given.get("base")];
+  const span = Number(given.get("span") ?? NaN);
+  const frame = FRAMES.find((name) => name === given.get("frame"));
+  const loop = (given.get("loop") ?? "").split(",").map(Number);
+  const [a, b] = loop;
+  return {
+    ...(t0 !== undefined && t1 !== undefined && t1 > t0 ? { t0, t1 } : {}),
+    ...(span > 0 && Number.isFinite(span) ? { span } : {}),
+    ...(cursor !== undefined ? { cursor } : {}),
+    ...(measure !== undefined ? { measure } : {}),
+    ...(loop.length === 2 && a !== undefined && b !== undefined && b > a ? { loop: [a, b] as const } : {}),
+    ...(device ? { device } : {}),
+    ...(base === "device" || base === "arrival" ? { base } : {}),
+    ...(frame ? { frame } : {}),
+    hide: safely(() => list("hide")),
+    show: safely(() => list("show")),
+    panels: safely(() => list("panels")),
+  };
+}
+
+/** A list in a link that was cut or typed. */
+function safely(read: () => readonly string[]): readonly string[] {
+  try {
+    return read();
+  } catch {
+    return [];
+  }
+}
+
+/** What follows "?" in a link to a place. */
+export function placeQuery(place: Place): string {
+  const given = new URLSearchParams();
+  const time = (name: string, value: number | undefined): void => {
+    if (value !== undefined) given.set(name, value.toFixed(DIGITS));
+  };
+  time("t0", place.t0);
+  time("t1", place.t1);
+  if (place.span !== undefined) given.set("span", String(Number(place.span.toFixed(DIGITS))));
+  time("cursor", place.cursor);
+  time("measure", place.measure);
+  if (place.loop) given.set("loop", place.loop.map((t) => t.toFixed(DIGITS)).join(","));
+  if (place.device) given.set("device", place.device);
+  if (place.base === "arrival") given.set("base", place.base);
+  if (place.frame) given.set("frame", place.frame);
+  for (const name of ["hide", "show", "panels"] as const) {
+    if (place[name].length > 0) given.set(name, place[name].map((key) => encodeURIComponent(key)).join(","));
+  }
+  return given.toString();
+}
+
+/** The hash of a link to a place in a recording. */
+export function placeHref(id: string, place: Place): string {
+  const query = placeQuery(place);
+  return href("recordings", id) + (query ? `?${query}` : "");
+}
+
+/** What of the hidden series a link says: norms are hidden by themselves, so of them it says which are shown. */
+export function seriesOf(hidden: ReadonlySet<string>, norms: ReadonlySet<string>): Pick<Place, "hide" | "show"> {
+  return { hide: [...hidden].filter((key) => !norms.has(key)), show: [...norms].filter((key) => !hidden.has(key)) };
+}
+
+/** The hidden series that a link means. Norms that it shows are known from here on, and not hidden when they are first seen. */
+export function takeSeries({ hide, show }: Pick<Place, "hide" | "show">, norms: Set<string>): ReadonlySet<string> {
+  for (const key of show) norms.add(key);
+  return new Set([...hide, ...[...norms].filter((key) => !show.includes(key))]);
+}

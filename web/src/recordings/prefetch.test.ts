@@ -1,0 +1,58 @@
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { pass, prepare, take } from "./prefetch";
+import type { RecordingInfo } from "./types";
+
+const info = (part: Partial<RecordingInfo> = {}): RecordingInfo =>
+  ({ id: "yard", title: "Yard", started: 1000, opened: true, recording: false, deleted: null, devices: [], ...part }) as RecordingInfo;
+
+const column = { name: "x", dtype: "f4", unit: "m/s²", label: "x", axis: "x", decimals: 3, bits: [] };
+const channel = { id: 1, device: "1", message: "m", name: "Acceleration", title: "Acceleration", kind: "vector", unit: "m/s²", frame: "", columns: [column] };
+const detail = { info: info(), t0: 1000, t1: 1060, devices: [{ id: "1", name: "one" }], channels: [channel], events: [], markers: [], snapshots: {}, longest_s: { "1": 0.01 }, progress: 1 };
+
+describe("a recording that somebody is about to open", () => {
+  const asked: string[] = [];
+  beforeEach(() => {
+    vi.useFakeTimers();
+    asked.length = 0;
+    vi.stubGlobal("fetch", (path: string) => {
+      asked.push(path);
+      const body = path.includes("/window") ? new ArrayBuffer(0) : JSON.stringify(detail);
+      return Promise.resolve(new Response(body, { status: 200, headers: { "content-type": "application/json", "x-exact": "1" } }));
+    });
+  });
+  afterEach(async () => {
+    (await take("nobody", undefined)).screen?.dispose(); // what is left prepared
+    vi.useRealTimers();
+    vi.unstubAllGlobals();
+  });
+  const settled = () => vi.advanceTimersByTimeAsync(100);
+
+  it("is there, with its window, when the pointer has rested on it", async () => {
+    const known = info();
+    prepare(known);
+    await settled();
+    expect(asked.length).toBe(2);
+    expect(asked[1]).toMatch(/window.*t0=1000&t1=1060/);
+    const { outcome, screen } = await take("yard", known);
+    expect(outcome.ok).toBe(true);
+    expect(screen?.held?.exact).toBe(true);
+    expect(asked.length).toBe(2);
+  });
+
+  it("is not asked for where the pointer only passes, nor before it was ever opened", async () => {
+    prepare(info());
+    pass();
+    prepare(info({ opened: false }), true);
+    prepare(info({ recording: true }), true);
+    await settled();
+    expect(asked).toEqual([]);
+  });
+
+  it("is asked for anew when the library tells something else of it by then", async () => {
+    prepare(info(), true);
+    await settled();
+    const { screen } = await take("yard", info({ title: "Another" }));
+    expect(asked.filter((path) => !path.includes("/window")).length).toBe(2);
+    expect(screen?.held).toBeUndefined(); // a link may want another window
+  });
+});

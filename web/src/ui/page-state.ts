@@ -1,0 +1,76 @@
+/** Which state is the page in? One pure answer from what the server said; what each state shows is in pages/empty-states.tsx. */
+import type { DeviceInfo, DeviceStatus } from "../wire/types";
+
+export type PageState =
+  | "starting" // the server has not been heard yet
+  | "empty" // no device is configured
+  | "connecting" // trying; no sample yet
+  | "denied" // the system does not let us open the port
+  | "unreached" // lost before its first sample
+  | "silent" // open, but no sample ever came
+  | "live" // samples come
+  | "idle" // open and quiet, with samples from before
+  | "lost" // was live, is gone
+  | "ended"; // a file that has played to its end
+
+/** The state of the page for the selected device. `seen`: at least one sample of it is in memory. */
+export function pageState(greeted: boolean, devices: number, device: DeviceInfo | undefined, seen: boolean): PageState {
+  if (!greeted) return "starting";
+  if (devices === 0 || !device) return "empty";
+  return byStatus(device.status, seen);
+}
+
+function byStatus(status: DeviceStatus, seen: boolean): PageState {
+  switch (status) {
+    case "live":
+      return seen ? "live" : "silent";
+    case "idle":
+      return seen ? "idle" : "silent";
+    case "connecting":
+      return seen ? "lost" : "connecting";
+    case "denied":
+      return "denied";
+    case "lost":
+      return seen ? "lost" : "unreached";
+    case "ended":
+      return seen ? "ended" : "unreached";
+  }
+}
+
+/** States whose plots are on screen; in the others a card takes their place. */
+export function showsPlots(state: PageState): boolean {
+  return state === "live" || state === "idle" || state === "lost" || state === "ended";
+}
+
+/** States in which the newest value is old, and is shown grey. */
+export function isHeld(state: PageState): boolean {
+  return state === "lost" || state === "idle" || state === "ended";
+}
+
+/** The mark of a device in the rail: shape and word (normal has no colour). `gaps`: lost samples within the last minute. */
+export function markOf(status: DeviceStatus, gaps: number): { readonly dot: "live" | "warn" | "bad" | "off"; readonly word: string } {
+  switch (status) {
+    case "live":
+      return gaps > 0 ? { dot: "warn", word: "live, with gaps" } : { dot: "live", word: "live" };
+    case "connecting":
+      return { dot: "off", word: "connecting" };
+    case "idle":
+      return { dot: "off", word: "idle" };
+    case "ended":
+      return { dot: "off", word: "ended" };
+    case "denied":
+      return { dot: "bad", word: "not permitted" };
+    case "lost":
+      return { dot: "bad", word: "lost" };
+  }
+}
+
+/** The last part of a source, short enough for the rail: "ttyUSB0", "tcp 10.0.7.21:2000", "mti_100hz.bin". */
+export function shortSource(source: string): string {
+  const [bare = source] = source.split("?");
+  const scheme = /^([a-z-]+):\/\/(.*)$/.exec(bare);
+  const rest = scheme?.[2] ?? bare;
+  if (scheme && scheme[1] !== "serial" && scheme[1] !== "file") return `${scheme[1]} ${rest}`;
+  if (rest.startsWith("/dev/")) return rest.slice("/dev/".length); // pts/4 is not "4"
+  return rest.split("/").filter(Boolean).at(-1) ?? source;
+}

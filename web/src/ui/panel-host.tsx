@@ -1,0 +1,30 @@
+/** Where a panel that writes the DOM itself stands in the tree of components: mounted once, updated by the one frame loop. */
+import { useLayoutEffect, useRef } from "preact/hooks";
+import { onFrame } from "../data/render-loop";
+import type { Panel } from "./dom";
+
+interface Props {
+  readonly mount: (host: HTMLElement) => Panel;
+  readonly class?: string;
+  readonly label?: string;
+  readonly role?: "region" | "group";
+  /** Scrolls by itself, so it must be reachable by keyboard. */
+  readonly scrolls?: boolean;
+}
+
+/** `mount` is called once; a changed function is not noticed (give the component a key instead). */
+export function Mounted(props: Props) {
+  const host = useRef<HTMLDivElement>(null);
+  // Before the first paint: nobody sees it empty, and what it shows comes a frame sooner.
+  useLayoutEffect(() => {
+    if (!host.current) return undefined;
+    const panel = props.mount(host.current);
+    const stop = onFrame((now) => panel.update(now));
+    return () => {
+      stop();
+      panel.dispose();
+    };
+  }, []);
+  const named = props.label === undefined ? {} : { role: props.role ?? "region", "aria-label": props.label };
+  return <div ref={host} {...(props.class === undefined ? {} : { class: props.class })} {...named} {...(props.scrolls ? { tabIndex: 0 } : {})} />;
+}

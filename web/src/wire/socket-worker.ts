@@ -1,0 +1,188 @@
+/// <reference lib="webworker" />
+/**
+ * Who keeps the connection to the server? This worker: it owns the WebSocket, reads frames off it as they come, also while
+ * the page is busy, and hands typed arrays over without a copy.
+ *
+ *     server ──WebSocket──▶ worker ──decode──▶ postMessage(frames, [buffer]) ──▶ page: Store ──▶ Ring
+ *
+ * Lost connections are tried again after 0.25, 0.5, 1, 2, 4, 4 … s. After one, the page keeps what it holds and asks only for
+ * the seconds it missed: sample numbers tell exactly which samples it lacks. A server that was restarted says so by
+ * another `run`; then everything is forgotten.
+ */
+import { localNow, ServerClock } from "./clock";
+import { decode } from "./codec";
+import { ASK_S, Silence } from "./silence";
+import type { FromWorker, ToWorker } from "./worker-messages";
+import { SUBPROTOCOL, type BrowserText, type Dtype, type ServerText } from "./types";
+
+/** First and longest wait between tries, s. Four seconds: a rebooted robot is on screen as soon as it listens. */
+const FIRST_WAIT = 0.25;
+const LONGEST_WAIT = 4;
+/** Pings: quickly at first so that ages are right at once, then seldom. */
+const PING_FAST_S = 0.5;
+const PING_SLOW_S = 5;
+const FAST_PINGS = 6;
+/** A server that has not answered for this long is given up: a cable pulled out closes no socket by itself. */
+const SILENCE_S = 15;
+/** Asked for beyond the time missed: the newest sample we hold may be older than the newest the server had sent. */
+const MARGIN_S = 2;
+
+const post = (message: FromWorker, transfer: Transferable[] = []): void => self.postMessage(message, { transfer });
+
+let url = "";
+let wanted = 0;
+let socket: WebSocket | undefined;
+let wait = FIRST_WAIT;
+let retryTimer: ReturnType<typeof setTimeout> | undefined;
+let pingTimer: ReturnType<typeof setTimeout> | undefined;
+let pings = 0;
+let heard = 0;
+let run: string | undefined;
+let newest = -Infinity;
+let backfilled = false;
+let stopped = true;
+const clock = new ServerClock();
+const silence = new Silence();
+let listening: ReturnType<typeof setInterval> | undefined;
+const dtypes = new Map<number, readonly Dtype[]>();
+
+function send(text: BrowserText): void {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(text));
+}
+
+function connect(): void {
+  clearTimeout(retryTimer);
+  if (stopped) return;
+  post({ kind: "connection", state: "connecting", nextTry: undefined });
+  const mine = new WebSocket(url, SUBPROTOCOL);
+  mine.binaryType = "arraybuffer";
+  socket = mine;
+  mine.onopen = () => {
+    hear();
+    pings = 0;
+    ping();
+    clearInterval(listening);
+    listening = setInterval(listen, 1000 * ASK_S);
+  };
+  mine.onmessage = (event: MessageEvent<ArrayBuffer | string>) => {
+    hear();
+    if (typeof event.data === "string") onText(event.data);
+    else onBinary(event.data);
+  };
+  // An error is always followed by a close, and the browser does not say why: one handler is enough.
+  mine.onclose = () => {
+    if (socket !== mine) return;
+    socket = undefined;
+    clearTimeout(pingTimer);
+    clearInterval(listening);
+    if (stopped) return post({ kind: "connection", state: "closed", nextTry: undefined });
+    post({ kind: "connection", state: "closed", nextTry: localNow() + wait });
+    retryTimer = setTimeout(connect, wait * 1000);
+    wait = Math.min(2 * wait, LONGEST_WAIT);
+  };
+}
+
+function hear(): void {
+  heard = localNow();
+  if (silence.hear(heard)) post({ kind: "silence", since: undefined });
+}
+
+function listen(): void {
+  const since = silence.ask(localNow());
+  if (since === undefined) return;
+  post({ kind: "silence", since });
+  send({ op: "ping", t: localNow() }); // the answer tells that it is over, and a socket without a way fails the sooner
+}
+
+function ping(): void {
+  if (localNow() - heard > SILENCE_S) {
+    const dead = socket;
+    dead?.close();
+    dead?.onclose?.(new CloseEvent("close")); // close() waits for the other end, which is what is missing
+    return;
+  }
+  send({ op: "ping", t: localNow() });
+  pings += 1;
+  pingTimer = setTimeout(ping, 1000 * (pings < FAST_PINGS ? PING_FAST_S : PING_SLOW_S));
+}
+
+function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
+  const fresh = hello.run !== run;
+  run = hello.run;
+  if (fresh) {
+    dtypes.clear();
+    clock.reset();
+    newest = -Infinity;
+  }
+  const most = Math.min(wanted, hello.history);
+  const missed = newest === -Infinity || !backfilled ? most : hello.server_time - newest + MARGIN_S;
+  backfilled = false;
+  post({ kind: "subscribed", fresh });
+  send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null });
+}
+
+function onText(data: string): void {
+  let text: ServerText;
+  try {
+    text = JSON.parse(data) as ServerText;
+  } catch {
+    return post({ kind: "problem", message: "The server sent text that is not JSON." });
+  }
+  switch (text.op) {
+    case "hello":
+      wait = FIRST_WAIT;
+      post({ kind: "connection", state: "open", nextTry: undefined });
+      post({ kind: "text", text });
+      return subscribe(text);
+    case "channels":
+      for (const channel of text.channels) dtypes.set(channel.id, channel.columns.map((column) => column.dtype));
+      break;
+    case "pong": {
+      clock.add(text.t, text.server_time, localNow());
+      const estimate = clock.estimate;
+      if (estimate !== undefined) post({ kind: "clock", ...estimate });
+      return;
+    }
+    case "backfilled":
+      backfilled = true;
+      break;
+    default:
+  }
+  post({ kind: "text", text });
+}
+
+function onBinary(buffer: ArrayBuffer): void {
+  const { frames, problem } = decode(buffer, (channel) => dtypes.get(channel));
+  for (const frame of frames) {
+    const last = frame.arrival[frame.n - 1];
+    if (last !== undefined && last > newest) newest = last;
+  }
+  if (problem !== undefined) post({ kind: "problem", message: problem });
+  if (frames.length > 0) post({ kind: "frames", frames, received: localNow() + (clock.estimate?.offset ?? NaN) }, [buffer]);
+}
+
+function stop(): void {
+  stopped = true;
+  clearTimeout(retryTimer);
+  clearTimeout(pingTimer);
+  clearInterval(listening);
+  socket?.close();
+}
+
+self.onmessage = ({ data }: MessageEvent<ToWorker>) => {
+  switch (data.kind) {
+    case "start":
+      stop();
+      url = data.url;
+      wanted = data.history;
+      stopped = false;
+      wait = FIRST_WAIT;
+      return connect();
+    case "retry":
+      wait = FIRST_WAIT;
+      if (socket === undefined) connect();
+      return;
+    case "stop":
+      return stop();
+  }
+};
