@@ -38,8 +38,16 @@ from server.api import (
 )
 from server.auth import Access, Guard
 from server.config import Config
-from server.control.controllers import Desks
-from server.control.correction_manager import CorrectionDesk
+from server.configuration.controllers import Desks
+from server.configuration.correction_manager import CorrectionDesk
+from server.devices import protocol_set as default_speech
+from server.devices.decode_options import Reading
+from server.devices.protocol_detection import Speech
+from server.devices.sequence_store import SequenceStore
+from server.devices.sessions import OpenLink, Sessions
+from server.integrations.foxglove import Foxglove
+from server.integrations.rerun import Rerun
+from server.integrations.viser import Viser
 from server.library.catalogue import Catalogue
 from server.library.cleanup import Tenancy
 from server.library.column_cache import Shelf
@@ -48,20 +56,12 @@ from server.library.export_jobs import Exports
 from server.library.recorder import FOLDER, Recorder, plan_of
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.live import protocol_set as default_speech
-from server.live.decode_options import Reading
-from server.live.event_logging import Journal
-from server.live.hub import Hub
-from server.live.protocol_detection import Speech
-from server.live.sequence_store import SequenceStore
-from server.live.sessions import OpenLink, Sessions
 from server.metrics import Metrics
 from server.rate_limit import Turnstile
 from server.security_headers import Heads
+from server.streaming.event_logging import Journal
+from server.streaming.hub import Hub
 from server.version import VERSION
-from server.views.foxglove import Foxglove
-from server.views.rerun import Rerun
-from server.views.viser import Viser
 
 DEFAULT_SOURCES = ("twin:xbus", "twin:isb", "twin:idtp")
 

@@ -30,7 +30,7 @@ from server.commands.common import (
     whole,
 )
 from server.config import ConfigError, load
-from server.live.decode_options import ReadingError, key_text, taken_from
+from server.devices.decode_options import ReadingError, key_text, taken_from
 from server.printable import printable
 
 
@@ -82,7 +82,7 @@ def _ports(options: argparse.Namespace) -> None:
 
 def _doctor(options: argparse.Namespace) -> int:
     from server.commands import doctor
-    from server.host.checks import Machine, look
+    from server.diagnostics.checks import Machine, look
 
     if options.udev_rule and options.systemd_unit:
         raise UsageError("--udev-rule and --systemd-unit print one file each; give one of the two")
@@ -253,7 +253,7 @@ def _serve(options: argparse.Namespace) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     warm(options.data)
     from server.commands import replay, simulate
-    from server.live.decode_options import key_text, reading
+    from server.devices.decode_options import key_text, reading
 
     try:
         device = simulate.options_of(options.device)

@@ -42,7 +42,7 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
-from server.live.decode_options import Reading, key_text, reading, schema_text
+from server.devices.decode_options import Reading, key_text, reading, schema_text
 from server.logging_setup import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
@@ -84,7 +84,7 @@ class Config:
         sources: opened at start; none given: twins of all device families.
         protocol: of those sources; "" to guess.
         key: for their Secure frames, hex or @FILE; min_mode: weakest mode accepted; schema: file that describes
-            vendor types; unverified: show Secure frames without a key, marked (see server/live/decode_options.py).
+            vendor types; unverified: show Secure frames without a key, marked (see server/devices/decode_options.py).
         time_unit: of the timestamps of IDTP, "ns", "us", "ms" or "s"; "" for microseconds, unless their arrival says
             otherwise; rotation: which way a device's quaternion turns, "enu_from_body" (also "") or "body_from_enu".
         trial_s: how long a person has to keep settings that could have cut the line, before they go back.
@@ -100,10 +100,10 @@ class Config:
         split_mb, split_min: a recording goes on in a new file when it has 10⁶ bytes or minutes like that; 0 for never.
         record_head: ask an Xsens device for its Configuration when a recording begins (it pauses for a moment).
         upload_gb: how large an uploaded recording may be, 10⁹ bytes.
-        foxglove: loopback port of the Foxglove protocol (server/views/foxglove.py); 0 for any free one, −1 for none.
-        rerun_connect: address of a Rerun viewer on another machine that is streamed to; "" for none.
-        log_format, log_level: how what happens is told on standard error, and from which level on
-        (server/logging_setup.py). map: the tile server for a map under the track (server/api/map_tiles.py).
+        foxglove: loopback port of the Foxglove protocol (server/integrations/foxglove.py); 0 for any free one, −1 for
+        none. rerun_connect: address of a Rerun viewer on another machine that is streamed to; "" for none. log_format,
+        log_level: how what happens is told on standard error, and from which level on (server/logging_setup.py). map:
+        the tile server for a map under the track (server/api/map_tiles.py).
     """
 
     host: str = DEFAULT_HOST

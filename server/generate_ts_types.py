@@ -1,7 +1,7 @@
 """`python -m server.generate_ts_types`: the types of the wire and the forms for TypeScript.
 
     server/wire.py   ─> web/src/wire/types.ts    what the WebSocket carries
-    server/control/api_models.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
+    server/configuration/api_models.py  ─> web/src/forms/types.ts   what the HTTP API of the Configure page carries
     server/library/api_models.py ─> web/src/recordings/types.ts   and that of the Recordings page
 
 These are the only places where a field is added. This file reads their *source*, so that what a reader sees there
@@ -30,7 +30,7 @@ from pathlib import Path
 from types import ModuleType
 
 from server import wire
-from server.control import api_models as forms
+from server.configuration import api_models as forms
 from server.library import api_models as recorded
 
 _PAGE = Path(__file__).resolve().parent.parent / "web" / "src"

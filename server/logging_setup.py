@@ -4,8 +4,8 @@
     a journal    the same without the time, which the journal has, and with systemd's mark of the level: <4>[1] …
     a program    {"time":"2026-11-21T08:31:02.114Z","level":"warning","event":"link","device":"1","message":"…",…}
 
-What happens is told by server/live/event_logging.py and by the modules it happens in, through `logging` under the name
-imuscope; `extra` carries `event` (one word for programs), `device`, and `data` (further figures).
+What happens is told by server/streaming/event_logging.py and by the modules it happens in, through `logging` under the
+name imuscope; `extra` carries `event` (one word for programs), `device`, and `data` (further figures).
 
 Two promises are kept here, whoever writes the line. A secret (token, key) never gets into it: each is replaced wherever
 it stands. And nobody can forge a line or fill a disk with many: characters that are not printable are spelled, and of

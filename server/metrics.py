@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import get_args
 
 from server import wire
-from server.live.hub import Hub
-from server.live.send_queue import Outbox
-from server.live.session import Session
+from server.devices.session import Session
 from server.prometheus_text import Page
+from server.streaming.hub import Hub
+from server.streaming.send_queue import Outbox
 from server.version import VERSION
 
 STATES = get_args(wire.DeviceStatus)

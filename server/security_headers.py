@@ -5,7 +5,8 @@
     cross-origin-resource-policy no page of another origin may take it in as a picture, a script or a style
     referrer-policy              addresses stay here
 
-Policies of pages: server/api/static_files.py (`/`), server/api/rerun.py (`/rerun/`), server/views/proxy.py (`/viser/`).
+Policies of pages: server/api/static_files.py (`/`), server/api/rerun.py (`/rerun/`), server/integrations/proxy.py
+(`/viser/`).
 """
 
 from __future__ import annotations

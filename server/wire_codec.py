@@ -1,7 +1,7 @@
 """Messages of the wire to bytes and back: the one codec of what server/wire.py specifies.
 
 Samples are laid out as columns behind a header; text is JSON that JavaScript can read. A ring encodes its samples from
-its own memory (server/live/ring_buffer.py) with the same header.
+its own memory (server/streaming/ring_buffer.py) with the same header.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def encode_samples(
     history: bool = False,
     dropped: int = 0,
 ) -> bytes:
-    """One sample frame from loose columns (a ring encodes faster from its own memory, see server/live/ring_buffer.py).
+    """One sample frame from loose columns (server/streaming/ring_buffer.py encodes faster, from its own memory).
 
     Args:
         columns: `arrival`, `time`, then the channel's own; 1-d, equal length, the advertised dtypes.

@@ -19,7 +19,7 @@ NO_HINT: dict[str, str] = {}
 """Errors that say all there is to say: how the message begins → why."""
 
 BY_HTTP = {"not-allowed", "no-view"}
-"""Kinds that are put into an error by what was called, not by who calls (api/errors.py, views/proxy.py)."""
+"""Kinds that are put into an error by what was called, not by who calls (api/errors.py, integrations/proxy.py)."""
 
 
 def shown(said: Said) -> str:

@@ -3,8 +3,8 @@
 The track is drawn in metres, and a tab beside it has the same on a map. That tab is not the one in front, because the
 viewer asks a tile server of others for the pictures under a map that is seen, and would tell it thereby where a robot
 drives: outside our page that happens when a person brings the map to the front, and not before. Inside our page it
-never does (server/views/rerun_page/start.js): there the pictures come from the tile server that the configuration
-names, through our own, and without one the map is the way it went on a plain ground.
+never does (server/integrations/rerun_page/start.js): there the pictures come from the tile server that the
+configuration names, through our own, and without one the map is the way it went on a plain ground.
 """
 
 from __future__ import annotations

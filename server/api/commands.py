@@ -8,7 +8,7 @@ from functools import lru_cache
 from fastapi import APIRouter
 
 from server.commands.commands import every_form
-from server.control.api_models import Forms
+from server.configuration.api_models import Forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 

@@ -1,4 +1,4 @@
-"""Reading and writing a device, commands, keeping and taking back: the jobs of server/control/device_controller.py.
+"""Reading and writing a device, commands, keeping, taking back: jobs of server/configuration/device_controller.py.
 
 What could harm (a caution of the table, or a change that could cut the line) is answered with 409 and the consequence
 in words until it is sent again with `confirmed`.
@@ -14,13 +14,13 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 
 from server import wire
 from server.api.errors import ApiError, responses
-from server.control.api_models import Apply, Raw, ReadWish, Run
-from server.control.controllers import Desks
-from server.control.dangers import Danger
-from server.control.device_controller import Desk
-from server.control.products import mismatch
-from server.control.risk_check import Wish, changes_of, command_of, discarded
-from server.control.value_format import numbers
+from server.configuration.api_models import Apply, Raw, ReadWish, Run
+from server.configuration.controllers import Desks
+from server.configuration.dangers import Danger
+from server.configuration.device_controller import Desk
+from server.configuration.products import mismatch
+from server.configuration.risk_check import Wish, changes_of, command_of, discarded
+from server.configuration.value_format import numbers
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 

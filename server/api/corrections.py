@@ -12,10 +12,10 @@ from protocols.registry import PROTOCOLS
 from server.api.configure import OneDesk
 from server.api.devices import check_path
 from server.api.errors import ApiError, responses
-from server.control.api_models import Corrections
-from server.control.correction_manager import CorrectionDesk
-from server.control.correction_stream import file_of
-from server.control.ntrip import CorrectionError
+from server.configuration.api_models import Corrections
+from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.correction_stream import file_of
+from server.configuration.ntrip import CorrectionError
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["corrections"])
 

@@ -12,12 +12,12 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
+from server.devices.decode_options import Reading, ReadingError, changed, taken_from
+from server.devices.decode_options import reading as read_as
+from server.devices.session import Session
+from server.devices.sessions import Sessions
 from server.links.base import LinkError
 from server.links.source_url import Source
-from server.live.decode_options import Reading, ReadingError, changed, taken_from
-from server.live.decode_options import reading as read_as
-from server.live.session import Session
-from server.live.sessions import Sessions
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 

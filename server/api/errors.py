@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.control.device_controller import DeskError
+from server.configuration.device_controller import DeskError
 from server.error_kinds import status_of
 from server.links.base import LinkError
 

@@ -11,10 +11,10 @@ from fastapi import APIRouter
 from protocols.layouts import EncodeError
 from server.api.configure import OneDesk
 from server.api.errors import ApiError, responses
-from server.control.api_models import Fit, FitAnswer, Forms, Preview, PreviewAnswer
-from server.control.device_controller import Desk
-from server.control.form_builder import forms_of
-from server.control.preview import fit, preview_command, preview_setting
+from server.configuration.api_models import Fit, FitAnswer, Forms, Preview, PreviewAnswer
+from server.configuration.device_controller import Desk
+from server.configuration.form_builder import forms_of
+from server.configuration.preview import fit, preview_command, preview_setting
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["forms"])
 

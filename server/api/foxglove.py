@@ -1,12 +1,12 @@
-"""/foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS; see server/views/foxglove.py."""
+"""/foxglove: the Foxglove WebSocket protocol behind our own port, token and TLS (server/integrations/foxglove.py)."""
 
 from __future__ import annotations
 
 from fastapi import APIRouter, WebSocket
 
-from server.views.foxglove import Foxglove
-from server.views.foxglove_server import MOST_UP, SUBPROTOCOLS
-from server.views.proxy import ViewError, relay, turn_away
+from server.integrations.foxglove import Foxglove
+from server.integrations.foxglove_server import MOST_UP, SUBPROTOCOLS
+from server.integrations.proxy import ViewError, relay, turn_away
 
 router = APIRouter()
 

@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from server.api.devices import AllSessions
 from server.api.errors import responses
+from server.devices.sessions import Sessions
 from server.links.ports import PortInfo, list_ports, scan
-from server.live.sessions import Sessions
 
 router = APIRouter(prefix="/api/ports", tags=["ports"])
 

@@ -36,7 +36,7 @@ from server.library.range_query import (
 )
 from server.library.recorded_settings import settings_of
 from server.library.recording_detail import as_json, channels_of, detail
-from server.live.hub import Hub
+from server.streaming.hub import Hub
 
 router = APIRouter(tags=["recordings"])
 

@@ -29,9 +29,9 @@ from recordings.rrd.size_limit import MOST, WHOLE, amount_of
 from server.api.errors import ApiError, bytes_of, responses
 from server.api.recording_data import OneStore
 from server.api.static_files import HEADERS
-from server.views.proxy import ViewError
-from server.views.rerun import Feed, Rerun, Viewer, recording_stream
-from server.views.rerun_assets import NAMES, folder_of, viewer_files
+from server.integrations.proxy import ViewError
+from server.integrations.rerun import Feed, Rerun, Viewer, recording_stream
+from server.integrations.rerun_assets import NAMES, folder_of, viewer_files
 
 router = APIRouter()
 

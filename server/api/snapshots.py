@@ -12,15 +12,15 @@ from fastapi.responses import Response
 from protocols.transactions import Known
 from server.api.configure import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
-from server.control.api_models import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
-from server.control.budget import overload
-from server.control.controllers import Desks
-from server.control.device_controller import Desk
-from server.control.products import mismatch
-from server.control.reading import plain_values
-from server.control.risk_check import dangers_of
-from server.control.settings_diff import NO_DEFAULT, SideValues, compare
-from server.control.snapshots import Snapshot, SnapshotError, from_text
+from server.configuration.api_models import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
+from server.configuration.budget import overload
+from server.configuration.controllers import Desks
+from server.configuration.device_controller import Desk
+from server.configuration.products import mismatch
+from server.configuration.reading import plain_values
+from server.configuration.risk_check import dangers_of
+from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
+from server.configuration.snapshots import Snapshot, SnapshotError, from_text
 from server.wire_codec import plain
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])

@@ -11,9 +11,9 @@ from fastapi.responses import Response
 from pydantic import BaseModel
 
 from server.auth import Role
-from server.live.hub import Hub
 from server.metrics import Metrics, Sources
 from server.prometheus_text import CONTENT_TYPE
+from server.streaming.hub import Hub
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
 

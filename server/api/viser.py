@@ -1,4 +1,4 @@
-"""The 3D scene under /viser/: viser's own page and WebSocket, through server/views/proxy.py.
+"""The 3D scene under /viser/: viser's own page and WebSocket, through server/integrations/proxy.py.
 
 GET /api/views/scene?device=ID      begins a scene (all devices without one): {"address": "/viser/ID/"}
 /viser/…                            that page and its WebSocket
@@ -22,10 +22,10 @@ from recordings.mcap_writer import RecordingError
 from server.api.errors import ApiError, responses
 from server.api.static_files import HEADERS
 from server.http_server import MOST_FROM_VIEWER
-from server.views.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
-from server.views.replay_sync import Replayed
-from server.views.viewer_process import PER_S
-from server.views.viser import Viser
+from server.integrations.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
+from server.integrations.replay_sync import Replayed
+from server.integrations.viewer_process import PER_S
+from server.integrations.viser import Viser
 
 router = APIRouter()
 

@@ -2,7 +2,7 @@
 
 Two tasks per browser: one reads its requests, one takes from its outbox and sends. Sending waits for the socket, never
 for anything else, and nothing else waits for it; what a socket takes at once never comes here
-(server/live/send_queue.py). A socket that does not take a byte for `STUCK_S` is closed: progress is seen in the
+(server/streaming/send_queue.py). A socket that does not take a byte for `STUCK_S` is closed: progress is seen in the
 transport's buffer, so that a slow link that crawls is not taken for a dead one.
 """
 
@@ -16,8 +16,8 @@ from typing import Any
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server import wire, wire_codec
-from server.live.hub import Hub
-from server.live.send_queue import Outbox
+from server.streaming.hub import Hub
+from server.streaming.send_queue import Outbox
 
 log = logging.getLogger("imuscope.live")
 router = APIRouter()

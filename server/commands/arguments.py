@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from server import logging_setup
 from server.config import default_data
-from server.live.decode_options import MODES, ROTATIONS, TIME_UNITS
+from server.devices.decode_options import MODES, ROTATIONS, TIME_UNITS
 from server.version import VERSION
 
 COMMANDS = (
@@ -294,7 +294,7 @@ _READING: Mapping[str, Mapping[str, Any]] = {
         "help": "without a key, show Secure frames, marked",
     },
 }
-"""What a person says about the bytes of a source or file; see server/live/decode_options.py."""
+"""What a person says about the bytes of a source or file; see server/devices/decode_options.py."""
 FRAMES = ("protocol", "key", "min-mode", "schema", "unverified")  # what a list of frames as they are depends on
 TABLES = ("protocol", "key", "schema")  # what making a frame depends on
 

@@ -19,8 +19,8 @@ from protocols.schema import Bits, Command, Field, Setting
 from protocols.transactions import Known
 from protocols.validation import bounds, is_whole
 from server.commands.compose import ComposeError, tongues
-from server.control.api_models import Forms
-from server.control.form_builder import forms_of
+from server.configuration.api_models import Forms
+from server.configuration.form_builder import forms_of
 
 Row = Command | Setting
 WIDTH = 120

@@ -13,8 +13,8 @@ from pathlib import Path
 from server import logging_setup
 from server.commands.arguments import COMMANDS
 from server.config import load
+from server.devices.decode_options import OPTIONS, Reading, key_text, reading, schema_text, taken_from
 from server.jit_cache import compile_by_two, prepare_cache
-from server.live.decode_options import OPTIONS, Reading, key_text, reading, schema_text, taken_from
 
 BOTH = "--unverified shows Secure frames without a key, and a key is given (--key or IMUSCOPE_KEY); leave one out"
 PIPE_BYTES = 1 << 20
@@ -78,7 +78,7 @@ def settled(said: Reading) -> Reading:
 
 def check_protocol(name: str) -> None:
     """UsageError: there is no protocol of that name."""
-    from server.live import protocol_set
+    from server.devices import protocol_set
 
     known = ("auto", *protocol_set.protocols())
     if name and name not in known:

@@ -41,7 +41,7 @@ from protocols.xbus import data_identifiers as xbus_items
 from protocols.xbus import json_codec as xbus_plain
 from protocols.xbus import messages as xbus_messages
 from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
-from server.live.decode_options import Reading
+from server.devices.decode_options import Reading
 
 Record = Mapping[str, Any]
 NOTHING: Record = {}

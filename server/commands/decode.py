@@ -19,9 +19,9 @@ from recordings.column_store import Columns
 from recordings.exporters import FORMATS, Wish, by_suffix, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
+from server.devices.decode_options import Reading
+from server.devices.protocol_set import speech
 from server.library.decode import decode
-from server.live.decode_options import Reading
-from server.live.protocol_set import speech
 from server.printable import printable
 
 REFUSED = ("no_key", "bad_hmac", "below_min_mode")

@@ -1,4 +1,4 @@
-"""`imuscope doctor`: looks at the machine (server/host/checks.py) and says what to do about it.
+"""`imuscope doctor`: looks at the machine (server/diagnostics/checks.py) and says what to do about it.
 
 problem  /dev/ttyUSB0   pi may not open it: it belongs to the group dialout.
                         → sudo usermod -aG dialout pi
@@ -14,7 +14,7 @@ from dataclasses import asdict
 from importlib import resources
 from typing import TextIO
 
-from server.host.checks import RULES, Finding
+from server.diagnostics.checks import RULES, Finding
 from server.printable import json_text, printable
 
 UNIT = "imuscope.service"
@@ -37,9 +37,9 @@ def told(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> 
 
 def udev_rule() -> str:
     """The rule for /etc/udev/rules.d."""
-    return resources.files("server.host").joinpath(RULES).read_text(encoding="utf-8")
+    return resources.files("server.packaging").joinpath(RULES).read_text(encoding="utf-8")
 
 
 def systemd_unit() -> str:
     """The unit for /etc/systemd/system."""
-    return resources.files("server.host").joinpath(UNIT).read_text(encoding="utf-8")
+    return resources.files("server.packaging").joinpath(UNIT).read_text(encoding="utf-8")

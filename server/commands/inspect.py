@@ -33,7 +33,7 @@ from recordings.sources import McapSource
 from server.commands.common import kept_aside
 from server.commands.inspect_table import EXPLAINED, InspectTable
 from server.commands.replay import ReplayError, chosen
-from server.live.decode_options import Reading
+from server.devices.decode_options import Reading
 from server.printable import json_text
 
 CHUNK = 1 << 20

@@ -19,7 +19,7 @@ from protocols.idtp.custom_payloads import Schema
 from protocols.labels import device_label
 from protocols.schema import Field
 from server.commands.compose import Tongue, tongues
-from server.control.value_format import output_title
+from server.configuration.value_format import output_title
 from server.printable import printable
 
 LONGEST_WORD = 64  # characters of a word or of bytes; jsonl has all of them

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from server.live.sequence_store import SequenceStore
+from server.devices.sequence_store import SequenceStore
 
 PATIENCE_S = 10.0
 

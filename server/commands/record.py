@@ -23,17 +23,17 @@ from typing import TextIO
 from recordings.compaction import pack
 from recordings.mcap_writer import SUFFIX, RecordingError
 from server import wire
-from server.control.controllers import Desks
+from server.configuration.controllers import Desks
+from server.devices import protocol_set
+from server.devices.decode_options import Reading
+from server.devices.sequence_store import SequenceStore
+from server.devices.session import Session
+from server.devices.sessions import Sessions
 from server.library.recorder import Plan, Recorder
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.live import protocol_set
-from server.live.decode_options import Reading
-from server.live.hub import Hub
-from server.live.sequence_store import SequenceStore
-from server.live.session import Session
-from server.live.sessions import Sessions
 from server.printable import printable
+from server.streaming.hub import Hub
 
 LOOK_S = 0.25
 MOST_TOLD = 20

@@ -27,12 +27,12 @@ from protocols.registry import PROTOCOLS, guess
 from protocols.schema import Command, Setting
 from protocols.transactions import Dialogue, Driver, InState, Known, RefusedError, SilentError, T, Values
 from server.commands.compose import ComposeError, Tongue, chosen, frame_of, names_elements, parse, tongues
-from server.control.dangers import dangers_of_write
-from server.control.transaction_runner import Runner
-from server.control.value_format import value_at
+from server.configuration.dangers import dangers_of_write
+from server.configuration.transaction_runner import Runner
+from server.configuration.value_format import value_at
+from server.devices.decode_options import Reading
 from server.links import open_link
 from server.links.base import Link, LinkError, LinkSettings, steady_clock
-from server.live.decode_options import Reading
 from server.printable import json_text
 
 LISTEN_S = 1.5  # for the first bytes, from which the protocol is recognised

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from server import logging_setup
 from server.commands.common import BOTH, UsageError, check_sources, placed, warm
 from server.config import Config, load
-from server.live.decode_options import key_text
+from server.devices.decode_options import key_text
 from server.version import VERSION
 
 if TYPE_CHECKING:

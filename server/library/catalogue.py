@@ -26,7 +26,7 @@ from starlette.concurrency import run_in_threadpool
 from recordings.library import Entry, Library
 from recordings.mcap_writer import RecordingError
 from server.library.api_models import Marker, RecordedDevice, RecordingInfo
-from server.live.hub import Hub
+from server.streaming.hub import Hub
 
 if TYPE_CHECKING:
     from server.library.column_cache import Shelf

@@ -23,9 +23,9 @@ from recordings.euler import euler_columns
 from recordings.health_history import FaredWriter
 from recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from server import wire
-from server.live.channels import Piece, clock_alone
-from server.live.hub import Dated, Hub
-from server.live.unknown_payloads import Payloads, described
+from server.streaming.channels import Piece, clock_alone
+from server.streaming.hub import Dated, Hub
+from server.streaming.unknown_payloads import Payloads, described
 
 MOST_EVENTS = 20_000  # of each device; beyond that only the faults of the link are kept
 MOST_KINDS = 512  # of payloads, of each device: noise that passes a weak checksum must not make a file of each

@@ -27,9 +27,9 @@ from pathlib import Path
 
 from recordings.column_store import VERSION, Columns
 from recordings.mcap_writer import RecordingError
+from server.devices.decode_options import Reading, words_of
 from server.library.sources import decoding_mark
 from server.library.worker import Worker
-from server.live.decode_options import Reading, words_of
 
 log = logging.getLogger("imuscope.shelf")
 

@@ -35,15 +35,15 @@ from recordings.mcap_writer import EVENTS, NOTES, SNAPSHOT
 from recordings.sources import McapSource, Part, Source
 from recordings.tabular import TableSource
 from server import wire, wire_codec
+from server.devices.decode_options import Reading, recorded
+from server.devices.device_demux import Reader, Senders
+from server.devices.device_state import Portrait, short
+from server.devices.ingest import Line
+from server.devices.protocol_detection import GUESS_SCORE, Speech
+from server.devices.stream_diagnostics import REMEDIES
 from server.library.collector import Collector
 from server.library.decode_tables import decode_tables
 from server.links.base import LinkKind
-from server.live.decode_options import Reading, recorded
-from server.live.device_demux import Reader, Senders
-from server.live.device_state import Portrait, short
-from server.live.ingest import Line
-from server.live.protocol_detection import GUESS_SCORE, Speech
-from server.live.stream_diagnostics import REMEDIES
 
 DRAIN_BYTES = 1 << 20  # decoded at once: what the decoders are measured with
 DRAIN_NS = 5_000_000_000  # and no more than this of a recording: what is known of its clock is told so often

@@ -1,7 +1,7 @@
 """`python -m server.library.decode_worker`: one recording decoded in a process of its own, for column_cache.py.
 
 A wish comes on standard input, one JSON object: path, store, and how it is read (words_of of
-server/live/decode_options.py; a key is never on a command line). What goes out are JSON
+server/devices/decode_options.py; a key is never on a command line). What goes out are JSON
 lines: {"progress": 0..1} as it goes on, {"shown": a folder} when what is decoded so far can be read there, and
 {"message", "hint"} when it cannot.
 """
@@ -18,9 +18,9 @@ from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.parent_death import end_with_parent
+from server.devices.decode_options import Reading, reading
+from server.devices.protocol_set import speech
 from server.library.decode import decode
-from server.live.decode_options import Reading, reading
-from server.live.protocol_set import speech
 
 STEP = 0.005
 

@@ -27,7 +27,7 @@ from server.library.catalogue import Catalogue
 from server.library.column_cache import Shelf
 from server.library.one_file import one_file
 from server.library.worker import Worker
-from server.live.hub import Hub
+from server.streaming.hub import Hub
 
 log = logging.getLogger("imuscope.exports")
 

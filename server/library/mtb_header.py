@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from protocols.events import Event, Reply
 from protocols.transactions import RefusedError, SilentError
 from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
-from server.control.device_controller import Desk, DeskError, JobError, Task
+from server.configuration.device_controller import Desk, DeskError, JobError, Task
 from server.links.base import LinkError
 
 FRAMES = {CONFIGURATION: "configuration", EMTS_DATA: "emts"}

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from recordings.column_store import Base, Buckets, Columns, Exact, summarised
 from recordings.statistics import norm_statistics, statistics
 from server import wire, wire_codec
-from server.live.hub import Channel
+from server.streaming.hub import Channel
 
 Array = NDArray[Any]
 

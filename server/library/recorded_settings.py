@@ -15,9 +15,9 @@ from typing import Any
 
 from protocols.schema import Field, Setting
 from protocols.transactions import Known
-from server.control.controllers import driver_of
-from server.control.form_builder import flat
-from server.control.value_format import entry_comment, output_title, output_words, title_at, words
+from server.configuration.controllers import driver_of
+from server.configuration.form_builder import flat
+from server.configuration.value_format import entry_comment, output_title, output_words, title_at, words
 from server.library.api_models import RecordedSetting, RecordedSettings, SettingRow
 
 OTHERS = "Others"

@@ -6,7 +6,7 @@
 
 Devices that appear later join a recording of all. An Xsens device is asked for its Configuration, which its own program
 wants at the head of a log; it pauses for that, once in a recording, through the queue of its desk
-(server/control/device_controller.py), and what it refuses is said and does no harm.
+(server/configuration/device_controller.py), and what it refuses is said and does no harm.
 
 A browser that goes, a device that goes, a busy page: none ends a recording. The disk does, and then `message` says why.
 """
@@ -31,14 +31,14 @@ from recordings.mcap_writer import RecordingError
 from recordings.recording_writer import Limits, Tape
 from server import wire
 from server.config import Config
-from server.control.controllers import Desks
+from server.configuration.controllers import Desks
+from server.devices.device_state import short
+from server.devices.session import Session
+from server.devices.sessions import Sessions
 from server.library.api_models import Mark
 from server.library.compaction_worker import Packer
 from server.library.recording_session import Taking
-from server.live.device_state import short
-from server.live.hub import Hub
-from server.live.session import Session
-from server.live.sessions import Sessions
+from server.streaming.hub import Hub
 from server.version import VERSION
 
 log = logging.getLogger("imuscope.recorder")

@@ -19,14 +19,14 @@ from typing import Any
 from recordings.mcap_writer import Direction
 from recordings.recording_writer import Tape
 from server import wire, wire_codec
-from server.control.controllers import Desks
-from server.control.device_controller import Desk
+from server.configuration.controllers import Desks
+from server.configuration.device_controller import Desk
+from server.devices.decode_options import schema_words
+from server.devices.member import address_of
+from server.devices.session import Session
 from server.library.api_models import Mark
 from server.library.mtb_header import Head
-from server.live.decode_options import schema_words
-from server.live.hub import Hub
-from server.live.member import address_of
-from server.live.session import Session
+from server.streaming.hub import Hub
 
 RATE_S = 10.0  # over which `seconds_left` takes the rate
 TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmware", "baud", "protection")

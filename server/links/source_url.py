@@ -57,7 +57,7 @@ def is_host(name: str) -> bool:
     return True
 
 
-READING_OPTIONS = "protocol, key, min_mode, unverified, time_unit and rotation"  # see server/live/decode_options.py
+READING_OPTIONS = "protocol, key, min_mode, unverified, time_unit and rotation"  # see server/devices/decode_options.py
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,8 +2,9 @@
 
     python tests/bench/floods.py [--seconds 20] [--only NAME …] [--save]
 
-One server, one device of 500 frames a second that is recorded, and one flood after the other (tests/faults/floods.py).
-/healthz is asked twenty times a second by a process that also sends the flood, so what it takes is an upper bound.
+One server, one device of 500 frames a second that is recorded, and one flood after the other
+(tests/fault_injection/floods.py). /healthz is asked twenty times a second by a process that also sends the flood, so
+what it takes is an upper bound.
 
 The yardstick, in the same time: a piece of work in a thread of that process, which takes `slowness` times as long as it
 would alone. Budget: an answer within a second of a machine that nobody else uses; the recording whole.
@@ -25,8 +26,8 @@ os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # c
 
 from tests.bench.memory import resident_mb  # noqa: E402
 from tests.bench.report import report  # noqa: E402
-from tests.faults.beside import WITHIN_S, Beside, Watched, watched  # noqa: E402
-from tests.faults.floods import FLOODS  # noqa: E402
+from tests.fault_injection.beside import WITHIN_S, Beside, Watched, watched  # noqa: E402
+from tests.fault_injection.floods import FLOODS  # noqa: E402
 
 
 def measure(there: Watched, name: str) -> dict[str, Any]:

@@ -92,8 +92,8 @@ def measure(path: Path, store: Path) -> dict[str, float]:
     from protocols.registry import warm
     from recordings.column_store import Columns
     from recordings.sources import McapSource
+    from server.devices.protocol_set import speech
     from server.library.decode import decode
-    from server.live.protocol_set import speech
 
     warm()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -114,8 +114,8 @@ def main() -> None:
         path = folder / "recordings" / "hour.mcap"
         make(path, minutes)
         from recordings.sources import McapSource
+        from server.devices.protocol_set import speech
         from server.library.decode import decode
-        from server.live.protocol_set import speech
 
         decode(McapSource(path), folder / "store", speech())
         out = folder / "hour.rrd"

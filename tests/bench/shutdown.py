@@ -1,4 +1,4 @@
-"""How long does a server take to end with everything running? (tests/faults/test_shutdown.py says what everything is.)
+"""Time that a server takes to end with everything running (tests/fault_injection/test_shutdown.py lists everything).
 
 python tests/bench/shutdown.py [TIMES]      prints one JSON line: seconds from SIGTERM to the end of the process
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.faults.test_shutdown import end
+from tests.fault_injection.test_shutdown import end
 
 BUDGET_S = 2.0
 

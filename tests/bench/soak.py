@@ -106,8 +106,8 @@ def serve(options: argparse.Namespace) -> None:
     from server import http_server, logging_setup
     from server.app import create_app
     from server.auth import Access
+    from server.devices import sessions
     from server.jit_cache import prepare_cache
-    from server.live import sessions
 
     prepare_cache(options.data)
     logging_setup.install("text", "error")  # that a client does not keep up with a day in minutes is no news

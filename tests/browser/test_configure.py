@@ -19,7 +19,7 @@ from playwright.sync_api import Page
 from tests.browser.test_page import TARGETS, serious
 from tests.browser.test_pictures import picture
 from tests.chromium import until
-from tests.faults.test_kill import until as held_until
+from tests.fault_injection.test_kill import until as held_until
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 

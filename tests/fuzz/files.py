@@ -44,11 +44,11 @@ from recordings.mcap_writer import RecordingError, Writer
 from recordings.probe import peek
 from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
-from server.control.snapshots import SnapshotError, from_text
+from server.configuration.snapshots import SnapshotError, from_text
+from server.devices.decode_options import ReadingError, reading
+from server.devices.protocol_set import speech
+from server.integrations import meshes
 from server.library.decode import decode
-from server.live.decode_options import ReadingError, reading
-from server.live.protocol_set import speech
-from server.views import meshes
 from tests.fuzz.cases import BrokenError, Case
 from tests.fuzz.search import Search as Decoders
 

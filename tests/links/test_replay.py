@@ -13,10 +13,10 @@ import pytest
 from recordings.compaction import pack
 from recordings.mcap_writer import Writer
 from server.config import Config
+from server.devices.protocol_set import speech
 from server.links import Link, LinkError, expanded, open_link
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
-from server.live.protocol_set import speech
 from tests.links.link_fixtures import fails, frame, joined, left_behind, opened, settings, xbus
 from tests.server.in_process_server import Running
 from tests.timeouts import PATIENCE_S

@@ -16,7 +16,7 @@ from protocols.isb.simulator.device import IsbDevice
 from protocols.xbus.frames import build
 from protocols.xbus.json_codec import frame_of
 from server.commands.inspect import EXPLAINED, inspect_file
-from server.live.decode_options import Reading
+from server.devices.decode_options import Reading
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"

@@ -12,7 +12,7 @@ from protocols.isb.driver import IsbDriver
 from protocols.isb.gpx import GpxDevice
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
 from protocols.transactions import Known, RefusedError
-from server.control.form_builder import forms_of
+from server.configuration.form_builder import forms_of
 from server.links.simulated_device import FAMILIES
 from tests.transaction_player import Wire, play
 

@@ -14,7 +14,7 @@ from protocols.isb.dataset_loader import VERSIONS
 from protocols.isb.field_docs import BAUD_RATES, CAN_RATES
 from protocols.isb.kept import fields_of, settings_of
 from protocols.schema import Field
-from server.control.form_builder import field_form
+from server.configuration.form_builder import field_form
 from tests.vendor.inertial_sense import KEPT
 
 FLASH = 12

@@ -25,8 +25,8 @@ from recordings.rrd.entities import devices_of
 from recordings.rrd.size_limit import MOST, WHOLE, amount
 from recordings.rrd.writer import Work, fill, stream_of, write_rrd
 from recordings.sources import McapSource
+from server.devices import protocol_set
 from server.library.decode import decode
-from server.live import protocol_set
 
 START = 1_760_000_000_000_000_000
 ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep settings there

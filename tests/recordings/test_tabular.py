@@ -15,8 +15,8 @@ from recordings.exporters import Wish, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.tabular import TableSource
+from server.devices import protocol_set
 from server.library.decode import decode
-from server.live import protocol_set
 from tests.recordings.store_fixtures import START, store
 
 

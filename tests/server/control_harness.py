@@ -9,16 +9,16 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from protocols.xbus.simulator.device import XbusDevice
-from server.control.controllers import Desks
-from server.control.device_controller import Desk, Task
+from server.configuration.controllers import Desks
+from server.configuration.device_controller import Desk, Task
+from server.devices.protocol_set import speech
+from server.devices.sessions import Sessions
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.links.simulated_device import TwinOptions
 from server.links.simulated_line import Faults
 from server.links.simulator import Bench
-from server.live.hub import Hub
-from server.live.protocol_set import speech
-from server.live.sessions import Sessions
+from server.streaming.hub import Hub
 from server.wire import Job
 from tests.timeouts import PATIENCE_S
 

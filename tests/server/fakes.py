@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
 from protocols.schema import Field, Message
 from protocols.xbus.device_info import identity
+from server.devices.ingest import About
+from server.devices.protocol_detection import Speech
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
-from server.live.ingest import About
-from server.live.protocol_detection import Speech
 
 NOW_NS = 1_700_000_000_000_000_000
 

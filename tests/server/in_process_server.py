@@ -15,8 +15,8 @@ from server import http_server
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
-from server.live.protocol_detection import Speech
-from server.live.sessions import OpenLink
+from server.devices.protocol_detection import Speech
+from server.devices.sessions import OpenLink
 from tests.server.fakes import SPEECH
 from tests.timeouts import PATIENCE_S
 

@@ -9,11 +9,11 @@ import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, build
 from protocols.idtp.simulator import IdtpDevice
+from server.devices.decode_options import OPTIONS, Reading
+from server.devices.protocol_detection import unknown_hint
+from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.source_url import READING_OPTIONS
-from server.live.decode_options import OPTIONS, Reading
-from server.live.protocol_detection import unknown_hint
-from server.live.session import Session
 from tests.protocols.test_idtp_decoder import with_version
 from tests.server.fakes import FakeLink
 from tests.server.test_families import Stage

@@ -20,7 +20,7 @@ from server.api import static_files
 from server.auth import LOOKING
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
-from server.live.send_queue import Outbox
+from server.streaming.send_queue import Outbox
 from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import Running
@@ -218,7 +218,7 @@ def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
 
 
 def test_a_fault_of_ours_has_the_shape_too(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.live.sessions.Sessions.infos", property(lambda self: 1 / 0))
+    monkeypatch.setattr("server.devices.sessions.Sessions.infos", property(lambda self: 1 / 0))
     assert_problem(client.get("/api/devices"), 500, "fault")
 
 

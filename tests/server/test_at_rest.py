@@ -11,7 +11,7 @@ import pytest
 from protocols.transactions import Known, RefusedError
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.simulator.device import XbusDevice
-from server.control.device_controller import Desk
+from server.configuration.device_controller import Desk
 from server.wire import Job
 from tests.server.control_harness import House, bench, house, over, until
 from tests.server.test_shared_line import both

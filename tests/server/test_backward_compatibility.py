@@ -1,8 +1,8 @@
 """Upgrading keeps what was kept: files of every earlier format open, with their values; a later one is refused.
 
-tests/golden/kept/N holds files as a server of format N left them: a recording of each family (of the twins, 0.6 s),
-what a person changed about one, a snapshot, a trial, a configuration file, and what `imuscope decode` made of the
-recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
+tests/golden/previous_formats/N holds files as a server of format N left them: a recording of each family (of the twins,
+0.6 s), what a person changed about one, a snapshot, a trial, a configuration file, and what `imuscope decode` made of
+the recordings then. They are never made anew: a format that changes gets a folder of its own beside them.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from recordings.mcap_writer import RecordingError, Writer
 from recordings.probe import peek
 from server.commands.decode import DecodeError, decode_file
 from server.config import MapTiles, load
-from server.control.rollback import Record, Trials
-from server.control.snapshots import SnapshotError, from_text, to_text
-from server.live.decode_options import Reading
+from server.configuration.rollback import Record, Trials
+from server.configuration.snapshots import SnapshotError, from_text, to_text
+from server.devices.decode_options import Reading
 from tests.server_process import ROOT
 
-KEPT = ROOT / "tests" / "golden" / "kept"
+KEPT = ROOT / "tests" / "golden" / "previous_formats"
 FORMATS = sorted(folder.name for folder in KEPT.iterdir())
 FAMILIES = ("xbus", "isb", "idtp")
 NEWER = "was written by a newer imuscope (format {}; this one reads {})."

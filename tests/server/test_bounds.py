@@ -31,8 +31,8 @@ from server import http_server, wire
 from server.api.devices import check_path
 from server.api.errors import ApiError
 from server.config import Config
-from server.control.correction_manager import CorrectionDesk
-from server.control.correction_stream import file_of
+from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.correction_stream import file_of
 from server.library import range_query
 from server.links import open_link
 from server.links.base import LinkSettings

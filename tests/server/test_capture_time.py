@@ -23,8 +23,8 @@ from recordings.column_store import Columns
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
 from recordings.probe import peek
+from server.devices import protocol_set
 from server.library.decode import decode
-from server.live import protocol_set
 
 UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 

@@ -10,12 +10,12 @@ import pytest
 
 from protocols.xbus.decoder import XbusDecoder
 from server import wire
+from server.devices.device_demux import Reader, Senders
+from server.devices.device_state import Portrait
+from server.devices.ingest import Line
+from server.devices.link_stats import Figures
 from server.links.base import Chunk
-from server.live.device_demux import Reader, Senders
-from server.live.device_state import Portrait
-from server.live.hub import Hub
-from server.live.ingest import Line
-from server.live.link_stats import Figures
+from server.streaming.hub import Hub
 from tests.server.fakes import Clock
 
 RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture

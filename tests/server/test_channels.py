@@ -10,7 +10,7 @@ import pytest
 from protocols.events import Batch
 from protocols.isb.decoder import IsbDecoder
 from protocols.schema import Bits, Field, Message
-from server.live.channels import Channels
+from server.streaming.channels import Channels
 from server.wire import ChannelInfo
 from tests.protocols.isb_vectors import by_did
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from server.library.compaction_worker import Packer
-from tests.faults.fault_harness import frames
-from tests.faults.test_kill import recording
+from tests.fault_injection.fault_harness import frames
+from tests.fault_injection.test_kill import recording
 from tests.server.control_harness import until
 
 

@@ -18,7 +18,7 @@ from protocols.transactions import Known
 from protocols.xbus.simulator.device import XbusDevice
 from server.commands.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
 from server.commands.inspect import inspect_file
-from server.live.decode_options import Reading
+from server.devices.decode_options import Reading
 from tests.server_process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"

@@ -11,8 +11,8 @@ import pytest
 from protocols.events import Event
 from protocols.transactions import Expect, Known, Pause, Relink, Send, stop
 from protocols.xbus.driver import XbusDriver
-from server.control.device_controller import MOST_WAITING, Desk, DeskError
-from server.control.transaction_runner import Runner
+from server.configuration.device_controller import MOST_WAITING, Desk, DeskError
+from server.configuration.transaction_runner import Runner
 from server.links.base import LinkError
 from server.wire import ExchangeEntry
 from tests.server.control_harness import house, outputs, over, until

@@ -23,12 +23,12 @@ from protocols.isb.simulator.device import IsbDevice
 from protocols.rtcm import Splitter, epoch_ms
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.simulator.device import XbusDevice
-from server.control.api_models import Corrections
-from server.control.correction_log import Diary
-from server.control.correction_stream import Forwarding, gga, source_of, without_password
-from server.control.ntrip import Caster, CorrectionError, mounts
+from server.configuration.api_models import Corrections
+from server.configuration.correction_log import Diary
+from server.configuration.correction_stream import Forwarding, gga, source_of, without_password
+from server.configuration.ntrip import Caster, CorrectionError, mounts
+from server.devices.position_tracker import Place
 from server.links.base import LinkError
-from server.live.position_tracker import Place
 from server.wire import DeviceInfo
 from tests.timeouts import PATIENCE_S
 

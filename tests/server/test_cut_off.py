@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from server.control import cut_off
-from server.control.device_controller import Desk, Task
+from server.configuration import cut_off
+from server.configuration.device_controller import Desk, Task
 from server.links.simulator import TwinLink
 from tests.server.control_harness import House, house, outputs, over, until
 

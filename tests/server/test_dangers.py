@@ -16,10 +16,10 @@ from protocols.isb.driver import IsbDriver
 from protocols.transactions import Known
 from server.commands import send
 from server.commands.send import SendError
-from server.control.dangers import dangers_of_write
-from server.control.form_builder import forms_of
-from server.control.risk_check import command_of
-from server.live.decode_options import Reading
+from server.configuration.dangers import dangers_of_write
+from server.configuration.form_builder import forms_of
+from server.configuration.risk_check import command_of
+from server.devices.decode_options import Reading
 from tests.server.control_harness import house
 
 DRIVER = IsbDriver()

@@ -10,7 +10,7 @@ from server.api.devices import HowToRead
 from server.commands import arguments as options
 from server.commands.common import reading_of
 from server.config import ConfigError, load
-from server.live.decode_options import Reading, ReadingError, key_text, reading, schema_text, taken_from
+from server.devices.decode_options import Reading, ReadingError, key_text, reading, schema_text, taken_from
 
 KEY = "00112233445566778899aabbccddeeff"
 SCHEMA = """

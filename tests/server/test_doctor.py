@@ -15,8 +15,8 @@ from types import SimpleNamespace
 import pytest
 
 from server.commands import doctor
-from server.host import checks
-from server.host.checks import Finding, Machine, look
+from server.diagnostics import checks
+from server.diagnostics.checks import Finding, Machine, look
 from tests.server_process import imuscope
 
 NOW = 1_760_000_000.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from server.live.event_log import AT_ONCE, MARKS_KEPT, NEWS_TO_LATE, EventLog
+from server.streaming.event_log import AT_ONCE, MARKS_KEPT, NEWS_TO_LATE, EventLog
 from server.wire import EventInfo, EventKind
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from protocols.events import Reject
-from server.live.event_reporter import Incidents
-from server.live.hub import Hub
+from server.devices.event_reporter import Incidents
+from server.streaming.hub import Hub
 
 
 def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]], int]:

@@ -14,10 +14,10 @@ from protocols.xbus.simulator.device import XbusDevice
 from recordings.exporters import FORMATS, Wish, export
 from recordings.importers import open_file
 from recordings.mcap_writer import Writer
+from server.devices import protocol_set
 from server.library import export_sizes
 from server.library.decode import decode
 from server.library.one_file import one_file
-from server.live import protocol_set
 from tests.server.test_opening import START
 
 SECONDS = 14

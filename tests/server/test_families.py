@@ -19,11 +19,11 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Message
 from protocols.xbus.simulator.device import XbusDevice
 from server import wire, wire_codec
+from server.devices.decode_options import Reading, changed
+from server.devices.protocol_set import speech
+from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
-from server.live.decode_options import Reading, changed
-from server.live.hub import Hub
-from server.live.protocol_set import speech
-from server.live.session import Session
+from server.streaming.hub import Hub
 from tests.server.fakes import Clock, FakeLink
 
 KEY = bytes(range(32))

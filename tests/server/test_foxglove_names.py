@@ -9,7 +9,7 @@ import pytest
 from foxglove.messages import FrameTransform, LocationFix
 
 from recordings.file_names import device_names
-from server.views import foxglove_worker
+from server.integrations import foxglove_worker
 from server.wire_codec import Samples
 from tests.recordings.store_fixtures import channel, column
 

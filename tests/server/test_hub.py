@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server import wire, wire_codec
-from server.live.channels import Piece
-from server.live.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
-from server.live.send_queue import Outbox
+from server.streaming.channels import Piece
+from server.streaming.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
+from server.streaming.send_queue import Outbox
 from tests.server.fakes import Clock
 
 

@@ -9,9 +9,9 @@ from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device_info import identity as xbus_identity
 from protocols.xbus.enums import STATUS_BITS
 from protocols.xbus.simulator.device import XbusDevice
-from server.live.device_state import Portrait
-from server.live.hub import Hub
-from server.live.ingest import Identity
+from server.devices.device_state import Portrait
+from server.devices.ingest import Identity
+from server.streaming.hub import Hub
 from server.wire import DeviceInfo
 
 

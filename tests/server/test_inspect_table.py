@@ -15,7 +15,7 @@ from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_packet
 from protocols.xbus.frames import build as xbus_frame
 from server.commands.inspect import inspect_file
-from server.live.decode_options import Reading
+from server.devices.decode_options import Reading
 from server.printable import json_text, printable
 
 SCHEMA = """

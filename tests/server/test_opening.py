@@ -16,9 +16,9 @@ from recordings.health_history import fared
 from recordings.importers import open_file
 from recordings.mcap_writer import Writer
 from recordings.sources import McapSource
+from server.devices import protocol_set
 from server.library.decode import decode
-from server.live import protocol_set
-from server.live.channels import Channels
+from server.streaming.channels import Channels
 from server.wire import ChannelInfo
 
 START = 1_760_000_000_000_000_000

@@ -10,11 +10,11 @@ import pytest
 from protocols.idtp.simulator import IdtpDevice
 from protocols.isb.simulator.device import IsbDevice
 from protocols.xbus.simulator.device import XbusDevice
+from server.devices.decode_options import Reading
+from server.devices.protocol_set import speech
+from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
-from server.live.decode_options import Reading
-from server.live.hub import Hub
-from server.live.protocol_set import speech
-from server.live.session import Session
+from server.streaming.hub import Hub
 from tests.server.fakes import NOW_NS, Clock, FakeLink
 
 

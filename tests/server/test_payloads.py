@@ -19,9 +19,9 @@ from recordings.column_store import Columns
 from recordings.exporters import Wish, export
 from recordings.importers import open_file
 from recordings.rrd.chunks import name_of
+from server.devices.decode_options import Reading
+from server.devices.protocol_set import speech
 from server.library.decode import decode
-from server.live.decode_options import Reading
-from server.live.protocol_set import speech
 from tests.recordings.test_rrd import column, entities
 
 COUNT = 30

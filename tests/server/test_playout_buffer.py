@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from server.views.playout_buffer import DELAY_S, FAR_S, MESSAGES_PER_S, MOST_WAITING, OVERDUE_S, Playout
+from server.integrations.playout_buffer import DELAY_S, FAR_S, MESSAGES_PER_S, MOST_WAITING, OVERDUE_S, Playout
 from server.wire_codec import Samples
 
 AHEAD = 1_000_000.0  # of the server's clock over ours

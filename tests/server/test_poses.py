@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from recordings import rotations
 from recordings.column_store import Exact
 from recordings.euler import euler_columns
-from server.views import meshes, poses
-from server.views.replay_sync import Replayed
+from server.integrations import meshes, poses
+from server.integrations.replay_sync import Replayed
 from server.wire_codec import Samples
 
 Q = rotations.Quaternion

@@ -13,9 +13,9 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
 from protocols.transactions import Known
 from protocols.xbus.driver import XbusDriver
-from server.control.form_builder import field_form, forms_of, output_choices
-from server.control.preview import Line, Present, fit, preview_command, preview_setting
-from server.control.value_format import numbers, words
+from server.configuration.form_builder import field_form, forms_of, output_choices
+from server.configuration.preview import Line, Present, fit, preview_command, preview_setting
+from server.configuration.value_format import numbers, words
 from tests.server.control_harness import outputs
 
 XBUS = Present(PROTOCOLS["xbus"].driver, Known(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]

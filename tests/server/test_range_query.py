@@ -15,14 +15,14 @@ from recordings.column_store import Buckets, Columns, ColumnsWriter, Exact, Shap
 from recordings.mcap_writer import RecordingError
 from recordings.sources import McapSource
 from server import wire, wire_codec
+from server.devices import protocol_set
 from server.library.api_models import RecordingInfo
 from server.library.column_cache import Opening, Shelf
 from server.library.decode import decode
 from server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
 from server.library.recording_detail import channels_of, detail
-from server.live import protocol_set
-from server.live.channels import Piece
-from server.live.hub import Hub
+from server.streaming.channels import Piece
+from server.streaming.hub import Hub
 from tests.server.test_opening import drive
 
 

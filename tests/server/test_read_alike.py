@@ -11,10 +11,10 @@ import pytest
 from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
 from recordings.importers import open_file
+from server.devices.decode_options import Reading, reading, recorded, words_of
+from server.devices.protocol_set import speech
 from server.library.column_cache import Shelf
 from server.library.decode import decode
-from server.live.decode_options import Reading, reading, recorded, words_of
-from server.live.protocol_set import speech
 from tests.server_process import imuscope
 
 KEY = bytes(range(16))

@@ -26,10 +26,10 @@ from websockets.exceptions import ConnectionClosed
 
 from recordings.rrd.chunks import name_of
 from server import wire
-from server.live.channels import Piece
-from server.live.hub import Hub
-from server.views.proxy import ViewError
-from server.views.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
+from server.integrations.proxy import ViewError
+from server.integrations.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
+from server.streaming.channels import Piece
+from server.streaming.hub import Hub
 from server.wire_codec import Samples
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
@@ -249,7 +249,7 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     rate: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Three seconds of a device, told 60 times a second, on a clock of the test's."""
-    from server.views import rerun_worker
+    from server.integrations import rerun_worker
 
     clock = SimpleNamespace(now=50.0)
     monkeypatch.setattr(rerun_worker, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=lambda _: None))
@@ -296,7 +296,7 @@ def listens(port: int) -> None:
 
 def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
     """Rerun's own program in the viewer's place; what reached it is saved and read."""
-    from server.views.rerun_assets import program
+    from server.integrations.rerun_assets import program
 
     out, log = tmp_path / "got.rrd", tmp_path / "log"
     environment = {"HOME": str(tmp_path), "PATH": "/usr/bin:/bin", "NO_COLOR": "1"}
@@ -333,7 +333,7 @@ def test_it_streams_to_a_viewer_elsewhere(tmp_path: Path) -> None:
 
 def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> None:
     """One that hangs: it accepts the connection and reads nothing. Rerun's SDK keeps all that is sent to such a one."""
-    from server.views import rerun_remote
+    from server.integrations import rerun_remote
 
     async def look(address: str) -> None:
         now = asyncio.get_running_loop().time

@@ -15,12 +15,12 @@ import pytest
 from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from server.cli import main
 from server.config import Config
+from server.devices import protocol_set
+from server.devices.decode_options import Reading
+from server.devices.sequence_store import MOST, SequenceStore, newer
+from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
-from server.live import protocol_set
-from server.live.decode_options import Reading
-from server.live.hub import Hub
-from server.live.sequence_store import MOST, SequenceStore, newer
-from server.live.session import Session
+from server.streaming.hub import Hub
 from tests.server.control_harness import until
 from tests.server.fakes import Clock, FakeLink
 from tests.server.in_process_server import Running
@@ -358,7 +358,7 @@ def test_a_full_disk_takes_nothing_with_it(tmp_path: Path, monkeypatch: pytest.M
     def refuse(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("server.live.sequence_store.durable.write", refuse)
+    monkeypatch.setattr("server.devices.sequence_store.durable.write", refuse)
     store = SequenceStore(tmp_path)
     store.note(KEY, {1: 5})
     store.save()

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.live.ring_buffer import Ring
+from server.streaming.ring_buffer import Ring
 from server.wire_codec import decode_samples
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]

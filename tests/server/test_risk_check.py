@@ -9,8 +9,8 @@ import pytest
 
 from protocols.isb.driver import IsbDriver
 from protocols.transactions import Known
-from server.control.device_controller import Desk
-from server.control.risk_check import command_of
+from server.configuration.device_controller import Desk
+from server.configuration.risk_check import command_of
 
 PRESENT = SimpleNamespace(kept_by=lambda command: None)
 DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=PRESENT))

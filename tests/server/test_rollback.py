@@ -13,9 +13,9 @@ from httpx import Client
 
 from protocols.xbus.simulator.device import XbusDevice
 from recordings import atomic_write
-from server.control import rollback
-from server.control.device_controller import Desk, DeskError
-from server.control.rollback import Record, Trials
+from server.configuration import rollback
+from server.configuration.device_controller import Desk, DeskError
+from server.configuration.rollback import Record, Trials
 from server.links.base import LinkError
 from server.links.simulator import Bench, TwinLink
 from server.wire import Trial

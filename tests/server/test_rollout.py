@@ -13,10 +13,10 @@ from protocols.isb.driver import IsbDriver
 from protocols.transactions import Known
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
-from server.control.budget import overload
-from server.control.preview import Line, Present
-from server.control.products import alike, base_name, mismatch
-from server.control.settings_diff import SideValues, compare
+from server.configuration.budget import overload
+from server.configuration.preview import Line, Present
+from server.configuration.products import alike, base_name, mismatch
+from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house, outputs
 
 LINE = Line(115_200, 11_520.0)

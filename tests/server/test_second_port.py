@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from protocols.xbus.simulator.device import XbusDevice
-from server.control.risk_check import changes_of
+from server.configuration.risk_check import changes_of
 from server.links import LinkError, open_link
 from server.links.simulated_device import TwinOptions, make_device
 from server.links.source_url import Source

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.live.ring_buffer import Ring
-from server.live.send_queue import Frame, History, Outbox, Packet
+from server.streaming.ring_buffer import Ring
+from server.streaming.send_queue import Frame, History, Outbox, Packet
 from server.wire_codec import decode_samples, encode_samples
 
 NOTHING = History({})

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, Event, Reject, Reply
+from server.devices import device_state, protocol_detection
+from server.devices.decode_options import Reading
+from server.devices.session import Session
+from server.devices.sessions import Sessions
 from server.links.base import LinkError, LinkSettings
-from server.live import device_state, protocol_detection
-from server.live.decode_options import Reading
-from server.live.hub import Hub
-from server.live.session import Session
-from server.live.sessions import Sessions
+from server.streaming.hub import Hub
 from tests.server.fakes import SPEECH, Clock, FakeLink, sample
 
 

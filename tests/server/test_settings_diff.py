@@ -10,10 +10,10 @@ from protocols.registry import PROTOCOLS
 from protocols.transactions import Known
 from server.api.errors import ApiError
 from server.api.snapshots import compare_sides
-from server.control.api_models import Compare, SideRef
-from server.control.device_controller import Desk
-from server.control.form_builder import forms_of
-from server.control.settings_diff import SideValues, compare
+from server.configuration.api_models import Compare, SideRef
+from server.configuration.device_controller import Desk
+from server.configuration.form_builder import forms_of
+from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house
 
 IMX = Known(product="IMX-5", serial_number="1", firmware="2.7.1.0")

@@ -22,17 +22,17 @@ from recordings.mcap_writer import Writer
 from recordings.sources import McapSource
 from server.api.errors import ApiError
 from server.cli import main
-from server.control.budget import overload
-from server.control.correction_manager import CorrectionDesk
-from server.control.device_controller import Desk
-from server.control.preview import fit, preview_setting
-from server.control.risk_check import SHARED, changes_of
+from server.configuration.budget import overload
+from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.device_controller import Desk
+from server.configuration.preview import fit, preview_setting
+from server.configuration.risk_check import SHARED, changes_of
+from server.devices.protocol_set import speech
 from server.library.decode import decode
 from server.library.recorder import Plan, Recorder
 from server.links import LinkError, open_link
 from server.links.simulated_device import SharedLine, TwinOptions, make_device
 from server.links.source_url import Source
-from server.live.protocol_set import speech
 from tests.server.control_harness import House, house, outputs, over, until
 from tests.server.test_correction_stream import NUMBERS, STREAM
 from tests.transaction_player import Wire, play

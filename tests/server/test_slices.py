@@ -10,18 +10,18 @@ from typing import cast
 
 import pytest
 
+from server.devices.event_reporter import TEXT_SORTS
+from server.devices.link_stats import MOST_MESSAGES
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
 from server.links.reader_thread import Inbox
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
-from server.live import slices
-from server.live.event_reporter import TEXT_SORTS
-from server.live.link_stats import MOST_MESSAGES
-from server.live.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from server.metrics import Metrics, Sources
+from server.streaming import slices
+from server.streaming.slices import FIRST, LEAST, SLICE_S, TURN_S, Slices, Turns
 from server.wire import RecorderState
-from tests.faults.fault_harness import stage, until
+from tests.fault_injection.fault_harness import stage, until
 from tests.protocols.test_nmea import sentence
 
 
@@ -242,7 +242,7 @@ def test_a_flood_is_told_and_the_turns_stay_short(monkeypatch: pytest.MonkeyPatc
 
 def test_names_that_a_flood_makes_up_do_not_fill_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each distinct sentence was a meter, a channel with its ring, and a line of the log, for ever."""
-    monkeypatch.setattr("server.live.channels.MOST_CHANNELS", 3)
+    monkeypatch.setattr("server.streaming.channels.MOST_CHANNELS", 3)
     letters = "ABCDEFGHIJKLM"
     names = [f"P{a}{b}{c}" for a in letters for b in letters for c in letters][:1000]
 

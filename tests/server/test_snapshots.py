@@ -14,9 +14,9 @@ from protocols.isb.kept import settings_of
 from protocols.schema import Field, Setting
 from protocols.transactions import Known
 from protocols.xbus.driver import XbusDriver
-from server.control.settings_diff import NO_DEFAULT, SideValues, compare
-from server.control.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
-from server.control.value_format import field_at, title_at, value_at
+from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
+from server.configuration.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
+from server.configuration.value_format import field_at, title_at, value_at
 
 ROWS = {row.name: row for row in XbusDriver().settings(Known(product="MTi-630"))}
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}

@@ -10,8 +10,8 @@ import pytest
 
 from protocols.registry import PROTOCOLS
 from protocols.transactions import Known
-from server.control.device_controller import Desk
-from server.control.preview import load_of
+from server.configuration.device_controller import Desk
+from server.configuration.preview import load_of
 from tests.server.control_harness import House, house, outputs, over, until
 
 IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"

@@ -17,8 +17,8 @@ from websockets.typing import Subprotocol
 from server import wire, wire_codec
 from server.api import websocket
 from server.config import Config
-from server.live.channels import Piece
-from server.live.hub import Hub
+from server.streaming.channels import Piece
+from server.streaming.hub import Hub
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import Running
 from tests.server_process import ServerProcess

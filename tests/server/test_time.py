@@ -20,14 +20,14 @@ from protocols.isb.simulator.device import IsbDevice
 from protocols.registry import PROTOCOLS
 from protocols.xbus.simulator.device import XbusDevice
 from server import wire
+from server.devices.decode_options import Reading
+from server.devices.jitter_causes import cause_of
+from server.devices.protocol_set import speech
+from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
 from server.links.simulated_line import Cable, Faults
-from server.live.decode_options import Reading
-from server.live.hub import Hub
-from server.live.jitter_causes import cause_of
-from server.live.protocol_set import speech
-from server.live.session import Session
+from server.streaming.hub import Hub
 from tests.protocols.timing_model import EPOCH_NS, Device, Way, mapped, stream
 from tests.server.fakes import Clock, FakeLink
 

@@ -10,9 +10,9 @@ from protocols.events import Batch, Reply
 from protocols.registry import PROTOCOLS
 from protocols.schema import Field, Message
 from protocols.xbus.frames import build
-from server.control.controllers import decode
-from server.control.traffic_log import KEPT, MOST_A_SECOND, ExchangeLog, said
-from server.live.hub import Hub
+from server.configuration.controllers import decode
+from server.configuration.traffic_log import KEPT, MOST_A_SECOND, ExchangeLog, said
+from server.streaming.hub import Hub
 from tests.server.fakes import Clock
 
 

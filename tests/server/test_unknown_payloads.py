@@ -15,11 +15,11 @@ from protocols.schema import Field, Message
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build as xbus_frame
 from server import wire
+from server.devices.device_demux import Reader, Senders
+from server.devices.device_state import Portrait
 from server.links.base import Chunk
-from server.live.device_demux import Reader, Senders
-from server.live.device_state import Portrait
-from server.live.hub import Hub
-from server.live.unknown_payloads import MOST_BYTES, MOST_KINDS, Raws
+from server.streaming.hub import Hub
+from server.streaming.unknown_payloads import MOST_BYTES, MOST_KINDS, Raws
 from tests.server.fakes import Clock
 
 

@@ -18,7 +18,7 @@ import pytest
 from recordings.library import clean_name
 from server.api.unicode_guard import is_whole
 from server.config import Config
-from server.control.snapshots import Snapshot, Snapshots
+from server.configuration.snapshots import Snapshot, Snapshots
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
 from tests.server.in_process_server import Running

@@ -21,8 +21,8 @@ from websockets.http11 import Request, Response
 
 from server.auth import Access
 from server.config import Config
-from server.views.foxglove_worker import Porter
-from server.views.shared_secret import HEADER, Door, knows
+from server.integrations.foxglove_worker import Porter
+from server.integrations.shared_secret import HEADER, Door, knows
 from tests.server_process import ServerProcess
 from tests.timeouts import connecting, get
 from tests.viser_client import looking, messages, subprotocol

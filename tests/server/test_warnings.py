@@ -6,8 +6,8 @@ from pathlib import Path
 
 from protocols.idtp.frames import build
 from recordings.importers import open_file
+from server.devices import protocol_set
 from server.library.decode import decode
-from server.live import protocol_set
 
 
 def test_a_warning_is_the_sentence_and_not_its_fields(tmp_path: Path) -> None:

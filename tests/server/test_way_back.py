@@ -18,10 +18,10 @@ from protocols.layouts import EncodeError
 from protocols.transactions import Known
 from recordings import atomic_write
 from server.api.errors import ApiError
-from server.control import rollback
-from server.control.device_controller import Desk
-from server.control.risk_check import changes_of
-from server.control.settings_diff import SideValues, compare
+from server.configuration import rollback
+from server.configuration.device_controller import Desk
+from server.configuration.risk_check import changes_of
+from server.configuration.settings_diff import SideValues, compare
 from server.links.simulator import TwinLink
 from tests.server.control_harness import House, house, over, until
 

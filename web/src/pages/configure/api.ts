@@ -1,4 +1,4 @@
-/** The routes of server/control/api_models.py, one function each. */
+/** The routes of server/configuration/api_models.py, one function each. */
 import type { Apply, Compare, Corrections, Difference, FitAnswer, Forms, PreviewAnswer, SnapshotBody, SnapshotInfo } from "../../forms/types";
 import type { Values } from "../../forms/values";
 import { request } from "../../ui/http";

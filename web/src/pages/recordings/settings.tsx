@@ -135,7 +135,7 @@ function Values({ recording, device }: { readonly recording: string; readonly de
   );
 }
 
-/** As a snapshot's file (server/control/snapshots.py): JSON is YAML. */
+/** As a snapshot's file (server/configuration/snapshots.py): JSON is YAML. */
 function asText({ values, missing, about, taken }: Settings): string {
   const { reason: _, ...rest } = about;
   return JSON.stringify({ imuscope: 1, title: "", taken: new Date(1000 * (taken ?? 0)).toISOString(), reason: "", ...rest, pinned: false, settings: values, missing });

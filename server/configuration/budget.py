@@ -1,0 +1,64 @@
+"""Check of the link budget: the same for every change, whichever way it comes (form, API, profile, file, snapshot).
+
+    settings now ───────────────> load before ─┐
+    settings with the changes ──> load after  ─┴─> more than the line carries, and more than before: refused, in words
+
+The rate of the line is the one that the changes bring. A device that is over its budget already may be given less, and
+may be given settings that send nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from protocols.layouts import EncodeError
+from protocols.transactions import Values
+from server.configuration.api_models import LoadInfo
+from server.configuration.preview import Present, load_of
+from server.configuration.transaction_runner import group
+
+OVER_HINT = (
+    "Ask for fewer outputs or lower rates (“Make it fit” proposes some), or set the line to a higher rate first."
+)
+_MORE = 1.000_001
+
+
+def overload(present: Present, changes: Mapping[str, Values]) -> str:
+    """Why the line cannot carry what the device would send after these changes.
+
+    Args:
+        present: the device and what it has now.
+        changes: settings to write, whole or in part.
+    Returns:
+        One sentence; "" where the line carries it, or carries no more than now.
+    """
+    merged = {**present.values, **{name: {**present.values.get(name, {}), **new} for name, new in changes.items()}}
+    before = load_of(present, present.values, present.line.baud)
+    after = load_of(present, merged, _baud_after(present, changes))
+    if after is None:
+        return ""
+    broken = [words for words in after.limits if before is None or words not in before.limits]
+    if broken:
+        return broken[0]
+    share = _share(after)
+    if share <= 1 or (before is not None and share <= _share(before) * _MORE):
+        return ""
+    rate = f" ({group(after.baud)} Bd)" if after.baud else ""
+    return f"The outputs need {max(100.1, 100 * share):.1f} % of the link{rate}."
+
+
+def _baud_after(present: Present, changes: Mapping[str, Values]) -> int | None:
+    baud = present.line.baud
+    for name, new in changes.items():
+        old = present.values.get(name)
+        try:
+            change = present.driver.line_change(name, old, {**(old or {}), **new}, present.known)
+        except (KeyError, EncodeError):
+            continue  # of values that are not whole
+        if change is not None and change.baud is not None:
+            baud = change.baud
+    return baud
+
+
+def _share(load: LoadInfo) -> float:
+    return load.total / load.capacity if load.capacity else 0.0

@@ -1,0 +1,185 @@
+"""In what do two sides differ: a device, a snapshot, a file, another device, the factory? Row by row, in words.
+
+    left  ─┐   by setting: has either side not got it?  ──> missing, with the reason
+           ├─> by field: do they mean the same (Driver.same)?  ──> same, counted
+    right ─┘   no ──> a row: "Acceleration, rate   400 Hz   100 Hz"
+                    + changes: what to write to make the left side what the right one is
+
+What is so only now (Field.momentary: temperatures, counters, the state of a calibration) is no difference, and is not
+written back: it would begin what it tells of.
+
+An Xsens output configuration is a set, not a list: its entries are compared by the quantity they ask for, whatever
+their order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from typing import Any
+
+from protocols.schema import Field, Setting
+from protocols.transactions import Driver, Known, Values
+from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
+from server.configuration.checks import problems_of
+from server.configuration.form_builder import flat
+from server.configuration.value_format import head_of, output_title, output_words, words
+
+NO_DEFAULT = "the document tells no default"
+
+
+@dataclass(frozen=True, slots=True)
+class SideValues:
+    """One side of a comparison.
+
+    Args:
+        title: what it is, for a person.
+        missing: setting → why this side does not have it.
+        otherwise: why it does not have a setting that is not in `missing`.
+        product: whose settings they are, where that is known.
+        told: the device that is on the left has told them itself, so they may go back whatever the tables allow.
+    """
+
+    title: str
+    values: Mapping[str, Values]
+    missing: Mapping[str, str] = field(default_factory=dict)
+    otherwise: str = "not in it"
+    product: str = ""
+    told: bool = False
+
+    def lacks(self, name: str) -> str:
+        return self.missing.get(name, self.otherwise)
+
+
+def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -> Difference:
+    """All that differs, and what to write to the left side to make it the same."""
+    found = Difference(left.title, right.title, [], 0, product=right.product)
+    rows = {row.name: row for row in driver.settings(known)}
+    _strangers(driver, known, rows, right, found)
+    for row in rows.values():
+        if all(one.momentary for one in row.fields):
+            continue
+        if row.name not in left.values and row.name not in right.values:
+            if row.name in left.missing or row.name in right.missing:
+                found.missing[row.name] = f"{left.title}: {left.lacks(row.name)}"
+            continue
+        if row.name not in left.values or row.name not in right.values:
+            side = left if row.name not in left.values else right
+            found.missing[row.name] = f"{side.title}: {side.lacks(row.name)}"
+            continue
+        if (
+            not right.told
+            and row.write
+            and any(left.values[row.name].get(name) != value for name, value in right.values[row.name].items())
+        ):
+            _wrong(row, right.values[row.name], found)
+        _setting(driver, row, left.values[row.name], right.values[row.name], found)
+    return found
+
+
+def _strangers(driver: Driver, known: Known, rows: Mapping[str, Setting], right: SideValues, found: Difference) -> None:
+    """Settings that this device does not have: of another product, or of nobody, and then misspelt."""
+    family = {row.name for row in driver.settings(Known())}
+    for name in right.values:
+        if name in rows:
+            continue
+        if name in family:
+            found.missing[name] = f"{known.product or 'This device'} has no such setting"
+        else:
+            meant = get_close_matches(name, list(rows), 1)
+            hint = f"Did you mean {meant[0]}?" if meant else "Leave it out."
+            found.problems.append(FieldProblem(name, f"No device of this family has a setting {name!r:.80}.", hint))
+
+
+def _wrong(row: Setting, values: Values, found: Difference) -> None:
+    """Fields of the right side that are misspelt, out of range or of another type."""
+    told = {one.name for one in row.fields if one.read_only}
+    given = {name: value for name, value in values.items() if name not in told}
+    for problem in problems_of(row.fields, given, partial=True):
+        found.problems.append(replace(problem, path=f"{row.name}.{problem.path}", hint=_meant(row, problem.path)))
+
+
+def _meant(row: Setting, path: str) -> str:
+    names = [one.name for one in row.fields]
+    meant = [] if path.partition(".")[0] in names else get_close_matches(path, names, 1)
+    return f"Did you mean {meant[0]}?" if meant else ""
+
+
+def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: Difference) -> None:
+    passing = {one.name for one in row.fields if one.momentary}
+    common = {name for name in left if name in right and name not in passing}
+    left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
+    if any(problem.path.startswith(f"{row.name}.") for problem in found.problems):
+        return  # what cannot be written cannot be compared value by value either
+    rows, same = _rows(driver, row, left, right)
+    found.rows += rows
+    found.same += same
+    told = {one.name for one in row.fields if one.read_only}
+    writable = {name: value for name, value in right.items() if name not in told}  # nothing momentary
+    if row.write and writable:
+        found.profile[row.name] = writable
+    if not rows or not row.write:
+        return
+    if row.partial:
+        paths = {head_of(one.path, writable)[0] for one in rows}
+        writable = {name: value for name, value in writable.items() if name in paths}
+    if writable and any(one.writable for one in rows):
+        found.changes[row.name] = writable
+
+
+def _rows(driver: Driver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
+    """What differs in one setting, and how many of its fields agree."""
+    if row.editor == "outputs":
+        return _output_rows(row, left, right)
+    paths = driver.same(row.name, left, right)
+    leaves = {path: (one, value) for path, one, value in flat(row.fields, dict(left))}
+    others = {path: (one, value) for path, one, value in flat(row.fields, dict(right))}
+    found = []
+    for path in dict.fromkeys([*leaves, *others]):
+        if not any(path == one or path.startswith(one + ".") or one.startswith(path + ".") for one in paths):
+            continue
+        here, there = leaves.get(path), others.get(path)
+        one = (here or there or (Field(path), None))[0]
+        found.append(_row(row, path, one, here[1] if here else None, there[1] if there else None))
+    return found, len(set(leaves) & set(others)) - sum(1 for one in found if one.path in leaves and one.path in others)
+
+
+def _row(row: Setting, path: str, at: Field, left: Any, right: Any) -> DifferenceRow:
+    title = at.title or at.name
+    places = [part for part in path.split(".")[:-1] if part.isdecimal()]
+    where = f" {int(places[-1]) + 1}" if places else ""
+    return DifferenceRow(
+        setting=row.name,
+        path=path,
+        title=f"{row.title or row.name}{where}, {title}" if len(row.fields) > 1 or places else row.title or title,
+        unit=at.unit,
+        left=words(at, left),
+        right=words(at, right),
+        left_value=left,
+        right_value=right,
+        writable=bool(row.write) and not at.read_only,
+    )
+
+
+# ── output configurations ────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _output_rows(row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
+    name = row.fields[0].name
+    sides = [_by_quantity(values.get(name, ())) for values in (left, right)]
+    found, same = [], 0
+    for quantity in dict.fromkeys([*sides[0], *sides[1]]):
+        here, there = (side.get(quantity) for side in sides)
+        said = [output_words(entry) for entry in (here, there)]
+        if said[0] == said[1]:
+            same += 1
+            continue
+        title = output_title(quantity)
+        path = f"{name}.0x{quantity:04X}"
+        found.append(DifferenceRow(row.name, path, title, "", said[0], said[1], here, there, writable=bool(row.write)))
+    return found, same
+
+
+def _by_quantity(entries: Sequence[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
+    return {int(entry["data_identifier"]) & 0xFFF0: entry for entry in entries if entry.get("data_identifier")}

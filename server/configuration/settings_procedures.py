@@ -1,0 +1,181 @@
+"""What is a job made of? Dialogues over several settings, as generators without I/O like those they are made of.
+
+    survey     who is it; every setting (or those asked for), and why one could not be read
+    write_all  several settings, one after the other, each read back
+    outcomes   what of that was refused or came out otherwise than asked (devices round rates)
+
+A device that falls silent in the middle is not asked forty more times: after `SILENT_LIMIT` settings without an answer
+the rest is given up, and said so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from protocols.layouts import EncodeError
+from protocols.schema import Setting
+from protocols.transactions import Dialogue, Driver, Known, RefusedError, SilentError, Values, Written
+from server.configuration.value_format import field_at, title_at, value_at, words
+from server.wire import FieldOutcome
+
+SILENT_LIMIT = 3
+GIVEN_UP = "not asked: the device had fallen silent"
+Tell = Callable[[str], None]
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a device told.
+
+    Args:
+        missing: setting → why it could not be read.
+    """
+
+    known: Known
+    values: dict[str, Values] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+def survey(driver: Driver, known: Known, names: Sequence[str] | None, tell: Tell) -> Dialogue[Survey]:
+    """Ask who it is, then what it has; to be run within the state that settings are read in.
+
+    Args:
+        names: settings to read; None for all.
+        tell: hears what it is at.
+    Raises:
+        SilentError: it answers nothing at all.
+    """
+    tell("Who is it?")
+    with suppress(RefusedError):  # what it does not tell stays as it was known
+        known = yield from driver.identify(known)
+    found = Survey(known)
+    silent = 0
+    for row in driver.settings(known):
+        if not row.read and not row.write:
+            continue
+        if names is not None and row.name not in names:
+            continue
+        if silent >= SILENT_LIMIT:
+            found.missing[row.name] = GIVEN_UP
+            continue
+        tell(f"Reading {row.title or row.name}")
+        try:
+            found.values[row.name] = yield from driver.read(row.name, known)
+            silent = 0
+        except RefusedError as error:
+            found.missing[row.name] = error.why
+            silent = 0
+        except SilentError as error:
+            if not found.values and silent + 1 >= SILENT_LIMIT:
+                raise
+            found.missing[row.name] = "no answer"
+            silent += 1
+            tell(str(error))
+    return found
+
+
+def write_all(
+    driver: Driver, known: Known, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
+) -> Dialogue[list[Written]]:
+    """Write settings; what is refused is in the result, what is not answered or cannot be sent too.
+
+    Args:
+        held: settings whose values the device has told itself; they are sent unchecked (Driver.write).
+    """
+    done: list[Written] = []
+    titles = {row.name: row.title or row.name for row in driver.settings(known)}
+    for name, values in changes.items():
+        tell(f"Writing {titles.get(name, name)}")
+        try:
+            done.append((yield from driver.write(name, values, known, held=name in held)))
+        except EncodeError as error:
+            done.append(Written(name, values, None, f"not sent: {error}"))
+        except SilentError as error:
+            done.append(Written(name, values, None, ""))
+            tell(str(error))
+    return done
+
+
+def wanted(
+    driver: Driver, rows: Mapping[str, Setting], present: Mapping[str, Values], changes: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """What has to be written: whole settings, single fields where one is `partial`, nothing that is so already."""
+    result: dict[str, dict[str, Any]] = {}
+    for name, values in changes.items():
+        row, old = rows[name], present.get(name)
+        told = {one.name for one in row.fields if one.read_only}
+        new = {key: value for key, value in values.items() if key not in told}
+        if old is None:
+            result[name] = new
+            continue
+        if row.partial:
+            new = {key: value for key, value in new.items() if key not in old or _differ(driver, name, key, old, new)}
+        else:
+            new = {key: value for key, value in old.items() if key not in told} | new
+        if new and driver.same(name, {key: old.get(key) for key in new}, new):
+            result[name] = new
+    return result
+
+
+def changed_elsewhere(
+    driver: Driver,
+    rows: Mapping[str, Setting],
+    present: Mapping[str, Values],
+    base: Mapping[str, Mapping[str, Any]] | None,
+    todo: Mapping[str, Mapping[str, Any]],
+) -> str:
+    """The title of the first setting to write that is not any more what it was when the change was made; "" for none.
+
+    Args:
+        base: settings as they were then; those that are not in it are not compared.
+    """
+    for name in todo:
+        seen, now = (base or {}).get(name), present.get(name)
+        if seen is None or now is None:
+            continue
+        told = {one.name for one in rows[name].fields if one.read_only}
+        keys = [key for key in (todo[name] if rows[name].partial else seen) if key in seen and key not in told]
+        if driver.same(name, {key: seen[key] for key in keys}, {key: now.get(key) for key in keys}):
+            return rows[name].title or name
+    return ""
+
+
+def _differ(driver: Driver, setting: str, key: str, old: Values, new: Values) -> bool:
+    return bool(driver.same(setting, {key: old[key]}, {key: new[key]}))
+
+
+def altered(driver: Driver, known: Known, written: Collection[str]) -> list[str]:
+    """The settings that are others when these have been written, beside them."""
+    rows = {row.name: row for row in driver.settings(known)}
+    more = {name for one in written if one in rows for name in driver.alters(rows[one].write, {}, known)}
+    return [name for name in rows if name in more and name not in written]
+
+
+def outcomes(driver: Driver, rows: Mapping[str, Setting], written: Sequence[Written]) -> list[FieldOutcome]:
+    """Each field that the device did not take as asked."""
+    found: list[FieldOutcome] = []
+    for one in written:
+        row = rows[one.setting]
+        title = row.title or row.name
+        if one.refused:
+            found.append(FieldOutcome(one.setting, "", title, "", "", one.refused))
+            continue
+        if one.got is None:
+            found.append(FieldOutcome(one.setting, "", title, "", "", "no answer"))
+            continue
+        got = {key: one.got.get(key) for key in one.asked}
+        for path in driver.same(one.setting, one.asked, got):
+            found.append(_outcome(row, path, one.asked, got))
+    return found
+
+
+def _outcome(row: Setting, path: str, asked: Values, got: Values) -> FieldOutcome:
+    at = field_at(row.fields, path)
+    sides = []
+    for values in (asked, got):
+        value = value_at(values, path)
+        sides.append("" if value is None else words(at, value) if at is not None else str(value))
+    return FieldOutcome(row.name, path, title_at(row.fields, path), sides[0], sides[1])

@@ -1,0 +1,456 @@
+"""What did a device have, when, and why was it kept? Its settings as files that a person can read, change and send.
+
+    <data>/snapshots/xbus-0080A1B2/20261121T044324Z-before-this-change.yaml
+
+    # Settings of an MTi-630, serial number 0080A1B2
+    imuscope: 1
+    title: "Before this change"
+    taken: "2026-11-21T04:43:24Z"
+    reason: "before writing Output configuration"
+    protocol: "xbus"
+    product: "MTi-630-8A1G6"
+    serial_number: "0080A1B2"
+    firmware: "1.12.0"
+    pinned: false
+    settings:
+      # Output configuration
+      OutputConfiguration:
+        outputs:
+          - {data_identifier: 0x2010, output_frequency: 100}  # Quaternion, 100 Hz
+      # Filter profile
+      FilterProfile:
+        profile: "Responsive/VRU"
+    missing:
+      CanConfig: "message unknown"
+
+Values are wire values by field name, as `imuscope inspect` prints them; what they mean is in the comments. A file is
+complete or says under `missing` what it could not hold and why. It is written whole or not at all
+(recordings/atomic_write.py).
+
+Names never become paths: a file is found among those that are there. Text from outside may have no anchors (a few lines
+of them unfold into gigabytes) and is bounded; what it holds is checked for shape here, and for meaning by the driver.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from protocols.schema import Field, Setting
+from recordings import atomic_write
+from recordings.mcap_writer import newer
+from server.configuration.api_models import SnapshotBody, SnapshotInfo
+from server.configuration.value_format import comment, entry_comment
+
+FORMAT = 1
+RECENT = 20  # that are looked through for a value of the past; reading all would take seconds
+KEPT = 200  # of one device; the oldest that nobody pinned go first
+MOST_BYTES = 1 << 18  # ten times what the largest device has; reading so much takes seconds
+MOST_DEEP = 40  # lists in lists; reading takes the square of it, and a file of 3 kB could keep a processor for seconds
+MOST_TITLE = 120
+_PLAIN_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*\Z")
+_OPENING = (
+    yaml.FlowSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.BlockMappingStartToken,
+)
+_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
+_YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+
+
+class SnapshotError(ValueError):
+    """A snapshot that cannot be read or kept; `hint` says what would do."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Settings of one device at one time.
+
+    Args:
+        taken: unix seconds.
+        values: wire values by setting and field.
+        missing: setting → why it is not there.
+        imported: a person brought it from elsewhere; no device has told it here.
+    """
+
+    protocol: str
+    product: str = ""
+    serial_number: str = ""
+    firmware: str = ""
+    title: str = ""
+    reason: str = ""
+    taken: float = 0.0
+    pinned: bool = False
+    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
+    imported: bool = False
+
+    def info(self, name: str) -> SnapshotInfo:
+        return SnapshotInfo(
+            name=name,
+            title=self.title,
+            taken=self.taken,
+            reason=self.reason,
+            product=self.product,
+            serial_number=self.serial_number,
+            firmware=self.firmware,
+            settings=len(self.values),
+            missing=len(self.missing),
+            pinned=self.pinned,
+        )
+
+    def body(self, name: str) -> SnapshotBody:
+        values = {setting: dict(fields) for setting, fields in self.values.items()}
+        return SnapshotBody(self.info(name), values, dict(self.missing))
+
+
+# ── text ─────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def to_text(snapshot: Snapshot, rows: Mapping[str, Setting]) -> str:
+    """A snapshot as YAML.
+
+    Args:
+        rows: the settings by name, for the comments; one that is not there has none.
+    """
+    taken = datetime.fromtimestamp(snapshot.taken, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    device = snapshot.product or "device"
+    number = f", serial number {snapshot.serial_number}" if snapshot.serial_number else ""
+    about = "".join(c if c.isprintable() else " " for c in f"# Settings of {device}{number}")
+    head = [about, f"imuscope: {FORMAT}"]
+    head += [f"title: {_quoted(snapshot.title)}", f'taken: "{taken}"', f"reason: {_quoted(snapshot.reason)}"]
+    head += [f"{name}: {_quoted(getattr(snapshot, name))}" for name in ("protocol", "product", "serial_number")]
+    head += [f"firmware: {_quoted(snapshot.firmware)}", f"pinned: {'true' if snapshot.pinned else 'false'}"]
+    head += ["imported: true"] if snapshot.imported else []
+    lines = [*head, "settings:" if snapshot.values else "settings: {}"]
+    for name, values in snapshot.values.items():
+        row = rows.get(name)
+        if row is not None and row.title:
+            lines.append(f"  # {row.title}")
+        lines.append(f"  {_key(name)}:" + ("" if values else " {}"))
+        lines += _record(values, row.fields if row is not None else (), "    ")
+    if snapshot.missing:
+        lines.append("missing:")
+        lines += [f"  {_key(name)}: {_quoted(why)}" for name, why in snapshot.missing.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _record(values: Mapping[str, Any], fields: tuple[Field, ...], indent: str) -> Iterator[str]:
+    known = {row.name: row for row in fields}
+    for name, value in values.items():
+        row = known.get(name)
+        if row is not None and row.fields and isinstance(value, list) and value:
+            yield f"{indent}{_key(name)}:"
+            for one in value:
+                said = entry_comment(row.fields, one)
+                yield f"{indent}  - {_flow(_hexed(row.fields, one))}" + (f"  # {_line(said)}" if said else "")
+        elif row is not None and row.fields and isinstance(value, Mapping) and value:
+            yield f"{indent}{_key(name)}:"
+            yield from _record(value, row.fields, indent + "  ")
+        else:
+            said = comment(row, value) if row is not None else ""
+            shown = _Hex(value) if row is not None and _is_identifier(row) and isinstance(value, int) else value
+            yield f"{indent}{_key(name)}: {_flow(shown)}" + (f"  # {_line(said)}" if said else "")
+
+
+class _Hex(int):
+    """An identifier, written as the documents and labels have it; YAML reads it as the number that it is."""
+
+
+def _is_identifier(field: Field) -> bool:
+    return field.base == 16 or field.name == "data_identifier"
+
+
+def _hexed(fields: tuple[Field, ...], entry: Any) -> Any:
+    """A record of a list with its identifiers in hex."""
+    if not isinstance(entry, Mapping):
+        return entry
+    names = {field.name for field in fields if _is_identifier(field)}
+    return {
+        name: _Hex(part) if name in names and isinstance(part, int) and part >= 0 else part
+        for name, part in entry.items()
+    }
+
+
+def _flow(value: Any) -> str:
+    """A value on one line."""
+    if isinstance(value, _Hex) and value >= 0:
+        return f"0x{value:0{4 if value < 1 << 16 else 8}X}"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(str(name))}: {_flow(part)}" for name, part in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_flow(part) for part in value) + "]"
+    if isinstance(value, float):
+        text = repr(value)
+        return text.replace("e", ".0e", 1) if "e" in text and "." not in text else text
+    return _quoted(value) if isinstance(value, str) else json.dumps(value)
+
+
+def _quoted(text: str) -> str:
+    """Text between quotes, so that YAML never takes it for a number, a date or "no"."""
+    return '"' + "".join(_character(one) for one in text) + '"'
+
+
+def _character(one: str) -> str:
+    if one in '"\\':
+        return "\\" + one
+    if one.isprintable():
+        return one
+    if "\ud800" <= one <= "\udfff":
+        return "\ufffd"  # half a character is none, and could not be read again
+    return f"\\U{ord(one):08x}" if ord(one) > 0xFFFF else f"\\u{ord(one):04x}"
+
+
+def _key(name: str) -> str:
+    return name if _PLAIN_KEY.match(name) and name.lower() not in _YAML_WORDS else _quoted(name)
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def from_text(text: str) -> Snapshot:
+    """Read a snapshot.
+
+    Raises:
+        SnapshotError: it is none, in words.
+    """
+    head = _mapping(_loaded(text), "A snapshot")
+    if why := newer("This snapshot", head.get("imuscope"), FORMAT):
+        raise SnapshotError(why.message, why.hint)
+    if head.get("imuscope") != FORMAT:
+        raise SnapshotError("This is no snapshot of imuscope.", f"Its first lines have `imuscope: {FORMAT}`.")
+    values = {}
+    for name, fields in _mapping(head.get("settings") or {}, "settings").items():
+        values[str(name)] = _jsonable(_mapping(fields, f"settings.{name}"), f"settings.{name}")
+    missing = _mapping(head.get("missing") or {}, "missing")
+    return Snapshot(
+        protocol=str(head.get("protocol", "")),
+        product=str(head.get("product", "")),
+        serial_number=str(head.get("serial_number", "")),
+        firmware=str(head.get("firmware", "")),
+        title=str(head.get("title", ""))[:MOST_TITLE],
+        reason=str(head.get("reason", "")),
+        taken=_time(head.get("taken")),
+        pinned=head.get("pinned") is True,
+        imported=head.get("imported") is True,
+        values=values,
+        missing={str(name): str(why) for name, why in missing.items()},
+    )
+
+
+def _loaded(text: str) -> Any:
+    if len(text) > MOST_BYTES:
+        raise SnapshotError("This file is too large for a snapshot.", f"It may have {MOST_BYTES} characters.")
+    try:
+        deep = 0
+        for token in yaml.scan(text):
+            if isinstance(token, yaml.ScalarToken) and any("\ud800" <= one <= "\udfff" for one in token.value):
+                raise SnapshotError(f"Line {token.start_mark.line + 1} holds half a character.", "Was it edited?")
+            deep += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+            if deep > MOST_DEEP:
+                raise SnapshotError(
+                    f"Line {token.start_mark.line + 1}: a snapshot is not nested so deeply.",
+                    "Was it cut short or edited?",
+                )
+            if isinstance(token, yaml.AnchorToken | yaml.AliasToken | yaml.TagToken):
+                raise SnapshotError(
+                    f"Line {token.start_mark.line + 1}: a snapshot has no anchors and no tags.",
+                    "Write the values out.",
+                )
+        return yaml.safe_load(text)
+    except SnapshotError:
+        raise
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"Line {mark.line + 1}: " if mark is not None else ""
+        problem = getattr(error, "problem", None) or "it cannot be read"
+        raise SnapshotError(f"{where}this is not valid YAML: {problem}.", "Was it cut short or edited?") from None
+    except (RecursionError, ValueError) as error:
+        raise SnapshotError(f"This is not valid YAML: {error}.", "Was it cut short or edited?") from None
+
+
+def _mapping(value: Any, what: str) -> dict[Any, Any]:
+    if not isinstance(value, dict):
+        raise SnapshotError(f"{what} must be names with values.", "Compare with a snapshot that was kept here.")
+    return value
+
+
+def _jsonable(value: Any, path: str) -> Any:
+    """Only what a wire value can be."""
+    if isinstance(value, dict):
+        return {str(name): _jsonable(part, f"{path}.{name}") for name, part in value.items()}
+    if isinstance(value, list):
+        return [_jsonable(part, f"{path}.{place}") for place, part in enumerate(value)]
+    if isinstance(value, int) and value.bit_length() > 64:
+        raise SnapshotError(f"{path} is a number of more than 64 bits, which no setting holds.", "Was it edited?")
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise SnapshotError(f"{path} is a {type(value).__name__}, which no setting holds.", "Quote it if it is text.")
+
+
+def _time(value: Any) -> float:
+    try:
+        when = value if isinstance(value, datetime) else datetime.fromisoformat(str(value))
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        return 0.0
+
+
+# ── files ────────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+class Snapshots:
+    """The folder of snapshots. Every method reads or writes files: not on the event loop.
+
+    Args:
+        folder: <data>/snapshots; made when the first one is kept.
+        formerly: protocol and serial number → numbers under which the same device was filed before.
+    """
+
+    def __init__(self, folder: Path, formerly: Callable[[str, str], Sequence[str]] | None = None) -> None:
+        self._folder = folder
+        self._formerly = formerly
+        self._lock = threading.Lock()
+        self._known: dict[Path, tuple[tuple[int, int], SnapshotInfo]] = {}
+
+    def keep(self, snapshot: Snapshot, rows: Mapping[str, Setting]) -> SnapshotInfo:
+        """Write one.
+
+        Raises:
+            SnapshotError: the disk does not take it.
+        """
+        folder = self._of(snapshot.protocol, snapshot.serial_number)
+        text = to_text(snapshot, rows)
+        with self._lock:
+            name = self._free(folder, snapshot)
+            try:
+                atomic_write.write(folder / f"{name}.yaml", text)
+            except OSError as error:
+                hint = f"Is there space, and may this server write to {self._folder}?"
+                raise SnapshotError(f"The snapshot could not be kept: {error.strerror}.", hint) from None
+            self._prune(folder)
+        return snapshot.info(name)
+
+    def all(self, protocol: str, serial_number: str) -> list[SnapshotInfo]:
+        """Those of a device, newest first; one that cannot be read says why in its `reason`."""
+        paths = self._everywhere(protocol, serial_number).values()
+        infos = [info for path in paths if (info := self._info(path)) is not None]
+        return sorted(infos, key=lambda info: (info.taken, info.name), reverse=True)
+
+    def get(self, protocol: str, serial_number: str, name: str) -> Snapshot:
+        """Read one. KeyError: there is none of that name. SnapshotError: it cannot be read."""
+        return from_text(self.text(protocol, serial_number, name))
+
+    def told(self, protocol: str, serial_number: str) -> Iterator[Mapping[str, Mapping[str, Any]]]:
+        """What the device had, as it told it here: values of its snapshots, the newest and the pinned ones first."""
+        infos = self.all(protocol, serial_number)
+        for info in [*infos[:RECENT], *(one for one in infos[RECENT:] if one.pinned)]:
+            with suppress(SnapshotError, KeyError):
+                snapshot = self.get(protocol, serial_number, info.name)
+                if not snapshot.imported:
+                    yield snapshot.values
+
+    def text(self, protocol: str, serial_number: str, name: str) -> str:
+        """The file as it is. KeyError: there is none of that name."""
+        path = self._everywhere(protocol, serial_number)[name]
+        try:
+            return path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise KeyError(name) from None
+        except (OSError, UnicodeDecodeError):
+            raise SnapshotError("This file cannot be read.", "Was it changed by another program?") from None
+
+    def delete(self, protocol: str, serial_number: str, name: str) -> None:
+        """KeyError: there is none of that name."""
+        atomic_write.remove(self._everywhere(protocol, serial_number)[name])
+
+    def _everywhere(self, protocol: str, serial_number: str) -> dict[str, Path]:
+        """The files of a device by name, also those under a number that it had before."""
+        found: dict[str, Path] = {}
+        former = self._formerly(protocol, serial_number) if self._formerly is not None else ()
+        for number in (*former, serial_number):
+            found |= self._paths(self._of(protocol, number))
+        return found
+
+    def _of(self, protocol: str, serial_number: str) -> Path:
+        return self._folder / f"{_safe(protocol) or 'unknown'}-{_safe(serial_number) or 'unknown'}"
+
+    @staticmethod
+    def _paths(folder: Path) -> dict[str, Path]:
+        """The files that are there, by name: a name from outside only ever chooses among them."""
+        try:
+            return {path.stem: path for path in folder.iterdir() if path.suffix == ".yaml" and path.is_file()}
+        except OSError:
+            return {}
+
+    def _info(self, path: Path) -> SnapshotInfo | None:
+        try:
+            about = path.stat()
+            known = self._known.get(path)
+            key = (about.st_mtime_ns, about.st_size)
+            if known is None or known[0] != key:
+                known = self._known[path] = (key, _info_of(path))
+            return known[1]
+        except OSError:  # gone meanwhile
+            return None
+
+    def _free(self, folder: Path, snapshot: Snapshot) -> str:
+        stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime(snapshot.taken))
+        slug = _safe(snapshot.title.lower().replace(" ", "-"))[:60] or "settings"
+        there = self._paths(folder)
+        name, count = f"{stamp}-{slug}", 1
+        while name in there:
+            count += 1
+            name = f"{stamp}-{slug}-{count}"
+        return name
+
+    def _prune(self, folder: Path) -> None:
+        """Only so many are kept that nobody asked to keep."""
+        paths = self._paths(folder)
+        if len(paths) <= KEPT:
+            return
+        loose = [name for name, path in sorted(paths.items()) if (info := self._info(path)) and not info.pinned]
+        for name in loose[: len(paths) - KEPT]:
+            atomic_write.remove(paths[name])
+
+
+def _info_of(path: Path) -> SnapshotInfo:
+    """What is told of a file. One that cannot be read is left alone: a newer imuscope may know what it says."""
+    try:
+        return from_text(path.read_text(encoding="utf-8")).info(path.stem)
+    except UnicodeDecodeError:
+        why = "This file is no text. Was it changed by another program?"
+    except SnapshotError as error:
+        why = f"{error} {error.hint}".strip()
+    stamp, _, title = path.stem.partition("-")
+    title = " ".join(title.split("-")).capitalize() or path.stem
+    return SnapshotInfo(path.stem, title, _stamped(stamp), why, "", "", "", 0, 0, pinned=True, readable=False)
+
+
+def _stamped(stamp: str) -> float:
+    """Unix seconds of 20261121T044324Z, with which the name of a file begins; 0 where it does not."""
+    try:
+        return datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC).timestamp()
+    except ValueError:
+        return 0.0
+
+
+def _safe(text: str) -> str:
+    """Letters, digits, dash and underscore of a text; never a path."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-")[:80]

@@ -1,0 +1,53 @@
+"""The protocols as a session needs them: the rows of protocols/registry.py, imported when first used.
+
+Importing the registry compiles or loads machine code (protocols/jit.py), which takes from a tenth of a second to some
+seconds the first time ever; the command line does that where it can say so, before it serves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from protocols.events import Decoder
+from server.devices.decode_options import Reading
+from server.devices.ingest import About
+from server.devices.protocol_detection import Guess, Speech
+
+
+def protocols() -> dict[str, str]:
+    """Name → title of every protocol."""
+    from protocols.registry import PROTOCOLS
+
+    return {name: info.title for name, info in PROTOCOLS.items()}
+
+
+def speech() -> Speech:
+    """All protocols of the registry."""
+
+    def decoder(name: str, reading: Reading, link_kind: str) -> Decoder:
+        from protocols.registry import PROTOCOLS
+
+        row = PROTOCOLS[name]
+        datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
+        return row.decoder(**reading.settings(row.settings), **datagrams)
+
+    def guess(data: bytes) -> Sequence[Guess]:
+        from protocols.registry import guess
+
+        return guess(data)
+
+    def about(name: str) -> About:
+        from protocols.registry import PROTOCOLS
+
+        row = PROTOCOLS[name]
+        return About(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
+
+    def messages_in(data: bytes) -> Mapping[str, int]:
+        from protocols.registry import messages_in
+
+        return messages_in(data)
+
+    def title(name: str) -> str:
+        return protocols().get(name, name)
+
+    return Speech(decoder=decoder, guess=guess, title=title, about=about, messages_in=messages_in)

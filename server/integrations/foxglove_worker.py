@@ -1,0 +1,249 @@
+"""`python -m server.integrations.foxglove_worker`: the process that speaks the Foxglove WebSocket protocol.
+
+    told:  {"op": "serve", "port": …,        begin, on a loopback port (0: any free one)
+            "secret": …, "rules": {…}}       who says the secret comes through our own port and was let in there; others
+                                             are judged here, by the same rules (server/auth.py): settings of Config
+    says:  {"op": "served", "port": …} or {"op": "failed", "why": …}
+
+Every channel becomes a topic of JSON messages (recordings/topics.py), every attitude a foxglove.FrameTransform from
+ENU to the device, every latitude and longitude a foxglove.LocationFix, and what happens a foxglove.Log
+(recordings/well_known.py). A channel is asked for and encoded only while somebody has subscribed to it. The protocol is
+spoken by server/integrations/foxglove_server.py.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import MultipleValuesError
+from websockets.http11 import Request, Response
+
+from recordings import well_known
+from recordings.file_names import device_names
+from recordings.rrd.entities import Attitude, Device, Position, devices_of
+from recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_of
+from server.auth import Access, RefusedError
+from server.config import Config
+from server.integrations.foxglove_server import FoxgloveServer
+from server.integrations.shared_secret import knows
+from server.integrations.viewer_client import Told
+from server.version import VERSION
+from server.wire_codec import Samples
+
+LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
+PATH = "/foxglove"  # of our own port: the same rules hold
+
+
+@dataclass(slots=True)
+class Topics:
+    """What one channel of ours goes out as."""
+
+    device: str  # its name; a device is known by another once it has told who it is
+    encoder: Encoder
+    plain: int  # ids of what is advertised; 0 for what is not
+    transform: int = 0
+    fix: int = 0
+    attitude: Attitude | None = None
+    position: Position | None = None
+    topics: list[str] = field(default_factory=list)
+
+    @property
+    def all(self) -> list[int]:
+        return [id for id in (self.plain, self.transform, self.fix) if id]
+
+
+class Porter:
+    """Who is let in.
+
+    Args:
+        secret: said by who was let in already, at our own port.
+        rules: settings of `Config` by which all others are judged, tokens among them.
+    """
+
+    def __init__(self, secret: str, rules: Mapping[str, Any]) -> None:
+        self._secret = secret
+        self._access = Access(Config(**{**rules, **{name: tuple(rules[name]) for name in LISTS}}))
+
+    def admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """A refusal, or None."""
+        try:
+            headers = {name.lower(): request.headers[name] for name in request.headers}
+        except MultipleValuesError:
+            return connection.respond(HTTPStatus.BAD_REQUEST, "A header came twice.\n")
+        if knows(headers, self._secret):
+            return None
+        if urlsplit(headers.get("origin", "")).scheme not in ("", "http", "https"):
+            del headers["origin"]  # a program with a page of its own (file://, app://): no page of the web can say so
+        token = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
+        client = str((connection.remote_address or ("",))[0])
+        try:
+            self._access.check(PATH, "GET", headers, client=client, query_token=token, websocket=True)
+        except RefusedError as refused:
+            problem = refused.problem
+            answer = connection.respond(
+                HTTPStatus(refused.status),
+                json.dumps({"kind": problem.kind, "message": problem.message, "hint": problem.hint}),
+            )
+            del answer.headers["content-type"]
+            answer.headers["content-type"] = "application/json"
+            if refused.retry_s:
+                answer.headers["retry-after"] = str(refused.retry_s)
+            return answer
+        return None
+
+
+class Bridge:
+    """Devices and channels as told, to whoever has subscribed."""
+
+    def __init__(self, told: Told) -> None:
+        self._told = told
+        self._lock = threading.RLock()
+        self._server = FoxgloveServer(f"imuscope {VERSION}", self._subscribe)
+        self._topics: dict[int, Topics] = {}
+        self._taken: set[str] = set()
+        self._asked: list[int] = []
+        self._log = self._well_known(EVENTS, well_known.Log)
+        self._next_event = 0
+        self._heights: dict[int, Samples | None] = {}  # of places that come without; None: not heard yet
+
+    def serve(self, port: int, porter: Porter) -> None:
+        """Begin to listen, and say where."""
+        try:
+            served = self._server.start(port, porter.admit)
+        except OSError as error:
+            self._told.say(op="failed", why=(error.strerror or str(error))[:200])
+            return
+        self._told.say(op="served", port=served)
+
+    def arrange(self) -> None:
+        """Advertise what is new, take back what is gone."""
+        with self._lock:
+            unique = device_names(self._told.devices)
+            infos = {id: info for id, info in self._told.channels.items() if info["device"] in unique}
+            names = {id: unique[info["device"]] for id, info in infos.items()}
+            for id in [id for id, topics in self._topics.items() if names.get(id) != topics.device]:
+                topics = self._topics.pop(id)
+                self._taken -= set(topics.topics)
+                self._server.withdraw(topics.all)
+            told = {device.id: device for device in devices_of(self._told.devices, list(infos.values()))}
+            for id, info in infos.items():
+                if id not in self._topics:
+                    self._topics[id] = self._advertise(names[id], info)
+                self._also(self._topics[id], info, told[info["device"]])
+        self._subscribe()
+
+    def hear(self, message: Sequence[Samples]) -> None:
+        """Samples that came together: encode what is subscribed to."""
+        for samples in message:  # a height may come behind its place
+            if samples.channel in self._heights and samples.n:
+                self._heights[samples.channel] = samples
+        for samples in message:
+            self._send(samples)
+
+    def _send(self, samples: Samples) -> None:
+        topics = self._topics.get(samples.channel)
+        if topics is None or samples.n == 0:
+            return
+        server = self._server
+        if server.is_wanted(topics.plain):
+            for time, body in topics.encoder.messages(samples.columns):
+                server.send(topics.plain, time, body)
+        if server.is_wanted(topics.transform):
+            self._transforms(topics, samples)
+        if server.is_wanted(topics.fix):
+            self._fixes(topics, samples)
+
+    def events(self, told: list[Mapping[str, Any]]) -> None:
+        """What happened, once each."""
+        names = device_names(self._told.devices)
+        for event in told:
+            if event["seq"] < self._next_event:
+                continue
+            self._next_event = event["seq"] + 1
+            if self._server.is_wanted(self._log):
+                self._server.send(self._log, *well_known.logged(event, names.get(event["device"], "")))
+
+    # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
+
+    def _advertise(self, device: str, info: Mapping[str, Any]) -> Topics:
+        topic = topic_of(device, info, self._taken)
+        self._taken.add(topic)
+        schema = schema_of(info)
+        plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
+        return Topics(device, Encoder(info), plain, topics=[topic])
+
+    def _also(self, topics: Topics, info: Mapping[str, Any], device: Device) -> None:
+        """The well-known form of an attitude and of a position."""
+        topics.attitude, topics.position = device.attitude, device.position
+        if device.attitude and device.attitude.channel == info["id"] and not topics.transform:
+            topics.transform = self._named(topics, well_known.ATTITUDE, well_known.FrameTransform)
+        place = device.position and device.position.kind == "place" and device.position.channel == info["id"]
+        if place and not topics.fix:
+            topics.fix = self._named(topics, well_known.POSITION, well_known.LocationFix)
+
+    def _well_known(self, topic: str, message: Any) -> int:
+        schema = message.get_schema()
+        return self._server.advertise(topic, "protobuf", schema.name, schema.data, schema.encoding)
+
+    def _named(self, topics: Topics, what: str, message: Any) -> int:
+        topic = named(topics.device, what, taken=self._taken)
+        self._taken.add(topic)
+        topics.topics.append(topic)
+        return self._well_known(topic, message)
+
+    def _transforms(self, topics: Topics, samples: Samples) -> None:
+        assert topics.attitude is not None
+        times = stamps(samples.columns[0], samples.columns[1])
+        for row, body in well_known.transforms(topics.device, topics.attitude, samples.columns[2:], times):
+            self._server.send(topics.transform, int(times[row]), body)
+
+    def _fixes(self, topics: Topics, samples: Samples) -> None:
+        assert topics.position is not None
+        times = stamps(samples.columns[0], samples.columns[1])
+        told = self._heights.get(topics.position.height)
+        height = np.zeros(samples.n)
+        if told is not None:
+            height = well_known.heights(stamps(told.columns[0], told.columns[1]), told.columns[2], times)
+        for row, body in well_known.fixes(topics.device, topics.position, samples.columns[2:], height, times):
+            self._server.send(topics.fix, int(times[row]), body)
+
+    def _subscribe(self) -> None:
+        """Ask for what somebody wants, and for nothing else."""
+        with self._lock:
+            asked = {id for id, topics in self._topics.items() if any(map(self._server.is_wanted, topics.all))}
+            places = [topics.position for topics in self._topics.values() if self._server.is_wanted(topics.fix)]
+            heights = {place.height for place in places if place and place.height}
+            self._heights = {id: self._heights.get(id) for id in heights}
+            wanted = sorted(asked | heights)
+            if wanted != self._asked:
+                self._asked = wanted
+                self._told.subscribe(wanted)
+
+
+def main() -> None:
+    """Until standard input ends."""
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # whoever is refused: server/auth.py's words are enough
+    told = Told()
+    bridge = Bridge(told)
+    told.heard_events = bridge.events
+    for message in told.messages():
+        if isinstance(message, Mapping):
+            bridge.serve(int(message["port"]), Porter(str(message["secret"]), message["rules"]))
+            continue
+        if told.changed:
+            told.changed = False
+            bridge.arrange()
+        bridge.hear(message)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""`python -m server.integrations.rerun_worker`: live samples as batches for Rerun viewers, in a subprocess.
+
+It is told what a browser is told (server/integrations/viewer_client.py). Samples of 50 ms become one chunk of each
+quantity: a chunk has some 3 kB of its own, and a viewer handles few large ones far better than many small ones, so
+there are 20 batches a second, whatever the rates of the devices. What is said on standard output:
+
+    {"op": "batch", "still": bool, "anew": bool, "past": bool, "newest": unix s, "data": base64 of an .rrd}
+
+`still` is what never changes and the layout; `anew`: what was still before is void, because devices came or went.
+`past`: samples of before, which the server remembered; `newest`: arrival of the newest sample. With an address of a
+viewer elsewhere, everything goes there instead, no more than it takes, and what is said is in rerun_remote.py.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import time
+import traceback
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from recordings.rrd import chunks, static
+from recordings.rrd.blueprint import blueprint
+from recordings.rrd.chunks import Array, Times, nanoseconds
+from recordings.rrd.entities import Device, devices_of
+from recordings.rrd.enu import Origin, is_place
+from server.integrations.viewer_client import Told
+from server.wire_codec import Samples
+
+PERIOD_S = 0.05
+PAUSE_S = 0.5  # at least, between two layouts
+HISTORY_S = 30.0
+SHOWN_S = 30.0  # of plots
+TRACK_S, TRACK_POINTS = 1.0, 3600  # an hour
+TAKEN_S = 0.5  # waited for a viewer elsewhere to take what was sent
+STEADY_S = 5.0  # having taken everything for so long, it is there
+SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
+
+
+class Feed:
+    """The stream and what it is about."""
+
+    def __init__(self, told: Told, wish: Mapping[str, Any]) -> None:
+        self._told = told
+        self._device = str(wish["device"])
+        self._remote = str(wish["connect"])
+        self._stuck_s = float(wish.get("stuck_s", 0))
+        self._stream = rr.RecordingStream("imuscope live")
+        self._bytes = None if self._remote else rr.binary_stream(self._stream)
+        self._devices: dict[str, Device] = {}
+        self._infos: dict[int, Mapping[str, Any]] = {}
+        self._styled: set[int] = set()
+        self._words: dict[tuple[int, int], int] = {}
+        self._origin: Origin | None = None
+        self._heights: dict[int, float] = {}
+        self._ways: dict[str, deque[tuple[Array, Array]]] = {}
+        self._drawn: dict[str, float] = {}
+        self._live: dict[int, list[Samples]] = {}
+        self._past: list[Samples] = []
+        self._next = 0.0
+        self._laid_out = 0.0
+        self._taken = self._refused = 0.0  # since when a viewer elsewhere takes everything, or nothing
+        self._is_reached = False
+
+    def lay_out(self) -> None:
+        """Devices or channels are others than before: what is static, and the layout, anew. Not before there is a
+        channel, and not for each of the many that a device shows within its first second."""
+        if not self._told.channels:
+            return
+        time.sleep(max(0.0, self._laid_out + PAUSE_S - time.monotonic()))
+        self._laid_out = time.monotonic()
+        self._told.changed = False
+        newest = {}
+        for info in self._told.channels.values():
+            if not self._device or info["device"] == self._device:
+                newest[info["device"], info["message"], info["name"]] = info  # a later one replaces its namesake
+        self._infos = {int(info["id"]): info for info in newest.values()}
+        named = [one for one in self._told.devices if not self._device or one["id"] == self._device]
+        self._devices = {device.id: device for device in devices_of(named, list(self._infos.values()))}
+        devices = list(self._devices.values())
+        logs = [
+            f"{chunks.name_of((*curve.path, 'changes'))}"
+            for device in devices
+            for number, curves in device.curves.items()
+            if self._infos[number]["kind"] == "status"
+            for curve in curves
+        ]
+        layout = blueprint(devices, list(self._infos.values()), logs, live_s=SHOWN_S)
+        if self._remote and not self._styled:
+            self._stream.connect_grpc(self._remote, default_blueprint=layout)
+        self._stream.send_blueprint(layout)
+        static.send_scene(self._stream, devices)
+        for device in devices:
+            for number, curves in device.curves.items():
+                for curve in curves:
+                    static.send_style(
+                        self._stream, curve, self._infos[number]["columns"], str(self._infos[number].get("frame") or "")
+                    )
+        first = self._styled == set()
+        self._styled = set(self._infos)
+        self._say(is_still=True, anew=not first)
+        self._told.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
+
+    def take(self, samples: Sequence[Samples]) -> None:
+        """Samples: live ones wait until a batch is due, history goes out as it comes, newest first."""
+        for one in samples:
+            if one.channel in self._infos and one.n:
+                if one.history:
+                    self._past.append(one)
+                else:
+                    self._live.setdefault(one.channel, []).append(one)
+        now = time.monotonic()
+        if self._past:
+            past, self._past = self._past, []
+            if not self._is_taken():
+                return
+            for one in past:
+                self._send(one.channel, [one], live=False)
+            self._say(newest=max(float(one.columns[0][-1]) for one in past), past=True)
+        if now >= self._next and self._live:
+            self._next = now + PERIOD_S
+            live, self._live = self._live, {}
+            if not self._is_taken():
+                return
+            newest = max(float(one.columns[0][-1]) for parts in live.values() for one in parts)
+            for number, parts in live.items():
+                self._send(number, parts)
+            self._say(newest=newest)
+
+    def _is_taken(self) -> bool:
+        """Has a viewer elsewhere taken what was sent? More would only fill memory: the SDK keeps all of it.
+
+        Ends the process when nothing was taken for a while: the SDK does not connect anew; a new process does.
+        """
+        if not self._remote:
+            return True
+        taken = True
+        try:
+            self._stream.flush(timeout_sec=TAKEN_S)
+        except RuntimeError:
+            taken = False
+        now = time.monotonic()
+        if not taken:
+            self._taken, self._refused = 0.0, self._refused or now
+            if now - self._refused > self._stuck_s:
+                self._told.say(op="stuck")
+                os._exit(1)
+            return False
+        self._refused, self._taken = 0.0, self._taken or now
+        if not self._is_reached and now - self._taken >= STEADY_S:
+            self._is_reached = True
+            self._told.say(op="reached")
+        return True
+
+    def _send(self, number: int, parts: Sequence[Samples], *, live: bool = True) -> None:
+        info = self._infos[number]
+        device = self._devices[info["device"]]
+        columns = [np.concatenate(column) for column in zip(*(one.columns for one in parts), strict=True)]
+        arrival, time_, own = columns[0], columns[1], columns[2:]
+        sample = np.concatenate([np.arange(one.sequence, one.sequence + one.n) for one in parts])
+        times = Times(nanoseconds(np.where(np.isnan(time_), arrival, time_)), nanoseconds(arrival), sample)
+        put = chunks.send_table if info["kind"] == "rows" else chunks.send_curve
+        for curve in device.curves[number]:
+            put(self._stream, curve, times, own)
+            if live and info["kind"] == "status":
+                self._tell_changes(number, curve.path, curve.columns, times, own)
+        if device.attitude is not None and device.attitude.channel == number:
+            chunks.send_attitude(self._stream, device.attitude, times, own)
+        if device.position is not None:
+            if device.position.height == number:
+                self._heights[number] = float(own[0][-1])
+            if device.position.channel == number:
+                self._place(device, times, own, live)
+
+    def _tell_changes(
+        self, number: int, path: tuple[str, ...], which: Sequence[int], times: Times, own: Sequence[Array]
+    ) -> None:
+        for i in which:
+            column = self._infos[number]["columns"][i]
+            if column["bits"]:
+                at, texts, levels = chunks.changes(column, self._words.get((number, i)), own[i])
+                self._words[number, i] = int(own[i][-1])
+                chunks.send_texts(self._stream, (*path, "changes"), times.only(at), texts, levels)
+
+    def _place(self, device: Device, times: Times, own: Sequence[Array], live: bool) -> None:
+        position = device.position
+        assert position is not None
+        lat, lon, high = position.columns
+        height = self._heights.get(position.height, 0.0)
+        if position.kind == "place" and self._origin is None:
+            good = np.flatnonzero(is_place(own[lat], own[lon]))
+            if not len(good):
+                return
+            i = int(good[0])
+            up = float(own[high][i]) if high >= 0 else height
+            self._origin = Origin(float(own[lat][i]), float(own[lon][i]), up if np.isfinite(up) else 0.0)
+        enu = chunks.metres(position, own, np.full(len(times), height), self._origin)
+        latlon = chunks.degrees(position, own)
+        chunks.send_positions(self._stream, position.path, times, enu)
+        chunks.send_places(self._stream, position.on_map, times, latlon)
+        if live:
+            self._draw(device, enu[-1], latlon[-1])
+
+    def _draw(self, device: Device, enu: Array, latlon: Array) -> None:
+        """The way it went while this was fed, told anew each second."""
+        way = self._ways.setdefault(device.id, deque(maxlen=TRACK_POINTS))
+        now = time.monotonic()
+        if now >= self._drawn.get(device.id, 0.0):
+            self._drawn[device.id] = now + TRACK_S
+            way.append((enu, latlon))
+            static.send_track(self._stream, device, *(np.array(part) for part in zip(*way, strict=True)))
+
+    def _say(self, *, is_still: bool = False, anew: bool = False, past: bool = False, newest: float = 0.0) -> None:
+        if self._bytes is None:
+            return
+        data = self._bytes.read()
+        if data:
+            if len(data) > SAID_BYTES:
+                self._told.say(op="left-out", bytes=len(data))
+                return
+            text = base64.b64encode(data).decode()
+            self._told.say(op="batch", still=is_still, anew=anew, past=past, newest=newest, data=text)
+
+
+def main() -> None:
+    """Feed until the server ends."""
+    told = Told()
+    feed: Feed | None = None
+    try:
+        for message in told.messages():
+            if isinstance(message, Mapping):
+                if message["op"] == "open":
+                    feed = Feed(told, message)
+            elif feed is not None:
+                if told.changed:
+                    feed.lay_out()
+                feed.take(message)
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)
+    os._exit(0)  # a stream that is let go waits for a viewer that takes nothing, for ever
+
+
+if __name__ == "__main__":
+    main()

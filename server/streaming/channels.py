@@ -1,0 +1,418 @@
+"""How does a batch become channels? One quantity, one channel; one number, one column.
+
+    Batch MTData2  PacketCounter (n,)      ─> channel PacketCounter   value
+                   Quaternion    (n, 4)    ─> channel Quaternion      q0 q1 q2 q3
+                   StatusWord    (n,)      ─> channel StatusWord      value, with its bits
+                   GnssPvtData   (n,) rec  ─> channel GnssPvtData     itow year month … (one column per element)
+                   GnssSatInfo   (n,) rec  ─> channel GnssSatInfo     one *row* per satellite, all at one time
+
+A message whose fields are quantities of their own (`split`) gives a channel per field; any other message is one channel
+with a column per element, and a channel of its own for each field that stands apart (`apart`: message.field).
+What a column is called, coloured and explained comes from the rows of the protocol's table
+(protocols/schema.py); its dtype is that of the array itself. How to cut a batch is worked out once per message layout
+and kept as a plan, because the same layouts come thousands of times.
+
+People read °/s where devices send rad/s, and metres where they send millimetres: `SHOWN` is the one place where a unit
+of the wire becomes the unit of the page, for every family alike. Files and `inspect` keep the wire's.
+
+Bytes that nobody has described are no numbers: they are shown as they are (server/streaming/unknown_payloads.py).
+
+A device whose outputs run at different rates sends frames of several layouts, and one drain then holds several batches
+that share channels. `split` puts the pieces of each channel back into the order of the stream.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocols.events import Batch
+from protocols.schema import Bits, Field, Message
+from server.streaming.unknown_payloads import described, is_opaque
+from server.wire import BitsInfo, ChannelInfo, ColumnInfo, Dtype
+
+Array = NDArray[Any]
+Advertise = Callable[[ChannelInfo], int]
+Kind = Literal["vector", "quaternion", "matrix", "euler", "status", "scalar", "record", "rows", "counter"]
+Axis = Literal["", "x", "y", "z", "w"]
+
+_XYZ: tuple[Axis, ...] = ("x", "y", "z")
+# Labels of three-vectors whose elements lie along axes, lower case; their colours follow the position.
+_AXIS_LABELS = {"xyz", "rollpitchyaw", "enu", "ned", "nwu", "eastnorthup", "northeastdown", "northwestup"}
+# Unit of a protocol's table → unit on the page, factor, how many digits fewer after the point.
+SHOWN: Mapping[str, tuple[str, float, int]] = {
+    "rad/s": ("°/s", 180 / np.pi, 2),
+    "mm": ("m", 1e-3, -3),
+    "mm/s": ("m/s", 1e-3, -3),
+}
+_MOST_PLANS = 256  # a healthy device has a handful; noise that passes the checksum must not fill memory
+MOST_CHANNELS = 1000  # of one device; the most that a vendor's tables give is some 300
+
+
+@dataclass(frozen=True, slots=True)
+class _Cut:
+    """How one channel is cut from a batch: its id, the columns it is made of, rows per sample (a table's k), and the
+    factor of each column that is shown in another unit (0 where it is not; empty when none is)."""
+
+    channel: int
+    names: tuple[str, ...]
+    per_sample: int
+    factors: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order."""
+
+    channel: int
+    columns: list[Array]
+
+
+class Channels:
+    """The channels of one device.
+
+    Args:
+        device: DeviceInfo.id.
+        advertise: called once for each new channel with its description (id 0); returns the id.
+    Attributes:
+        full: there are `MOST_CHANNELS`; what would be a further one is left out.
+    """
+
+    def __init__(self, device: str, advertise: Advertise) -> None:
+        self.device = device
+        self._advertise = advertise
+        self._plans: dict[tuple[int, bool], tuple[Message, list[_Cut]]] = {}
+        self._ids: dict[str, int] = {}
+        self.full = False
+
+    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[Piece]:
+        """The samples of one drain by channel.
+
+        Args:
+            batches: each with its device time mapped to host time, (n,) float64 unix seconds, NaN where unknown.
+        """
+        found: dict[int, list[tuple[Array, list[Array]]]] = {}
+        for batch, time in batches:
+            arrival = batch.arrival_ns / 1e9
+            for cut in self._plan(batch):
+                columns = [arrival, time, *_values(batch, cut)]
+                offset = batch.offset
+                if cut.per_sample != 1:
+                    offset = np.repeat(offset, cut.per_sample)
+                    columns[0], columns[1] = np.repeat(arrival, cut.per_sample), np.repeat(time, cut.per_sample)
+                found.setdefault(cut.channel, []).append((offset, columns))
+        return [Piece(channel, _merged(parts)) for channel, parts in found.items()]
+
+    def _plan(self, batch: Batch) -> list[_Cut]:
+        key = (id(batch.message), batch.verified)
+        known = self._plans.get(key)
+        if known is not None and known[0] is batch.message:
+            return known[1]
+        if len(self._plans) >= _MOST_PLANS:
+            self._plans.clear()
+        cuts = self._cuts(batch)
+        self._plans[key] = (batch.message, cuts)
+        return cuts
+
+    def _cuts(self, batch: Batch) -> list[_Cut]:
+        message = batch.message
+        last = described(batch.columns, message.fields)  # the others go to server/streaming/unknown_payloads.py
+        if not last:
+            return []
+        if message.split:
+            groups = [(field.name, [field]) for field in last.values()]
+        else:
+            groups = [(f"{message.name}.{name}", [last[name]]) for name in message.apart if name in last]
+            rest = [field for field in last.values() if field.name not in message.apart]
+            if not clock_alone(message, last):
+                groups.append((_name_beside_bytes(message, rest) or message.name, rest))
+        cuts = []
+        for name, fields in groups:
+            info = _describe(self.device, message, name, fields, batch.columns)
+            if info is not None:
+                used = tuple(field.name for field in fields)
+                factors = _in_shown_units(info)
+                if not batch.verified:  # never what is verified and what is not in one trace
+                    info.name = f"{info.name}?"  # a name of its own; its title is the same, and `verified` marks it
+                    info.verified = False
+                number = self._identify(info)
+                if number:
+                    cuts.append(_Cut(number, used, _rows_per_sample(batch.columns[used[0]]), factors))
+        return cuts
+
+    def _identify(self, info: ChannelInfo) -> int:
+        """The id of this very description; a changed unit, frame or dtype is a new channel. 0 for one too many."""
+        key = repr(info)
+        if key not in self._ids:
+            if len(self._ids) >= MOST_CHANNELS:
+                self.full = True
+                return 0
+            self._ids[key] = self._advertise(info)
+        return self._ids[key]
+
+
+def clock_alone(message: Message, fields: Mapping[str, Field]) -> bool:
+    """Is the clock of a message all that its other quantities leave of it? Then it is the time axis, and no quantity.
+
+    Args:
+        fields: those of the message that are described, by name.
+    """
+    if message.split or not any(name in fields for name in message.apart):
+        return False
+    return all(name in message.apart or name == message.time for name in fields)
+
+
+def _name_beside_bytes(message: Message, rest: Sequence[Field]) -> str:
+    """A field that is all that is described of a payload has its own name: the message's is its bytes'. Else ""."""
+    if len(rest) != 1 or not any(map(is_opaque, message.fields)):
+        return ""
+    name = rest[0].name
+    return name if name.startswith(message.name) else f"{message.name}.{name}"
+
+
+def _merged(parts: list[tuple[Array, list[Array]]]) -> list[Array]:
+    """The pieces of one channel in the order of the stream (by offset; rows of one frame keep their order)."""
+    if len(parts) == 1:
+        return parts[0][1]
+    order = np.argsort(np.concatenate([offset for offset, _ in parts]), kind="stable")
+    return [np.concatenate(column)[order] for column in zip(*(columns for _, columns in parts), strict=True)]
+
+
+# ── values ───────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _values(batch: Batch, cut: _Cut) -> list[Array]:
+    out: list[Array] = []
+    for name in cut.names:
+        array = np.asarray(batch.columns[name])
+        out.extend(_rows(array) if cut.per_sample != 1 or _is_table(array) else _flat(array))
+    if not cut.factors:
+        return out
+    # A Python number keeps float32 what it is; integers become float64. The largest float32 in °/s is infinite.
+    with np.errstate(over="ignore"):
+        return [_scaled(column, factor) if factor else column for column, factor in zip(out, cut.factors, strict=True)]
+
+
+def _scaled(column: Array, factor: float) -> Array:
+    """A column in another unit. 99 990 mm are 99.99 m: times 0.001 they would be 99.99000000000001."""
+    return column / round(1 / factor) if factor < 1 and (1 / factor).is_integer() else column * factor
+
+
+def _in_shown_units(info: ChannelInfo) -> tuple[float, ...]:
+    """Change `info` to the page's units; the factor of each column, 0 where it stays, () when all do."""
+    factors = []
+    for column in info.columns:
+        unit, factor, fewer = SHOWN.get(column.unit, ("", 0.0, 0))
+        factors.append(factor)
+        if factor:
+            column.unit = unit
+            column.dtype = column.dtype if column.dtype in ("f4", "f8") else "f8"
+            if column.decimals >= 0 or fewer < 0:
+                column.decimals = max(0, max(column.decimals, 0) - fewer)
+    info.unit = SHOWN[info.unit][0] if info.unit in SHOWN else info.unit
+    return tuple(factors) if any(factors) else ()
+
+
+def _flat(array: Array) -> list[Array]:
+    """(n, …) → one (n,) array per element; of a structured array, per element of each of its fields, in order."""
+    if array.dtype.names:
+        return [column for name in array.dtype.names for column in _flat(array[name])]
+    if array.dtype.kind not in "fiub":
+        return []  # text
+    if array.ndim == 1:
+        return [array]
+    flat = array.reshape(len(array), -1)
+    return [flat[:, i] for i in range(flat.shape[1])]
+
+
+def _table_of(array: Array) -> tuple[str, Array] | None:
+    """The repeated record in an array: ("", itself) for (n, k) records, (name, field) for records in records."""
+    if array.dtype.names is None:
+        return None
+    if array.ndim == 2:
+        return "", array
+    for name in array.dtype.names:
+        if array[name].ndim == 2 and array[name].dtype.names:
+            return name, array[name]
+    return None
+
+
+def _is_table(array: Array) -> bool:
+    return _table_of(array) is not None
+
+
+def _rows_per_sample(column: Array) -> int:
+    table = _table_of(np.asarray(column))
+    return 1 if table is None else int(table[1].shape[1])
+
+
+def _rows(array: Array) -> list[Array]:
+    """A table as columns: what stands once per sample is repeated on each of its rows."""
+    table = _table_of(array)
+    assert table is not None
+    name, records = table
+    shared = [other for other in array.dtype.names or () if name and other != name]
+    out = [np.repeat(column, records.shape[1]) for other in shared for column in _flat(array[other])]
+    return out + _flat(records.reshape(-1))
+
+
+# ── descriptions ─────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _describe(
+    device: str, message: Message, name: str, fields: list[Field], columns: Mapping[str, Array]
+) -> ChannelInfo | None:
+    """The channel (id 0) of these fields, None when nothing of them is a number."""
+    alone = fields[0] if len(fields) == 1 else None
+    found: list[ColumnInfo] = []
+    for field in fields:
+        array = np.asarray(columns[field.name])
+        table = _table_of(array)
+        prefix = "" if alone else field.name
+        found.extend(_column_infos(field, array, prefix) if table is None else _table_infos(field, array, table))
+    if not found:
+        return None
+    words = alone or Field(name, title=message.title or name, doc=message.doc, source=message.source)
+    kind = _kind(alone, np.asarray(columns[alone.name]), message) if alone else "record"
+    if kind in ("scalar", "counter", "status") and len(found) == 1 and not found[0].label:
+        found[0].label = words.title or words.name
+    return ChannelInfo(
+        id=0,
+        device=device,
+        message=message.name,
+        name=name,
+        title=words.title or words.name,
+        kind=kind,
+        unit="" if "," in words.unit else words.unit,  # each column has its own
+        frame=words.frame,
+        columns=_unique(found),
+        doc=words.doc,
+        source=words.source,
+        group="" if message.split else message.title or message.name,
+    )
+
+
+def _kind(field: Field, array: Array, message: Message) -> Kind:
+    if array.dtype.names:
+        return "rows" if _is_table(array) else "record"
+    if array.dtype.kind in "SV":
+        return "record"
+    shape = array.shape[1:]
+    if not shape:
+        if field.bits:
+            return "status"
+        counts = "Counter" in field.name or field.name == message.time or field.name.startswith("SampleTime")
+        return "counter" if counts and array.dtype.kind in "ui" else "scalar"
+    if shape == (3, 3) or (shape == (9,) and "Matrix" in field.name):
+        return "matrix"
+    if shape == (3,) and _joined(field.axes) == "rollpitchyaw":
+        return "euler"
+    if shape == (4,) and ("Quaternion" in field.name or (_joined(field.axes) == "wxyz" and " from " in field.frame)):
+        return "quaternion"
+    return "vector"
+
+
+def _joined(axes: Sequence[str]) -> str:
+    return "".join(axes).lower()
+
+
+def _column_infos(field: Field, array: Array, prefix: str) -> list[ColumnInfo]:
+    """One ColumnInfo per array that `_flat` gives, in the same order."""
+    if array.dtype.names:
+        rows = {sub.name: sub for sub in field.fields}
+        subs = [(rows.get(name, Field(name)), array[name]) for name in array.dtype.names]
+        return [info for sub, part in subs for info in _column_infos(sub, part, _join(prefix, sub.name))]
+    flat = _flat(array)
+    if not flat:
+        return []  # text
+    dtype = _dtype(flat[0])
+    if array.ndim == 1 and array.dtype.kind not in "SV":
+        return [_column(field, prefix or "value", dtype, _suffix_axis(prefix))]
+    names = _element_names(field, array.shape[1:], len(flat))
+    axes = _axis_colours(field, len(flat))
+    units = field.unit.split(",") if "," in field.unit else [field.unit] * len(flat)
+    return [
+        _column(replace(field, unit=unit), _join(prefix, name) if prefix else name, dtype, axis)
+        for name, axis, unit in zip(names, axes, units, strict=False)
+    ]
+
+
+def _table_infos(field: Field, array: Array, table: tuple[str, Array]) -> list[ColumnInfo]:
+    """One ColumnInfo per array that `_rows` gives."""
+    name, records = table
+    rows = {sub.name: sub for sub in field.fields}
+    out: list[ColumnInfo] = []
+    for other in array.dtype.names or ():
+        if name and other != name:
+            out += _column_infos(rows.get(other, Field(other)), array[other], other)
+    return out + _column_infos(rows.get(name, field) if name else field, records.reshape(-1), "")
+
+
+def _join(prefix: str, name: str) -> str:
+    return f"{prefix}_{name}" if prefix else name
+
+
+def _element_names(field: Field, shape: tuple[int, ...], count: int) -> list[str]:
+    if len(field.axes) == count:
+        return list(field.axes)
+    if len(shape) == 2:
+        return [f"m{i + 1}{j + 1}" for i in range(shape[0]) for j in range(shape[1])]
+    return [str(i) for i in range(count)]
+
+
+def _axis_colours(field: Field, count: int) -> list[Axis]:
+    if count == 3 and (_joined(field.axes) in _AXIS_LABELS):
+        return list(_XYZ)
+    if count == 4 and _joined(field.axes) in ("q0q1q2q3", "wxyz"):
+        return ["w", *_XYZ]
+    return [""] * count
+
+
+def _suffix_axis(name: str) -> Axis:
+    """accX, accY, accZ of a record keep their axis' colour."""
+    if len(name) > 1 and name[-1] in "XYZ" and name[-2].islower():
+        return cast(Axis, name[-1].lower())
+    return name if name in _XYZ else ""
+
+
+def _column(field: Field, name: str, dtype: Dtype, axis: Axis) -> ColumnInfo:
+    return ColumnInfo(
+        name=name,
+        dtype=dtype,
+        unit=field.unit,
+        label=field.title if name in (field.name, "value") else "",
+        axis=axis,
+        choices={str(value): meaning for value, meaning in field.choices.items()},
+        bits=[_bits(bit) for bit in field.bits],
+        decimals=field.decimals,
+        period=field.period,
+        doc=field.doc,
+    )
+
+
+def _bits(bit: Bits) -> BitsInfo:
+    choices = {str(value): meaning for value, meaning in bit.choices.items()}
+    return BitsInfo(bit.name, bit.low, bit.width, choices, bit.severity, bit.normal_set, bit.doc)
+
+
+def _dtype(array: Array) -> Dtype:
+    kind, size = array.dtype.kind, array.dtype.itemsize
+    if kind == "b":
+        return "u1"
+    if kind == "f":
+        return "f8" if size >= 8 else "f4"
+    return cast(Dtype, f"{kind}{size}")
+
+
+def _unique(columns: list[ColumnInfo]) -> list[ColumnInfo]:
+    """Names are what a page finds a column by: a second one of the same name gets a number."""
+    seen: dict[str, int] = {}
+    for column in columns:
+        seen[column.name] = seen.get(column.name, 0) + 1
+        if seen[column.name] > 1:
+            column.name = f"{column.name}{seen[column.name]}"
+    return columns

@@ -1,0 +1,94 @@
+"""What the tests of faults share: a device with everything that came of it, and its books.
+
+The books are what "nothing lost" means here: the bytes that the device sent are the bytes that were recorded, in order;
+the samples that a browser could have are those that were in them, or the missing ones are counted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from server.devices.protocol_set import speech
+from server.devices.session import Session
+from server.devices.sessions import Sessions
+from server.links import open_link
+from server.links.base import LinkSettings, steady_clock
+from server.streaming.hub import Hub
+from server.wire import DeviceHealth, DeviceInfo, EventInfo
+from tests.bench.serial_device import frame
+from tests.timeouts import PATIENCE_S
+
+COUNTER = "PacketCounter"
+
+
+class Stage:
+    """One device of a server without its HTTP side, in the test's own loop; links, decoders and clock are real."""
+
+    def __init__(self, source: str, by_id: Path) -> None:
+        now_ns = steady_clock()
+        self.hub = Hub(lambda: now_ns() / 1e9)
+        self.sessions = Sessions(self.hub, open_link, speech(), LinkSettings(now_ns=now_ns, by_id=by_id))
+        self.heard: list[bytes] = []
+        self.session: Session = self.sessions.add(source)
+        self.session.chunks(lambda data, time_ns, way: self.heard.append(data) if way == "rx" else None)
+        self.sessions.start()
+
+    @property
+    def bytes(self) -> bytes:
+        """All that came."""
+        return b"".join(self.heard)
+
+    @property
+    def info(self) -> DeviceInfo:
+        return self.session.info
+
+    @property
+    def health(self) -> DeviceHealth:
+        return self.session.health(self.hub.now())
+
+    @property
+    def samples(self) -> int:
+        """That were decoded, of the device's own message."""
+        self.session.decode()
+        return sum(one.count for one in self.health.messages if one.name == "MTData2")
+
+    def events(self, kind: str) -> list[EventInfo]:
+        return [event for event in self.hub.log if event.kind == kind]
+
+    def status(self, wanted: str) -> Callable[[], bool]:
+        return lambda: self.info.status == wanted
+
+
+@asynccontextmanager
+async def stage(source: str, by_id: Path = Path("/nowhere")) -> AsyncIterator[Stage]:
+    """A device, closed as the server closes it."""
+    made = Stage(source, by_id)
+    try:
+        yield made
+    finally:
+        await made.sessions.close()
+
+
+async def until(condition: Callable[[], object], what: str) -> None:
+    """Wait; fail with what did not happen."""
+    try:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():
+                await asyncio.sleep(0.01)
+    except TimeoutError:
+        raise AssertionError(f"after {PATIENCE_S:g} s still not: {what}") from None
+
+
+def frames(start: int, stop: int, rate: float = 1000.0) -> bytes:
+    """MTData2 frames with a packet counter that goes on."""
+    return b"".join(frame(n, rate) for n in range(start, stop))
+
+
+def told(info: DeviceInfo) -> tuple[str, str]:
+    """What a person reads: one sentence, and what to do."""
+    assert info.message.endswith((".", "?")), info.message
+    assert info.hint, info.message
+    return info.message, info.hint

@@ -1,0 +1,89 @@
+"""Clocks that jump: the device's, and this host's.
+
+    fault                         outcome
+    the device's clock jumps      one event with its size; no sample is lost, none is shown before the one before it
+    this host's clock is set back one event with its size; recorded and shown times go on as if nothing had been
+
+(Where times are mapped to: tests/protocols/test_counters.py. Resets, turns of a loop: tests/server/test_session.py.)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recordings.mcap_reader import TIME, Recording
+from server.config import Config
+from tests.bench.serial_device import frame
+from tests.fault_injection.fault_harness import stage, until
+from tests.fault_injection.test_kill import until as until_now
+from tests.links.link_fixtures import pty
+from tests.server.fakes import sample
+from tests.server.in_process_server import Running
+from tests.server.test_recorder import Links, send, settled
+
+
+def test_the_devices_clock_jumps() -> None:
+    async def check() -> None:
+        with pty() as port:
+            async with stage(f"serial://{port.path}?baud=115200&protocol=xbus") as here:
+                await until(lambda: "is open" in here.info.message, "it is open")
+                for n in range(60):
+                    later = 300 if n >= 30 else 0  # s
+                    port.write(retimed(n, 100, later))
+                    await asyncio.sleep(0.01)
+                await until(lambda: here.samples == 60, "every sample is there")
+                assert (here.health.lost, here.health.rejects) == (0, 0)
+                await until(lambda: here.events("clock"), "it is told")
+                (event,) = here.events("clock")
+                assert "jumped" in event.text
+                here.hub.flush()
+                for channel in here.hub.channels.values():
+                    frames_ = list(channel.ring.frames(1, 0, channel.ring.total, here.hub.now()))
+                    assert sum(n for n, _ in frames_) in (0, 60)
+
+    asyncio.run(check())
+
+
+def retimed(n: int, rate: float, later_s: int) -> bytes:
+    """A frame whose clock is later than it should be; its counter goes on."""
+    whole = bytearray(frame(n, rate))
+    at = whole.index(b"\x10\x60\x04") + 3
+    ticks = int.from_bytes(whole[at : at + 4], "big") + later_s * 10_000
+    whole[at : at + 4] = ticks.to_bytes(4, "big")
+    whole[-1] = -sum(whole[1:-1]) & 0xFF
+    return bytes(whole)
+
+
+def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
+    links = Links()
+    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+        sessions = running.state.sessions
+        running.client.post("/api/recordings/start", json={})
+        wall = sessions._wall_ns
+        for n in range(100):
+            send(running, links, "/dev/one", sample(n))
+            if n == 50:
+                running.call(setattr, sessions, "_wall_ns", lambda: wall() - 3600 * 10**9)
+        told = until_now(lambda: running.call(events, running.state.hub, "clock"), "it is told")
+        assert [event.text for event in told] == [
+            "This host's clock was set back by 3 600 s; times on this page stay as they were."
+        ]
+        settled(running)
+        state: dict[str, Any] = running.client.post("/api/recordings/stop", json={}).json()
+    times: list[int] = []
+    with Recording(tmp_path / "recordings" / f"{state['id']}.mcap") as recording:
+        for block in recording.blocks():
+            channel = recording.topic("rx/1")
+            if channel is not None:
+                times += block.of(channel.id)[TIME].astype(np.int64).tolist() if len(block.of(channel.id)) else []
+    assert len(times) == 100
+    assert all(a <= b for a, b in itertools.pairwise(times)), "no time runs back"
+
+
+def events(hub: Any, kind: str) -> list[Any]:
+    return [event for event in hub.log if event.kind == kind]

@@ -1,0 +1,98 @@
+"""People who close their browser in the middle of a command, or command at the same time.
+
+    fault                                   outcome
+    browser gone once the command was sent  the command is carried out to its end, and the device measures again
+    browser gone while it sends             nothing is sent to the device, nothing is recorded as a fault of ours
+    two people command at once              one after the other, in the order in which they came; both are told
+    browser gone in the middle of an upload nothing is left of it
+
+(Turns in a queue: tests/server/test_control.py, tests/server/test_configure.py. A trial that nobody keeps because the
+browser is gone: tests/browser/test_configure.py.)
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import threading
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+from httpx import Client
+
+from server.config import Config
+from server.devices.protocol_set import speech
+from server.links import open_link
+from tests.fault_injection.test_kill import until
+from tests.server.control_harness import outputs
+from tests.server.in_process_server import Running
+from tests.timeouts import PATIENCE_S
+
+
+def request(url: str, path: str, body: bytes, length: int | None = None, kind: str = "application/json") -> bytes:
+    """A POST as a browser sends it."""
+    host = urlsplit(url).netloc
+    verb = "POST" if kind == "application/json" else "PUT"
+    head = f"{verb} {path} HTTP/1.1\r\nHost: {host}\r\nContent-Type: {kind}\r\n"
+    return f"{head}Content-Length: {len(body) if length is None else length}\r\n\r\n".encode() + body
+
+
+def send_and_vanish(url: str, data: bytes) -> None:
+    """Sent, and the connection is reset: what a browser does that is closed."""
+    address = urlsplit(url)
+    with socket.create_connection((address.hostname, address.port)) as line:
+        line.sendall(data)
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+
+
+def test_gone_in_the_middle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with Running(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+        http, url = running.client, running.url
+        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
+        control = "/api/devices/1/control"
+
+        body = json.dumps({"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True}).encode()
+        send_and_vanish(url, request(url, "/api/devices/1/apply", body[:40], len(body)))
+        data = request(url, "/api/recordings/upload?name=a.mcap", b"\x89MCAP0", 10**6, "application/octet-stream")
+        send_and_vanish(url, data)
+        assert http.get(control).json()["done"] == [], "half a wish is none"
+
+        send_and_vanish(url, request(url, "/api/devices/1/apply", body))
+        (job,) = until(lambda: http.get(control).json()["done"], "it was carried out")
+        assert (job["state"], job["message"]) == ("done", "1 of 1 settings written and read back.")
+        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")
+        until(lambda: not list((tmp_path / "recordings").glob(".incoming/*")), "nothing of the upload is left")
+        assert http.get("/api/recordings").json() == []
+    assert not [record for record in caplog.records if record.exc_info], "nobody's leaving is a fault of ours"
+
+
+def test_two_people_at_once(tmp_path: Path) -> None:
+    with Running(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+        http = running.client
+        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
+        answers: list[dict[str, Any]] = []
+        both = threading.Barrier(2)
+
+        def wish(rate: int) -> None:
+            with Client(base_url=running.url, timeout=PATIENCE_S) as own:
+                both.wait()
+                body = {"changes": {"OutputConfiguration": outputs(rate)}, "confirmed": True}
+                answers.append(own.post("/api/devices/1/apply", json=body).json())
+
+        people = [threading.Thread(target=wish, args=(rate,)) for rate in (50, 200)]
+        for person in people:
+            person.start()
+        for person in people:
+            person.join()
+        done = until(lambda: len(found := http.get("/api/devices/1/control").json()["done"]) == 2 and found, "both")
+        assert {one["id"] for one in done} == {one["id"] for one in answers} == {1, 2}
+        assert [one["state"] for one in done] == ["done", "done"]
+        last, first = done  # newest first
+        assert first["ended"] <= last["started"], "one after the other"
+        values = http.get("/api/devices/1/values").json()["values"]["OutputConfiguration"]
+        rates = {one["output_frequency"] for one in values["outputs"]} - {0xFFFF}
+        assert len(rates) == 1, "never a mixture of both"
+        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it measures again")

@@ -1,0 +1,253 @@
+"""Disks that are full, slow, limited or damaged, and what becomes of what is on them.
+
+    fault                                       outcome
+    disk full while it is recorded (tmpfs)      the recording ends with a sentence and a hint; what was written is whole
+    file as large as the system allows          the same; the next recording begins
+    full while it is exported                   the export fails with a sentence and a hint, nothing is left of it
+    slow disk                                   nothing waits for it, what waits is told as lag, and all of it arrives
+    a recording damaged at random bytes         it opens up to the damage or around it, and says so
+    … asked for over HTTP                       a detail with `damaged`, or one sentence and a hint; never 500
+
+(A folder that is removed while it is recorded: tests/recordings/test_recording_writer.py,
+tests/server/test_recorder.py. Trials and snapshots on a full disk: tests/server/test_rollback.py, test_snapshots.py.)
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import resource
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recordings.column_store import Columns
+from recordings.compaction import pack
+from recordings.exporters import Wish, export
+from recordings.importers import open_file
+from recordings.mcap_writer import RecordingError
+from server.config import Config
+from server.devices.protocol_set import speech
+from server.library.decode import decode
+from tests.fault_injection.test_kill import received, until
+from tests.server.fakes import sample
+from tests.server.in_process_server import Running
+from tests.server.test_opening import drive
+from tests.server.test_recorder import Links, send, settled
+from tests.server_process import ROOT, tied
+from tests.timeouts import PATIENCE_S
+
+
+@pytest.fixture
+def links() -> Links:
+    return Links()
+
+
+@pytest.fixture
+def running(tmp_path: Path, links: Links) -> Iterator[Running]:
+    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+        yield running
+
+
+@contextlib.contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """The kernel refuses whatever would make a file larger (EFBIG), as at a quota or on a small file system.
+
+    Modules that are imported meanwhile leave no bytecode: Python 3.11 would cut that too, and trip over it ever after.
+    """
+    before = resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[0][1]))
+    sys.dont_write_bytecode = True
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before[0])
+        sys.dont_write_bytecode = before[1]
+
+
+def ended(running: Running) -> dict[str, Any]:
+    """The recorder's state when it does not run any more."""
+    end = time.monotonic() + PATIENCE_S
+    while (state := running.client.get("/api/recorder").json())["running"]:
+        assert time.monotonic() < end, state
+        time.sleep(0.02)
+    return dict(state)
+
+
+FULL = """
+import sys, time
+from pathlib import Path
+from recordings.recording_writer import Tape
+from recordings.mcap_reader import Recording
+
+folder = Path(sys.argv[1])
+tape = Tape(lambda part: folder / "a.mcap", {}, time.time_ns)
+n = 0
+while tape.running:
+    tape.chunk("1", "rx", n.to_bytes(4, "big") * 2048, n)
+    n += 1
+    time.sleep(0.001)
+tape.stop()
+found = []
+with Recording(folder / "a.mcap") as recording:
+    for block in recording.blocks():
+        channel = recording.topic("rx/1")
+        if channel is not None:
+            found.append(block.joined(block.of(channel.id))[0])
+data = b"".join(found)
+assert data == b"".join(k.to_bytes(4, "big") * 2048 for k in range(len(data) // 8192)), "torn"
+print(tape.trouble.message, "|", tape.trouble.hint, "|", len(data))
+"""
+
+
+def test_a_disk_that_is_full(tmp_path: Path) -> None:
+    """A real one, of a megabyte."""
+    mount = 'mount -t tmpfs -o size=1m tmpfs "$1" && shift && exec "$@"'
+    here = ["/usr/bin/env", "unshare", "-rm", "sh", "-c", mount, "sh", str(tmp_path)]
+    if subprocess.run([*here, "true"], capture_output=True).returncode:
+        pytest.skip("a file system of its own needs a name space of its own, which is not permitted here")
+    done = subprocess.run(
+        tied([*here, sys.executable, "-c", FULL, str(tmp_path)]), cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    message, hint, size = done.stdout.split(" | ")
+    assert message == "The disk is full: a.mcap."
+    assert "Free some space" in hint
+    assert 900_000 < int(size) < 1_048_576
+
+
+def test_a_file_that_may_not_grow(running: Running, links: Links, tmp_path: Path) -> None:
+    running.client.post("/api/recordings/start", json={})
+    wanted = b""
+    with files_of_at_most(20_000):
+        for n in range(4000):
+            send(running, links, "/dev/one", sample(n % 250))
+            wanted += sample(n % 250)
+            if n % 200 == 0 and not running.client.get("/api/recorder").json()["running"]:
+                break
+        state = ended(running)
+    assert "largest size" in state["message"]
+    assert state["hint"]
+    kept = received(tmp_path / "recordings" / f"{state['id']}.mcap")
+    assert wanted.startswith(kept)
+    assert len(kept) > 500
+    assert running.client.post("/api/recordings/start", json={}).json()["running"] is True
+
+
+def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
+    drive(tmp_path / "a.mcap", seconds=2.0)
+    columns = decode(open_file(tmp_path / "a.mcap"), tmp_path / "store", speech())
+    (tmp_path / "out").mkdir()
+    wish = Wish(columns, tmp_path / "a.mcap", "A drive", device="1")
+    for suffix in ("csv", "parquet", "mcap"):
+        with files_of_at_most(4096), pytest.raises(RecordingError) as caught:
+            export(suffix, wish, tmp_path / "out" / f"a.{suffix}")
+        assert caught.value.message.endswith(".")
+        assert caught.value.hint
+        assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_slow_disk(running: Running, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that takes nothing for as long as it likes, neither writing nor forcing."""
+    running.client.post("/api/recordings/start", json={})
+    settled(running)
+    takes = threading.Event()
+
+    def slowly(function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(fd: int, *arguments: Any) -> Any:
+            if os.readlink(f"/proc/self/fd/{fd}").endswith(".mcap"):
+                takes.wait(PATIENCE_S)
+            return function(fd, *arguments)
+
+        return call
+
+    monkeypatch.setattr(os, "write", slowly(os.write))
+    monkeypatch.setattr(os, "fdatasync", slowly(os.fdatasync))
+    wanted = b"".join(sample(n % 250) for n in range(600))
+    for n in range(600):
+        send(running, links, "/dev/one", wanted[4 * n : 4 * n + 4])
+
+    def decoded() -> int:
+        health = running.state.sessions.get("1").health(running.state.hub.now())
+        return sum(one.count for one in health.messages if one.name == "Sample")
+
+    until(lambda: running.call(decoded) == 600, "samples wait for no disk")
+    until(lambda: running.client.get("/api/recorder").json()["behind_s"] > 0.1, "what waits is told")
+    assert running.client.get("/api/recorder").json()["running"] is True
+    takes.set()
+    settled(running)
+    state = running.client.post("/api/recordings/stop", json={}).json()
+    assert state["message"] == ""
+    assert received(tmp_path / "recordings" / f"{state['id']}.mcap") == wanted
+
+
+# ── damage ───────────────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes, int]:
+    """A recording as it was written, the same packed, and its rows."""
+    folder = tmp_path_factory.mktemp("whole")
+    drive(folder / "a.mcap")
+    loose = (folder / "a.mcap").read_bytes()
+    rows = rows_of(decode(open_file(folder / "a.mcap"), folder / "store", speech()))
+    pack(folder / "a.mcap")
+    return loose, (folder / "a.mcap").read_bytes(), rows
+
+
+def rows_of(columns: Columns) -> int:
+    return sum(columns.rows(channel["id"]) for channel in columns.manifest["channels"])
+
+
+def damaged(raw: bytes, seed: int) -> bytes:
+    """A run of bytes turned, cut out or zeroed, somewhere."""
+    draw = random.Random(seed)
+    at, size = draw.randrange(8, len(raw)), draw.choice((1, 1, 7, 512, 4096))
+    match seed % 4:
+        case 0:
+            return raw[:at]
+        case 1:
+            return raw[:at] + draw.randbytes(size) + raw[at + size :]
+        case 2:
+            return raw[:at] + bytes(size) + raw[at + size :]
+        case _:
+            return raw[:at] + raw[at + size :]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_recording_damaged_at_random_bytes(tmp_path: Path, whole: tuple[bytes, bytes, int], packed: bool) -> None:
+    opened = 0
+    for seed in range(12):
+        path = tmp_path / f"{seed}.mcap"
+        path.write_bytes(damaged(whole[1] if packed else whole[0], seed))
+        with contextlib.suppress(RecordingError):  # any other exception would be a fault of ours
+            columns = decode(open_file(path), tmp_path / f"store{seed}", speech())
+            assert 0 <= rows_of(columns) <= whole[2]
+            opened += 1
+    assert opened >= 6, "most of what is left can be read"
+
+
+def test_damaged_recordings_over_http(tmp_path: Path, links: Links, whole: tuple[bytes, bytes, int]) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    for seed in (20, 21):
+        (folder / f"hurt-{seed}.mcap").write_bytes(damaged(whole[1], seed))
+    (folder / "nothing.mcap").write_bytes(b"")
+    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+        client = running.client
+        listed = client.get("/api/recordings").json()
+        assert len(listed) == 3
+        assert any(one["damaged"] for one in listed), "a damage is told in the list"
+        for one in listed:
+            for path in ("", "/download", "/original?device=1"):
+                answer = client.get(f"/api/recordings/{one['id']}{path}", timeout=60)
+                assert answer.status_code != 500, (one["id"], path, answer.text)
+                if answer.status_code >= 400:
+                    assert set(answer.json()) == {"kind", "message", "hint"}

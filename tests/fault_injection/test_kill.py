@@ -1,0 +1,171 @@
+"""kill -9 in the middle of everything: what the next server finds, and what it does with it.
+
+    killed while it …                outcome when it starts again
+    records                          every byte but the last 20 ms is in the file, which is packed
+    writes settings                  the old ones are put back and read back, and the device measures
+    exports                          no job is there, and nothing of its files
+    takes an upload, writes a note   nothing of it but what was there before
+    packs a recording                it is packed anew, and what the old packing still does harms nothing
+
+(What is lost of a recording, 20 ms: tests/server/test_recorder.py. A rate on trial: tests/server/test_rollback.py.)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from httpx import Client
+
+from protocols.xbus.simulator.device import XbusDevice
+from recordings import compaction
+from recordings.compaction import is_loose
+from recordings.mcap_reader import Recording
+from recordings.mcap_writer import RecordingError, Writer
+from server.library.cleanup import LOCK, Tenancy
+from server.library.compaction_worker import left_behind
+from server.links.simulator import Bench
+from tests.fault_injection.fault_harness import frames
+from tests.server.control_harness import bench, outputs
+from tests.server.tcp_device import Line
+from tests.server_process import ROOT, ServerProcess
+from tests.timeouts import PATIENCE_S
+
+
+def until(condition: Callable[[], Any], what: str) -> Any:
+    end = time.monotonic() + PATIENCE_S
+    while not (found := condition()):
+        assert time.monotonic() < end, f"still not: {what}"
+        time.sleep(0.002)
+    return found
+
+
+def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
+    """A recording of these bytes."""
+    writer = Writer(path, {"title": path.stem})
+    writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
+    for k in range(0, len(frames_), size):
+        writer.chunk("1", "rx", frames_[k : k + size], 1_700_000_000_000_000_000 + 40_000 * k)
+    writer.close()
+
+
+def received(path: Path) -> bytes:
+    with Recording(path) as found:
+        pieces = []
+        for block in found.blocks():
+            channel = found.topic("rx/1")
+            if channel is not None:
+                pieces.append(block.joined(block.of(channel.id))[0])
+        return b"".join(pieces)
+
+
+def hidden(folder: Path) -> list[str]:
+    """What is unfinished, or looks like it."""
+    names = [path for path in folder.rglob("*") if path.name.endswith((".making", ".packing", ".export"))]
+    return [str(path.relative_to(folder)) for path in (*names, *(folder / "exports").glob("*"))]
+
+
+def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    recording(folder / "long.mcap", frames(0, 2000) * 40)
+
+    async def check() -> None:
+        async with bench() as there:
+            there.hold()  # the port outlives the server
+            await asyncio.to_thread(killed, there, tmp_path)
+
+    asyncio.run(check())
+
+
+def killed(there: Bench, data: Path) -> None:
+    folder = data / "recordings"
+    device = f"serial://{there.slave}?baud=115200"
+    (data / "exports" / "older-1").mkdir(parents=True)
+    with Line(500) as line:
+        with ServerProcess(line.source, device, data=data, arguments=("--record",)) as first:
+            with Client(base_url=first.url, timeout=PATIENCE_S) as http:
+                until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream")
+                until(lambda: http.get("/api/recorder").json()["bytes"] > 50_000, "it records")
+                idle = lambda: not http.get("/api/devices/2/control").json()["running"]  # noqa: E731
+                until(idle, "the recording has asked for what it wants")
+                assert (data / LOCK).exists()
+                asked = http.post("/api/recordings/long/exports", json={"format": "csv"})
+                assert asked.status_code == 202, asked.text
+                until(lambda: http.get("/api/recordings/exports").json()[0]["state"] == "running", "it exports")
+                body = {"changes": {"OutputConfiguration": outputs(50)}, "confirmed": True}
+                assert http.post("/api/devices/2/apply", json=body).status_code == 202
+                until(lambda: list((data / "trials").glob("*.json")), "the way back is on disk, the write begins")
+            first.process.kill()
+            first.process.wait()
+        sent = line.sent
+    (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
+    assert len(received(made)) > 10_000  # of the bytes counted above, those of this device
+    assert sent.startswith(received(made))
+    before = received(made)
+    (folder / ".note.json.0a1b2c3d").write_text("{", "utf-8")
+    (data / "cache" / "columns" / ".abc.4711.making").mkdir(parents=True, exist_ok=True)
+
+    with ServerProcess(device, data=data) as second, Client(base_url=second.url, timeout=PATIENCE_S) as http:
+        until(lambda: http.get("/api/devices/1/control").json()["done"], "the settings went back")
+        (job,) = http.get("/api/devices/1/control").json()["done"]
+        assert (job["state"], job["message"]) == ("done", "The device has its old settings again.")
+        until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
+        assert not list((data / "trials").glob("*.json"))
+        assert http.get("/api/recordings/exports").json() == []
+        until(lambda: not is_loose(made) and not is_loose(folder / "long.mcap"), "both are packed")
+        assert received(made) == before
+        assert received(folder / "long.mcap") == frames(0, 2000) * 40
+        until(lambda: not hidden(data), "nothing unfinished is left")
+        assert not (folder / ".note.json.0a1b2c3d").exists()
+    assert isinstance(there.device, XbusDevice)
+
+
+def test_a_server_with_company_in_its_folder_takes_nothing_away(tmp_path: Path) -> None:
+    """Two servers on one data folder: what the one is writing is no leftover of the other."""
+    first, second = Tenancy(tmp_path), Tenancy(tmp_path)
+    first.begin()
+    half = tmp_path / "exports" / "abc-1"
+    half.mkdir(parents=True)
+    assert second.begin() == []
+    assert half.exists()
+    second.end()
+    first.end()
+    third = Tenancy(tmp_path)
+    assert third.begin() == ["exports/abc-1"]
+    third.end()
+
+
+def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> None:
+    """Both used to write the same file aside: what the old one finished could have been half of the new one's."""
+    path = tmp_path / "a.mcap"
+    wanted = frames(0, 2000) * 3
+    recording(path, wanted)
+    begin = "import sys\nfrom pathlib import Path\nfrom recordings.compaction import pack\n"
+    code = f"{begin}pack(Path({str(path)!r}), progress=%s)"
+    held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
+    with subprocess.Popen(
+        [sys.executable, "-c", held], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as old:
+        assert old.stdout
+        assert old.stdin
+        assert old.stdout.readline() == "half\n"
+        assert left_behind(tmp_path) == [path]  # the next server starts, and packs
+        pipe = old.stdin
+
+        def let_it_end(share: float) -> None:
+            pipe.write("\n" * 1000)
+            pipe.flush()
+            old.wait(60)
+
+        with pytest.raises(RecordingError, match="replaced while it was packed"):
+            compaction.pack(path, progress=let_it_end)
+    assert received(path) == wanted
+    assert not is_loose(path)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]
