@@ -24,6 +24,7 @@ and nowhere else.
 ## Browser to server, text
 
     subscribe  channels (null: all, also future ones) and how many seconds of history to send; replaces the last one
+    interval   s: how often the page can use new samples; they come at most so often, and at least ten times a second
     ping       t: any number, returned
     (everything that changes something goes over HTTP)
 
@@ -458,6 +459,14 @@ class Subscribe:
 
 
 @dataclass(slots=True)
+class Interval:
+    """How often the page draws: a slow display costs its server, its network and itself less."""
+
+    s: float  # between two frames of samples, at least; 0: as often as the server sends
+    op: Literal["interval"] = "interval"
+
+
+@dataclass(slots=True)
 class Ping:
     t: float
     op: Literal["ping"] = "ping"
@@ -479,4 +488,4 @@ ServerText = (
     | Pong
     | Problem
 )
-BrowserText = Subscribe | Ping
+BrowserText = Subscribe | Interval | Ping

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.wire import FLAG_HISTORY, HEADER, OPCODE_SAMPLES, BrowserText, Ping, ServerText, Subscribe
+from server.wire import FLAG_HISTORY, HEADER, OPCODE_SAMPLES, BrowserText, Interval, Ping, ServerText, Subscribe
 
 _DROPPED_AT = 12
 _SAFE = 2**53 - 1  # JavaScript's Number.MAX_SAFE_INTEGER
@@ -166,6 +166,8 @@ def decode_text(text: str) -> BrowserText:
     match message.get("op"):
         case "ping":
             return Ping(_number(message, "t"))
+        case "interval":
+            return Interval(max(0.0, _number(message, "s")))
         case "subscribe":
             channels = message.get("channels")
             if channels is not None and not (
@@ -173,7 +175,7 @@ def decode_text(text: str) -> BrowserText:
             ):
                 raise WireError("`channels` must be null or a list of channel ids.", f"It was {channels!r:.80}.")
             return Subscribe(max(0.0, _number(message, "history")), channels)
-    raise WireError(f"There is no op {message.get('op')!r:.40}.", "A browser sends `subscribe` or `ping`.")
+    raise WireError(f"There is no op {message.get('op')!r:.40}.", "A browser sends `subscribe`, `interval` or `ping`.")
 
 
 def _number(message: Mapping[str, Any], name: str) -> float:

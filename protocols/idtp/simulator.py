@@ -110,6 +110,13 @@ class IdtpDevice:
         """Bytes from the host, to which nothing is said; what the device had to send by then."""
         return self.advance(now_ns)
 
+    @property
+    def next_ns(self) -> int:
+        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
+        if not self._waiting:
+            return 0
+        return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
+
     def _send(self, time_ns: int, kind: int, payload: bytes, out: list[bytes]) -> None:
         number, self._sequence = self._sequence, (self._sequence + 1) & 0xFFFFFFFF
         if self._jump and time_ns >= self._jump[0]:

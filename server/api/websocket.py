@@ -25,6 +25,7 @@ router = APIRouter()
 STUCK_S = 5.0
 MOST_WAITING_TEXT = 16 * 1024 * 1024  # bytes; text is never dropped, so who takes it so slowly is better connected anew
 REQUESTS_PER_S, REQUESTS_AT_ONCE = 20.0, 60.0  # a page asks twice a second, and some dozen times when it is opened
+LONGEST_INTERVAL_S = 0.1  # between two flushes, however seldom a page draws: what it shows when it does is this old
 HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 MB/s at most, for all browsers together
 
 
@@ -112,6 +113,8 @@ async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
             continue
         if isinstance(request, wire.Ping):
             outbox.say(wire_codec.encode_text(wire.Pong(request.t, hub.now())))
+        elif isinstance(request, wire.Interval):
+            outbox.interval_s = min(request.s, LONGEST_INTERVAL_S)
         else:
             hub.subscribe(outbox, request)
 

@@ -76,6 +76,10 @@ class Device(Protocol):
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host; what the device answers."""
 
+    @property
+    def next_ns(self) -> int:
+        """Time of its next message, so that nobody need ask before; 0 where that is not known."""
+
 
 @dataclass(frozen=True, slots=True)
 class TwinOptions:
@@ -181,8 +185,8 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
         key: for Secure frames; None for one that nobody knows.
     """
     from protocols.idtp.simulator import IdtpDevice
-    from protocols.isb.gpx import GpxDevice
     from protocols.isb.simulator.device import IsbDevice
+    from protocols.isb.simulator.gpx import GpxDevice
     from protocols.xbus.simulator.device import XbusDevice
 
     jump = (options.jump_s, JUMP_S) if options.jump_s else None
@@ -255,6 +259,11 @@ class SharedLine:
     def receive(self, data: bytes, now_ns: int) -> bytes:
         """Bytes from the host, for all of them; what they answer."""
         return b"".join(one.receive(data, now_ns) for one in self.members)
+
+    @property
+    def next_ns(self) -> int:
+        """Time of the next message of any of them; 0 where that is not known."""
+        return min(one.next_ns for one in self.members)
 
     def repowered(self, start_ns: int) -> SharedLine:
         """The same devices after the power of all was off."""

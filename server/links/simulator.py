@@ -54,6 +54,7 @@ from server.links.simulated_line import Cable, Faults
 log = logging.getLogger(__name__)
 
 TICK_NS = 1_000_000  # how often the device is asked for its bytes when the cable has nothing due earlier
+IDLE_NS = 10_000_000  # ... or at most, where the device tells that nothing is due before
 LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, so that its line is not full for that
 HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
 
@@ -142,12 +143,13 @@ class Bench(threading.Thread):
                 if one.baud != bauds[place]:  # a command changed it; until then the line is as the source says
                     bauds[place] = way.baud = one.baud
             self._put(self._to_host.arrived(now_ns, self._host_baud()))
-            self._take(poll, now_ns)
+            silent_until_ns = device.next_ns
+            self._take(poll, now_ns, min(max(now_ns + TICK_NS, silent_until_ns), now_ns + IDLE_NS))
 
-    def _take(self, poll: select.poll, now_ns: int) -> None:
-        """Wait until something is due, taking what the host sends meanwhile."""
+    def _take(self, poll: select.poll, now_ns: int, until_ns: int) -> None:
+        """Wait until something is due, `until_ns` at the latest, taking what the host sends meanwhile."""
         due = [at for way in (self._to_host, *self._to_device) if (at := way.next_ns) is not None]
-        wait_ns = min([now_ns + TICK_NS, *due]) - self._now_ns()
+        wait_ns = min([until_ns, *due]) - self._now_ns()
         for fd, event in poll.poll(max(wait_ns, 0) / 1e6):
             if fd == self._master and event & select.POLLIN:
                 try:

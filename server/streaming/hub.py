@@ -40,7 +40,7 @@ from server.version import VERSION
 FEW_BROWSERS = 4
 FLUSH_S = 0.008
 FLUSH_MANY_S = 0.016
-FLUSH_NOBODY_S = 0.05  # with nobody watching, decoding in longer stretches saves half of the work
+FLUSH_NOBODY_S = 0.1  # with nobody watching, decoding in longer stretches saves most of the work
 TRIM_S = 1.0
 PASSES = 8  # of the event loop between two turns that decode: as many as a request needs to be taken and answered
 HISTORY_S = 600.0

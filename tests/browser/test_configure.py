@@ -381,7 +381,7 @@ def test_a_profile_goes_to_two_devices_each_with_its_own_differences(serve: Serv
         until(page, f"document.querySelector('.rollout tr[data-device=\"{device}\"] button') === null")
     page.get_by_role("navigation", name="Snapshots").get_by_role("link", name="First contact").click()
     until(page, "document.querySelector('.rollout tr[data-device=\"3\"]')?.innerText.includes('“MTi-680G”')")
-    assert "Nothing" in page.inner_text('.rollout tr[data-device="2"]')
+    until(page, "document.querySelector('.rollout tr[data-device=\"2\"]')?.innerText.includes('Nothing')")
     page.goto(f"{server.url.rstrip('/')}/#/configure/1/compare/device")
     until(page, "document.querySelector('.rollout tr[data-device=\"2\"] summary') !== null")
     page.locator('.rollout tr[data-device="2"] input').check()

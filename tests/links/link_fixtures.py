@@ -42,6 +42,8 @@ def xbus(message: int, payload: bytes = b"") -> bytes:
 class Metronome:
     """The simplest device: a frame at each multiple of its period; answers anything with the bytes it got, framed."""
 
+    next_ns = 0
+
     def __init__(self, start_ns: int = 0, rate: float = 100.0, extra: bytes = b"") -> None:
         self.period_ns = round(1e9 / rate)
         self.sent = 0

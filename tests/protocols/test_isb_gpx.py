@@ -9,7 +9,7 @@ import pytest
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.driver import IsbDriver
-from protocols.isb.gpx import GpxDevice
+from protocols.isb.simulator.gpx import GpxDevice
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
 from protocols.transactions import Known, RefusedError
 from server.configuration.form_builder import forms_of

@@ -31,12 +31,16 @@ class Datagrams(FakeLink):
 class Text:
     """Sends something that is no protocol."""
 
+    next_ns = 0
+
     def advance(self, now_ns: int) -> bytes:
         return b"the quick brown fox " * 20
 
 
 class Newer:
     """An IDTP 3.1 device."""
+
+    next_ns = 0
 
     def __init__(self) -> None:
         self.sent = 0

@@ -244,6 +244,8 @@ def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
 class Several:
     """Devices that share a link; each may stop after some seconds."""
 
+    next_ns = 0
+
     def __init__(self, *devices: IdtpDevice, stop_s: Mapping[int, float] = MappingProxyType({})) -> None:
         self.devices = devices
         self.stop_s = stop_s
@@ -356,6 +358,8 @@ def test_datagrams_stand_alone() -> None:
 
 def test_messages_that_pass_through_are_counted_by_name() -> None:
     class Port:
+        next_ns = 0
+
         def __init__(self) -> None:
             self.device = IsbDevice()
 
@@ -383,6 +387,8 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
 
 def test_a_mixed_stream_is_told_so() -> None:
     class Mixed:
+        next_ns = 0
+
         def __init__(self) -> None:
             self.devices = IsbDevice(), IdtpDevice()
 

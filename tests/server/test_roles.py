@@ -135,12 +135,16 @@ def test_every_websocket_with_every_role(routes: list[Any], tmp_path: Path) -> N
 
 
 def test_what_a_browser_may_say_on_the_websocket_changes_nothing() -> None:
-    """The two that there are: what one is sent, and a question for the time. All else goes over HTTP."""
-    asked = {one for one in vars(wire).values() if isinstance(one, type) and one.__name__ in ("Subscribe", "Ping")}
+    """All three requests: what is sent, how often, and a question for the time. All else goes over HTTP."""
+    asked = {
+        one
+        for one in vars(wire).values()
+        if isinstance(one, type) and one.__name__ in ("Subscribe", "Interval", "Ping")
+    }
     understood = set()
     for name in {one.__dataclass_fields__["op"].default for one in vars(wire).values() if _has_op(one)}:
         try:
-            understood.add(type(decode_text(f'{{"op": "{name}", "channels": null, "history": 0, "t": 1}}')))
+            understood.add(type(decode_text(f'{{"op": "{name}", "channels": null, "history": 0, "t": 1, "s": 1}}')))
         except WireError:
             continue
     assert understood == asked

@@ -152,6 +152,19 @@ def small_socket(running: Running) -> socket.socket:
     return plain
 
 
+def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server: ServerProcess) -> None:
+    with connect(server.url.rstrip("/").replace("http", "ws", 1) + "/ws", subprotocols=PROTOCOLS) as connection:
+        reader = Reader(connection)
+        reader.read(PATIENCE_S, lambda reader: reader.said("channels"))
+        connection.send(wire_codec.encode_text(wire.Interval(10.0)))  # a tenth of a second is the longest
+        reader.subscribe(0)
+        reader.read(PATIENCE_S, lambda reader: any(len(live) > 20 for live in reader.live.values()))
+    channel = max(reader.live, key=lambda number: len(reader.live[number]))
+    assert assert_whole(reader, channel) == 0
+    sent = [samples.now for samples in reader.live[channel]][2:]
+    assert np.diff(sent).min() > 0.09
+
+
 def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
     with Running(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)

@@ -83,6 +83,8 @@ def test_text_round_trip() -> None:
     asked = wire.Subscribe(history=20.0, channels=[1, 2])
     assert wire_codec.decode_text(wire_codec.encode_text(asked)) == asked
     assert wire_codec.decode_text('{"op":"ping","t":1}') == wire.Ping(1.0)
+    assert wire_codec.decode_text('{"op":"interval","s":0.05}') == wire.Interval(0.05)
+    assert wire_codec.decode_text('{"op":"interval","s":-1}') == wire.Interval(0.0)
     assert json.loads(wire_codec.encode_text(wire.Backfilled())) == {"op": "backfilled"}
 
 
@@ -97,6 +99,7 @@ def test_text_round_trip() -> None:
         '{"op":"ping"}',
         '{"op":"ping","t":"1"}',
         '{"op":"ping","t":true}',
+        '{"op":"interval","s":"1"}',
         '{"op":"subscribe","history":NaN}',
         '{"op":"subscribe","history":1,"channels":["1"]}',
         '{"op":"subscribe","history":1,"channels":[true]}',

@@ -2,6 +2,8 @@
 import { effect } from "@preact/signals";
 import { render } from "preact";
 import * as actions from "./data/view-actions";
+import { framesDrawn } from "./data/render-loop";
+import { watchSampleInterval } from "./data/sample-interval";
 import { Store } from "./data/store";
 import { cursor, view } from "./data/view-state";
 import { loadPorts, startApp } from "./pages/app-state";
@@ -56,6 +58,7 @@ effect(() => {
 });
 
 store.start(socketUrl());
+watchSampleInterval(framesDrawn, (seconds) => store.requestInterval(seconds));
 void loadPorts();
 window.imuscope = { store, view, cursor, actions };
 const root = document.getElementById("root");

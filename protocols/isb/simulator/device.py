@@ -22,6 +22,7 @@ Source: ISB document; inertial-sense-sdk 2.7.1, data_sets.h and ISComm.h.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import Counter
 
@@ -165,6 +166,13 @@ class IsbDevice:
         self._heard_ns = now
         out += [self._hear(request, now) for _, request in requests + self._requests()]
         return b"".join(out)
+
+    @property
+    def next_ns(self) -> int:
+        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
+        if not self._awake or not self._waiting:
+            return 0
+        return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
 
     def _hear(self, request: Request, now: int) -> bytes:
         """One packet, sentence or correction."""

@@ -23,6 +23,7 @@ Source: MT0101P 2020.A, sections 4 and 5.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
@@ -208,6 +209,13 @@ class XbusDevice:
             out += self._asked_for
             self._asked_for.clear()
         return before + self._under_own_name(out)
+
+    @property
+    def next_ns(self) -> int:
+        """Time of its next message, on the clock of `advance`; 0 where that is not known."""
+        if self.phase != "measurement" or not self._waiting or self._tongue.is_busy:
+            return 0
+        return self._start_ns + math.ceil(self._waiting[-1][0] / self._speed)
 
     def _under_own_name(self, out: list[bytes]) -> bytes:
         """What it sends, each frame under its own bus identifier where it has one."""

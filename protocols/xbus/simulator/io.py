@@ -92,6 +92,11 @@ class Tongue:
             return []
         return [frame]
 
+    @property
+    def is_busy(self) -> bool:
+        """True while late answers wait."""
+        return bool(self._held)
+
     def due(self, now: int) -> list[bytes]:
         """Late answers whose time has come."""
         found = [frame for at, frame in self._held if at <= now]

@@ -8,9 +8,16 @@ export type Painter = (now: number) => void;
 
 const painters = new Set<Painter>();
 let handle: number | undefined;
+let drawn = 0;
+
+/** Frames drawn since the page was opened. */
+export function framesDrawn(): number {
+  return drawn;
+}
 
 function frame(now: number): void {
   handle = painters.size > 0 ? requestAnimationFrame(frame) : undefined;
+  drawn += 1;
   for (const paint of painters) {
     try {
       paint(now);

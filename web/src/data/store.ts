@@ -96,6 +96,11 @@ export class Store {
     this.#worker = undefined;
   }
 
+  /** Have samples sent every so many seconds at most; 0: as often as the server can. */
+  requestInterval(seconds: number): void {
+    this.#post({ kind: "interval", seconds });
+  }
+
   /** Try the connection again now. */
   retry(): void {
     this.#post({ kind: "retry" });

@@ -31,6 +31,7 @@ const post = (message: FromWorker, transfer: Transferable[] = []): void => self.
 
 let url = "";
 let wanted = 0;
+let interval = 0;
 let socket: WebSocket | undefined;
 let wait = FIRST_WAIT;
 let retryTimer: ReturnType<typeof setTimeout> | undefined;
@@ -118,6 +119,7 @@ function subscribe(hello: Extract<ServerText, { op: "hello" }>): void {
   const missed = newest === -Infinity || !backfilled ? most : hello.server_time - newest + MARGIN_S;
   backfilled = false;
   post({ kind: "subscribed", fresh });
+  if (interval > 0) send({ op: "interval", s: interval });
   send({ op: "subscribe", history: Math.max(0, Math.min(most, missed)), channels: null });
 }
 
@@ -178,6 +180,9 @@ self.onmessage = ({ data }: MessageEvent<ToWorker>) => {
       stopped = false;
       wait = FIRST_WAIT;
       return connect();
+    case "interval":
+      interval = data.seconds;
+      return send({ op: "interval", s: interval });
     case "retry":
       wait = FIRST_WAIT;
       if (socket === undefined) connect();

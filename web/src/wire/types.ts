@@ -444,6 +444,13 @@ export interface Subscribe {
   readonly op: "subscribe";
 }
 
+/** How often the page draws: a slow display costs its server, its network and itself less. */
+export interface Interval {
+  /** between two frames of samples, at least; 0: as often as the server sends */
+  readonly s: number;
+  readonly op: "interval";
+}
+
 export interface Ping {
   readonly t: number;
   readonly op: "ping";
@@ -451,4 +458,4 @@ export interface Ping {
 
 export type ServerText = Hello | Devices | Channels | HealthReport | Raws | Events | Control | Exchange | RecorderState | LibraryChanged | Exports | Backfilled | Pong | Problem;
 
-export type BrowserText = Subscribe | Ping;
+export type BrowserText = Subscribe | Interval | Ping;

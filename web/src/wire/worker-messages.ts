@@ -4,6 +4,8 @@ import type { ServerText } from "./types";
 
 export type ToWorker =
   | { readonly kind: "start"; readonly url: string; /** Most seconds of history wanted. */ readonly history: number }
+  /** The page draws every `seconds`: samples need not come more often. */
+  | { readonly kind: "interval"; readonly seconds: number }
   | { readonly kind: "stop" }
   | { readonly kind: "retry" };
 
