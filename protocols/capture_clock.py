@@ -18,15 +18,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.clock_sync import HostClock, Part
+from protocols.clock_sync import ClockSync, TimedRows
 
 Floats = NDArray[np.float64]
 
 ASTRAY_NS = 500_000_000  # at a step: rows that are so far from where the offset puts them have another
 
 
-class CaptureClock(HostClock):
-    """`HostClock` where the times of arrival say nothing of their own.
+class CaptureClock(ClockSync):
+    """`ClockSync` where the times of arrival say nothing of their own.
 
     Attributes:
         breaks: always empty: steps are told by the decoder.
@@ -45,7 +45,7 @@ class CaptureClock(HostClock):
         """Find the offset anew."""
         self._offset = None
 
-    def times(self, parts: Sequence[Part]) -> list[Floats]:
+    def times(self, parts: Sequence[TimedRows]) -> list[Floats]:
         """Times of the rows of each part that has any, unix s."""
         parts = [part for part in parts if len(part.device)]
         if not parts:
@@ -63,7 +63,7 @@ class CaptureClock(HostClock):
                 self._anchor([part for part in rest if len(part.device)])
         return out
 
-    def _stretch(self, parts: Sequence[Part], rows: Sequence[slice], out: Sequence[Floats]) -> None:
+    def _stretch(self, parts: Sequence[TimedRows], rows: Sequence[slice], out: Sequence[Floats]) -> None:
         some = [part.rows(which) for part, which in zip(parts, rows, strict=True) if which.start < which.stop]
         if not some:
             return
@@ -73,22 +73,22 @@ class CaptureClock(HostClock):
         for part, which, times in zip(parts, rows, out, strict=True):
             times[which] = (part.device[which] + self._offset) / 1e9
 
-    def _anchor(self, rest: Sequence[Part]) -> None:
+    def _anchor(self, rest: Sequence[TimedRows]) -> None:
         """The clock stepped before these rows: they have another offset, unless the arrivals went along (a pause)."""
         if rest and self._offset is not None and abs(_offset(rest) - self._offset) > ASTRAY_NS:
             self._offset = None
 
 
-def _offset(parts: Sequence[Part]) -> int:
+def _offset(parts: Sequence[TimedRows]) -> int:
     """Arrival less device time, by the message with most rows: by that the times of arrival were made."""
     busiest = max(parts, key=lambda part: len(part.device))
     return int(busiest.arrival[0] - busiest.device[0])
 
 
-def _before(part: Part, edge: int) -> int:
+def _before(part: TimedRows, edge: int) -> int:
     """How many rows of a part lie before a place in the stream."""
     return len(part.device) if part.offset is None else int(np.searchsorted(part.offset, edge))
 
 
-def _end(part: Part) -> int:
+def _end(part: TimedRows) -> int:
     return 0 if part.offset is None else int(part.offset[-1])

@@ -22,7 +22,7 @@ from protocols.framing import Ints
 _NONE = np.zeros(0, np.int64)
 
 
-class Pieces:
+class ChunkBoundaries:
     """Ends of the pieces of one stream, positions in bytes since it began, and their arrivals in unix ns."""
 
     def __init__(self) -> None:

@@ -53,7 +53,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.delay_stats import RECENT_NS, Lateness, Spread
+from protocols.delay_stats import RECENT_NS, DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 
@@ -81,7 +81,7 @@ STEP_NS = 50e6  # rows that far below the line are a step of the clock: three ti
 SMALLEST_STEP_NS, STEP_BOUNDS = 1e6, 4  # once the line is known, a step is what is that much and so many ± below it
 
 
-class Mapping:
+class ClockModel:
     """One uninterrupted stretch of a device's clock: its envelope, its line, and the knots handed out.
 
     Args:
@@ -93,7 +93,7 @@ class Mapping:
     Inside: x = device − origin; y = arrival − w − host origin − x; h = host − host origin; all float64 ns.
     """
 
-    def __init__(self, origin: int, host_origin: int, late: Lateness, unknown_ns: float = 0.0) -> None:
+    def __init__(self, origin: int, host_origin: int, late: DelayStatistics, unknown_ns: float = 0.0) -> None:
         self.origin = origin
         self.host_origin = host_origin
         self.slope = 0.0
@@ -111,7 +111,7 @@ class Mapping:
         self._planned = -np.inf
         self.late = late
         self.step_ns = STEP_NS
-        self.spread = Spread()
+        self.spread = DelaySpread()
         self._unknown_ns = unknown_ns
         self._shrink_s = UNSURE_S
         self._scatter: float | None = None  # of the envelope's points above their line; None: too few

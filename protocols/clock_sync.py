@@ -1,7 +1,7 @@
 """Which rows belong to one uninterrupted stretch of a device's clock, and when were they on the host's?
 
-    parts of a drain ──> in the order of the stream ──> fits the mapping? ── yes ──> Mapping (clock_model.py) ──> host
-    time
+    parts of a drain ──> in the order of the stream ──> fits the mapping? ── yes ──> ClockModel (clock_model.py) ──>
+    host time
     (rows of a message,                                       │ no
      device time, arrival)                                    └──> a candidate mapping; three rows in a row confirm it
 
@@ -32,9 +32,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.chunk_boundaries import Pieces
-from protocols.clock_model import Mapping
-from protocols.delay_stats import Lateness, Spread
+from protocols.chunk_boundaries import ChunkBoundaries
+from protocols.clock_model import ClockModel
+from protocols.delay_stats import DelaySpread, DelayStatistics
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ FIRST = -(1 << 62)  # before any device time
 
 
 @dataclass(slots=True)
-class Part:
+class TimedRows:
     """Rows of one message.
 
     Args:
@@ -65,10 +65,10 @@ class Part:
     size: int = 0
     source: int = 0
 
-    def rows(self, which: slice) -> Part:
+    def rows(self, which: slice) -> TimedRows:
         """Some of them."""
         offset = None if self.offset is None else self.offset[which]
-        return Part(self.device[which], self.arrival[which], offset, self.size, self.source)
+        return TimedRows(self.device[which], self.arrival[which], offset, self.size, self.source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class _Rows:
         return _Rows(self.device[which], self.arrival[which], offset, size, source)
 
 
-class HostClock:
+class ClockSync:
     """Device time → host time, learned from arrivals.
 
     Args:
@@ -106,7 +106,12 @@ class HostClock:
     """
 
     def __init__(
-        self, byte_time_ns: float = 0, *, holds_ns: float = 0, unknown_ns: float = 0, pieces: Pieces | None = None
+        self,
+        byte_time_ns: float = 0,
+        *,
+        holds_ns: float = 0,
+        unknown_ns: float = 0,
+        pieces: ChunkBoundaries | None = None,
     ) -> None:
         self._pieces = pieces
         self.byte_time_ns = byte_time_ns
@@ -114,9 +119,9 @@ class HostClock:
         self.breaks: list[float] = []
         self.holds_ns = holds_ns
         self._unknown_ns = unknown_ns
-        self._now: Mapping | None = None
-        self._before: Mapping | None = None  # the mapping before the last restart, for rows of the same chunk
-        self._candidate: Mapping | None = None
+        self._now: ClockModel | None = None
+        self._before: ClockModel | None = None  # the mapping before the last restart, for rows of the same chunk
+        self._candidate: ClockModel | None = None
         self._candidate_rows = 0
         self._last: dict[int, int] = {}  # source → its last device time
         self._told: dict[int, float] = {}  # source → the last host time told
@@ -133,7 +138,7 @@ class HostClock:
 
     # -- rows in
 
-    def times(self, parts: Sequence[Part]) -> list[Floats]:
+    def times(self, parts: Sequence[TimedRows]) -> list[Floats]:
         """Learn from the rows of a drain and map them.
 
         Returns:
@@ -159,7 +164,7 @@ class HostClock:
                 self._last[part.source] = int(part.device[-1])
         return [self._never_back(part.source, one) for part, one in zip(parts, told, strict=True)]
 
-    def _take_all(self, parts: Sequence[Part], *, back: bool) -> list[Floats]:
+    def _take_all(self, parts: Sequence[TimedRows], *, back: bool) -> list[Floats]:
         """The rows of several messages, in the order of the stream."""
         counts = [len(part.device) for part in parts]
         offset = np.concatenate([part.offset for part in parts])
@@ -175,8 +180,8 @@ class HostClock:
         return [host[end - count : end] for end, count in zip(ends, counts, strict=True)]
 
     def add(self, device_ns: Array, arrival_ns: Array, size: int = 0, source: int = 0) -> Floats:
-        """`times` of rows of one message; see Part."""
-        told = self.times([Part(device_ns, arrival_ns, None, size, source)])
+        """`times` of rows of one message; see TimedRows."""
+        told = self.times([TimedRows(device_ns, arrival_ns, None, size, source)])
         return told[0] if told else np.zeros(0)
 
     def host(self, device_ns: Array) -> Floats:
@@ -229,7 +234,7 @@ class HostClock:
         sent = self._pieces.sent(rows.offset, rows.size, last, self.byte_time_ns)
         return sent, (last - sent).astype(np.float64)
 
-    def _learn(self, now: Mapping, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
+    def _learn(self, now: ClockModel, x: Array, delay: Array, waited: Array, rows: _Rows) -> None:
         """All rows are of this mapping; the delays of the main message tell about the link."""
         arrival = int(rows.arrival[-1])
         if isinstance(rows.source, int):
@@ -242,7 +247,7 @@ class HostClock:
             size = float(rows.size if isinstance(rows.size, int) else rows.size[mine[0]])
             now.late.add(x[mine], delay[mine], size, arrival, waited[mine])
 
-    def _goes_back(self, part: Part) -> bool:
+    def _goes_back(self, part: TimedRows) -> bool:
         """Does a message go back against its own last time?"""
         source, device = part.source, part.device
         if len(self._last) > SOURCES:
@@ -293,7 +298,7 @@ class HostClock:
             out[row] = of.host(np.array([d]))[0]
         return out
 
-    def _suspect(self, device: int, sent: int, arrival: int) -> Mapping:
+    def _suspect(self, device: int, sent: int, arrival: int) -> ClockModel:
         """A row that the mapping cannot explain: it begins, or confirms, another, which is returned."""
         new = self._candidate
         if new is not None:
@@ -311,10 +316,10 @@ class HostClock:
             self._switch(new)
         return new
 
-    def _mapping(self, device: int, sent: int) -> Mapping:
-        return Mapping(device, sent, Lateness(self.holds_ns, self.byte_time_ns), self._unknown_ns)
+    def _mapping(self, device: int, sent: int) -> ClockModel:
+        return ClockModel(device, sent, DelayStatistics(self.holds_ns, self.byte_time_ns), self._unknown_ns)
 
-    def _following(self, device: int, sent: int, arrival: int) -> Mapping:
+    def _following(self, device: int, sent: int, arrival: int) -> ClockModel:
         """A mapping that begins with this row. Host time does not run backwards there."""
         new = self._mapping(device, sent)
         new.learn(np.zeros(1), np.zeros(1), arrival)
@@ -322,7 +327,7 @@ class HostClock:
             new.begin_at(max(0.0, self._now.last_host() - float(sent)))
         return new
 
-    def _switch(self, new: Mapping) -> None:
+    def _switch(self, new: ClockModel) -> None:
         """Another mapping from now on."""
         self.restarts += 1
         self.breaks.append(new.first_host() / 1e9)
@@ -355,9 +360,9 @@ class HostClock:
         return self._now.late.rows if self._now else 0
 
     @property
-    def spread(self) -> Spread:
+    def spread(self) -> DelaySpread:
         """How late frames came in the last seconds."""
-        return self._now.spread if self._now else Spread()
+        return self._now.spread if self._now else DelaySpread()
 
     @property
     def stalls(self) -> list[tuple[int, float]]:

@@ -27,7 +27,7 @@ AHEAD_S = 1.0  # device time that ran ahead of arrival time by more than this ha
 _AHEAD_NS = int(AHEAD_S * 1e9)
 
 
-class Unwrap:
+class TickUnwrapper:
     """Ticks of a clock that wraps, as ticks that go on counting.
 
     Args:
@@ -106,7 +106,7 @@ class Unwrap:
         return out
 
 
-class Counter:
+class SequenceCounter:
     """Frames lost, by a counter that each frame carries.
 
     Args:

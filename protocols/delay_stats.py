@@ -51,7 +51,7 @@ MOST = 0.9  # share of the delays that must fit what is known of an adapter
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class DelaySpread:
     """The delays of the last seconds, ns.
 
     Attributes:
@@ -70,7 +70,7 @@ class Spread:
     holds: float = 0.0
 
 
-class Lateness:
+class DelayStatistics:
     """The delays of one stretch of a device's clock.
 
     Args:
@@ -131,17 +131,17 @@ class Lateness:
         """The same of the bytes of each frame that came soonest."""
         return np.sort(self._least[self._x >= newest - RECENT_NS])
 
-    def spread(self, newest: float) -> Spread:
+    def spread(self, newest: float) -> DelaySpread:
         """Judge the last seconds before `newest`."""
         delays = self.recent(newest)
         count = len(delays)
         if count < 2:
-            return Spread(hidden=self._holds_ns)  # nothing is known yet
+            return DelaySpread(hidden=self._holds_ns)  # nothing is known yet
         soonest = self.soonest(newest)
         low = max(float(soonest[0]), 0.0)
         gap = float(np.diff(soonest[: count * 5 // 8 + 2]).max())
         if count < FEWEST:
-            return Spread(low, 0.0, gap, max(gap, self._holds_ns))
+            return DelaySpread(low, 0.0, gap, max(gap, self._holds_ns))
         bursts = _bursts(delays)
         timer = self._holds_ns or (USUAL_TIMER_NS if bursts else 0.0)
         hold = min(timer, self._filled_after(newest))
@@ -149,7 +149,7 @@ class Lateness:
         top = float(inside[len(inside) * 49 // 50]) if len(inside) else 0.0
         sure = min(self._holds_ns, WAKE_NS) * UNSURE  # how late those are that are least late is never known to a hair
         longer = len(inside) < MOST * count  # it keeps bytes for longer than was thought
-        return Spread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
+        return DelaySpread(low, top, gap, gap if longer or not hold else max(sure, hold - top), bursts, hold)
 
     def _filled_after(self, newest: float) -> float:
         """How long the last byte of a frame waits at most until those after it have filled a packet, ns."""

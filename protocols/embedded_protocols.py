@@ -15,13 +15,13 @@ import re
 from dataclasses import replace
 
 from protocols import nmea, rtcm, ubx
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 
 STARTS = re.compile(nmea.STARTS.pattern + b"|" + re.escape(ubx.SYNC) + b"|" + rtcm.SYNC + b"[\x00-\x03]")
 _STARTS = re.compile(b"[" + ubx.SYNC[:1] + rtcm.SYNC + b"]")
 
 
-def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+def find(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
     """All foreign messages in `data`, a stretch that held no frame of the stream's own protocol.
 
     Args:
@@ -31,8 +31,8 @@ def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
         message there may still be incomplete (the length of `data` when none is).
     """
     if not _STARTS.search(data):
-        return nmea.find(data, final=final)
-    found: list[Found] = []
+        return nmea.find_nmea(data, final=final)
+    found: list[ParsedMessage] = []
     text = 0  # from where sentences have not been looked for
     at = 0
     while start := _STARTS.search(data, at):
@@ -41,7 +41,7 @@ def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
         one = module.message_at(data, at, final=final)
         if one == ubx.WAIT:
             return found + _sentences(data, text, at, final=True)[0], at  # no sentence goes on over such a byte
-        if isinstance(one, Found):
+        if isinstance(one, ParsedMessage):
             found += _sentences(data, text, at, final=True)[0]
             found.append(one)
             text = at = at + one.size
@@ -51,8 +51,8 @@ def find(data: bytes, *, final: bool) -> tuple[list[Found], int]:
     return found + sentences, kept
 
 
-def _sentences(data: bytes, start: int, stop: int, *, final: bool) -> tuple[list[Found], int]:
+def _sentences(data: bytes, start: int, stop: int, *, final: bool) -> tuple[list[ParsedMessage], int]:
     if start >= stop:
         return [], stop
-    found, kept = nmea.find(data[start:stop], final=final)
+    found, kept = nmea.find_nmea(data[start:stop], final=final)
     return [replace(one, offset=start + one.offset) for one in found], start + kept

@@ -26,7 +26,7 @@ from protocols.schema import Message
 Array = NDArray[Any]
 
 
-class Late(Mapping[str, Any]):
+class LazyMapping(Mapping[str, Any]):
     """Values by name, read when first asked for: most answers and sentences of a busy stream are never looked at.
 
     Args:
@@ -115,7 +115,7 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Reject:
+class RejectedFrame:
     """A candidate that failed: `reason` is a word of the protocol's list ("bad_checksum", "bad_size", "truncated").
 
     Of a frame that is whole and yet refused, `device` is who sent it, and `detail` says why in words; "" otherwise.
@@ -130,7 +130,7 @@ class Reject:
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class SampleGap:
     """`missing` samples were lost just before the frame at `offset` (by the counter named in `counter`)."""
 
     offset: int
@@ -142,7 +142,7 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ClockStep:
     """The device clock did not continue: `kind` is "jump", "reset" or "sync"; `by_ns` how far it moved."""
 
     offset: int
@@ -152,7 +152,7 @@ class Step:
     device: str = ""
 
 
-Event = Batch | Reply | Text | Reject | Gap | Step
+Event = Batch | Reply | Text | RejectedFrame | SampleGap | ClockStep
 
 
 class Decoder(Protocol):
@@ -242,7 +242,7 @@ class Doubts(Decoder, Protocol):
 
 def sender_of(event: Event) -> str:
     """Who sent it, as the stream names it; "" where nobody is named."""
-    return "" if isinstance(event, Text | Reject) else event.device
+    return "" if isinstance(event, Text | RejectedFrame) else event.device
 
 
 def batches(events: list[Event]) -> Iterator[Batch]:

@@ -1,8 +1,8 @@
 """Where do frames begin and end in a stream that was cut anywhere?
 
-A link gives chunks: pieces of the byte stream with the time at which they arrived. Frames straddle them. `Buffer` keeps
-the bytes that are not decided yet and remembers when each arrived; a protocol's `scan` (a plain loop, compiled) goes
-over them and writes what it found into a table.
+A link gives chunks: pieces of the byte stream with the time at which they arrived. Frames straddle them. `StreamBuffer`
+keeps the bytes that are not decided yet and remembers when each arrived; a protocol's `scan` (a plain loop, compiled)
+goes over them and writes what it found into a table.
 
 ## The resync rule, the same for every protocol
 
@@ -73,7 +73,7 @@ _SMALL = 1 << 11
 _KEPT_COLUMNS = 1 << 16  # frames of 16 bytes in a chunk of 1 MB; what is not written to is not there
 
 
-class Buffer:
+class StreamBuffer:
     """The undecided end of a stream, with the arrival time of each byte.
 
     Positions are absolute: bytes since the stream began.
@@ -141,7 +141,7 @@ class Buffer:
 
 
 @dataclass(slots=True)
-class Scanned:
+class ScanResult:
     """What a scan of everything found.
 
     Args:
@@ -157,7 +157,7 @@ class Scanned:
     framed: int
 
 
-class Room:
+class ScanCapacity:
     """Memory that one stream uses again in every drain: fresh memory of this size can cost more than the work in it.
 
     What is written there is good until the next drain.
@@ -178,7 +178,7 @@ class Room:
 
 
 @compiled(INT, STRIDED)
-def drop_failed(table: Ints) -> int:
+def compact_rejected(table: Ints) -> int:
     """Move the accepted candidates of a scan's table to its first columns, in their order; returns how many there are.
 
     In place, because a mask of numpy's costs several times the scan.
@@ -192,13 +192,13 @@ def drop_failed(table: Ints) -> int:
     return kept
 
 
-def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: Room | None = None) -> Scanned:
+def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: ScanCapacity | None = None) -> ScanResult:
     """Run `scan` from `at` to the end of `data`; with a `room`, the table is good until its next use."""
     columns = min(_TABLE_COLUMNS, len(data) - at + 1)
     if columns < _SMALL:  # a column for each byte, and so enough
         table = np.empty((QUANTITIES, columns), np.int64)
         found, at, failed, framed = scan(data, at, final, table)
-        return Scanned(table[:, :found], at, failed, framed)
+        return ScanResult(table[:, :found], at, failed, framed)
     parts: list[Ints] = []
     all_failed = all_framed = 0
     while True:
@@ -213,4 +213,4 @@ def scan_all(scan: Scan, data: Bytes, at: int, *, final: bool, room: Room | None
         all_framed += framed
         if found < columns:
             break
-    return Scanned(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), at, all_failed, all_framed)
+    return ScanResult(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), at, all_failed, all_framed)

@@ -8,7 +8,7 @@ behind the reader's back while a device streams, and the machine code is kept on
     it has not (tests, scripts)  by numba, in `NUMBA_CACHE_DIR`, beside the source file or in the user's cache folder;
                                  where none of them can be written the function is compiled for this run only
 
-Because numba may never be there, the types of a signature are said as what they will be once it is: a `Kind` makes
+Because numba may never be there, the types of a signature are said as what they will be once it is: a `TypeSpec` makes
 numba's type of its module `types`.
 
 Rules for the functions themselves:
@@ -33,21 +33,21 @@ import numpy as np
 from protocols import native_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
-Kind = Callable[[Any], Any]
+TypeSpec = Callable[[Any], Any]
 """numba.types -> one of its types."""
 
 
-def scalar(name: str) -> Kind:
+def scalar(name: str) -> TypeSpec:
     """A number, as numba calls it."""
     return lambda types: getattr(types, name)
 
 
-def array(item: str, dimensions: int, layout: str, *, readonly: bool = False) -> Kind:
+def array(item: str, dimensions: int, layout: str, *, readonly: bool = False) -> TypeSpec:
     """An array; `layout` is "C" where it is contiguous, "A" for any."""
     return lambda types: types.Array(getattr(types, item), dimensions, layout, readonly=readonly)
 
 
-def several(*kinds: Kind) -> Kind:
+def several(*kinds: TypeSpec) -> TypeSpec:
     """A tuple."""
     return lambda types: types.Tuple([kind(types) for kind in kinds])
 
@@ -66,14 +66,14 @@ FOUR = several(INT, INT, INT, INT)
 unsigned = np.uint64
 
 _disabled = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
-_place = None if _disabled else native_cache.place()
+_place = None if _disabled else native_cache.cache_path()
 _kept = native_cache.load(_place) if _place else {}
 _is_whole = bool(_kept)
 _made: dict[str, Any] = {}
 _parts: list[Path] = []
 
 
-def compiled(result: Kind, *arguments: Kind) -> Callable[[F], F]:
+def compiled(result: TypeSpec, *arguments: TypeSpec) -> Callable[[F], F]:
     """Compile the decorated function for exactly these types, once, kept on disk where that is possible."""
 
     def decorate(function: F) -> F:
@@ -104,24 +104,24 @@ def inlined(function: F) -> F:
     return cast(F, numba.njit(inline="always")(function))
 
 
-def keep() -> None:
+def save() -> None:
     """Write the machine code of all that was compiled to where the next process looks for it, if anything was.
 
     Raises:
         OSError: it cannot be written.
     """
     if _place and _made and not _is_whole:
-        native_cache.keep(_place, _made, *_parts)
+        native_cache.save(_place, _made, *_parts)
         for part in _parts:
             part.unlink(missing_ok=True)
 
 
-def keep_part(path: Path, package: str) -> None:
-    """Write that of one package's modules only, for another process to `take`."""
-    native_cache.keep(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
+def save_module(path: Path, package: str) -> None:
+    """Write that of one package's modules only, for another process to `load_module`."""
+    native_cache.save(path, {name: made for name, made in _made.items() if name.startswith(f"{package}.")})
 
 
-def take(part: Path) -> None:
+def load_module(part: Path) -> None:
     """Use what another process has compiled, for modules that are not imported yet, and keep it with the rest."""
     functions = native_cache.load(part)
     if functions:

@@ -78,7 +78,7 @@ def is_open(field: Field) -> bool:
     return bool(field.shape) and field.shape[0] == -1
 
 
-def fit(fields: Sequence[Field], size: int) -> tuple[Field, ...] | None:
+def form_for_size(fields: Sequence[Field], size: int) -> tuple[Field, ...] | None:
     """`fields` with the open one given its count, for a payload of exactly `size` bytes; None where that cannot be."""
     rest = size - sum(size_of(field) for field in fields if not is_open(field))
     if not fields or not is_open(fields[-1]):
@@ -97,7 +97,7 @@ def unpack(fields: Sequence[Field], payload: bytes, at: int = 0, *, exact: bool 
     """Wire values by name.
 
     Args:
-        fields: as returned by `fit`; the payload must hold them from `at` on.
+        fields: as returned by `form_for_size`; the payload must hold them from `at` on.
         exact: give a float that is not finite as {"f32": hex} or {"f64": hex}, because a NaN has many spellings; the
             digits are those of its bits as a number, highest first, in whatever order they travel.
     """
@@ -282,7 +282,7 @@ class Layout:
 
     @classmethod
     def of(cls, fields: Sequence[Field]) -> Layout:
-        """The layout of fields that follow each other without gaps; their shapes are closed (see `fit`)."""
+        """The layout of fields that follow each other without gaps; their shapes are closed (see `form_for_size`)."""
         places: list[Place] = []
         at = 0
         for field in fields:
@@ -290,9 +290,9 @@ class Layout:
             at += size_of(field)
         return cls(places, at)
 
-    def columns(self, rows: NDArray[np.uint8]) -> Columns:
+    def columns(self, rows: NDArray[np.uint8]) -> LazyColumns:
         """Columns of gathered frames, (n, size) uint8, contiguous."""
-        return Columns(self, rows)
+        return LazyColumns(self, rows)
 
 
 class _Reader:
@@ -306,7 +306,7 @@ class _Reader:
         self._at = pieces[0][0]
         self._opaque = field.dtype == "bytes"
         self._wire = element(field)
-        self._native = native(field)
+        self._native = to_native_order(field)
         inner = (self._wire.itemsize * math.prod(field.shape[i + 1 :]) for i in range(len(field.shape)))
         self._strides = (stride, *inner)
         self._shape = field.shape
@@ -326,10 +326,10 @@ class _Reader:
         if self._plain:
             return _copied(wire, self._native)
         with np.errstate(invalid="ignore", over="ignore"):  # a device may send any float, a signalling NaN too
-            return shown(self._field, wire)
+            return to_display_units(self._field, wire)
 
 
-class Columns(Mapping[str, Array]):
+class LazyColumns(Mapping[str, Array]):
     """Field name → array of n rows, made when first asked for (see events.Batch)."""
 
     __slots__ = ("_done", "_layout", "_rows")
@@ -368,10 +368,10 @@ def _copied(wire: Array, dtype: np.dtype[Any]) -> Array:
     return out
 
 
-def native(field: Field) -> np.dtype[Any]:
+def to_native_order(field: Field) -> np.dtype[Any]:
     """The dtype of one element of a column: native byte order; float64 where the shown value is not the wire's."""
     if field.fields:
-        return np.dtype([(part.name, native(part), part.shape) for part in field.fields])
+        return np.dtype([(part.name, to_native_order(part), part.shape) for part in field.fields])
     if field.dtype == "ascii":
         return np.dtype("S1")
     if field.dtype in _FIXED_POINT or field.scale != 1 or field.bias != 0:
@@ -379,12 +379,12 @@ def native(field: Field) -> np.dtype[Any]:
     return element(field).newbyteorder("=")
 
 
-def shown(field: Field, wire: Array) -> Array:
+def to_display_units(field: Field, wire: Array) -> Array:
     """Wire values, any shape of elements, in native order and shown units."""
     if field.fields:
-        out = np.empty(wire.shape, native(field))
+        out = np.empty(wire.shape, to_native_order(field))
         for part in field.fields:
-            out[part.name] = shown(part, wire[part.name])
+            out[part.name] = to_display_units(part, wire[part.name])
         return out
     if field.dtype == "fp1632":
         value = _copied(wire["high"], np.dtype(np.float64))
@@ -392,7 +392,7 @@ def shown(field: Field, wire: Array) -> Array:
     elif field.dtype == "fp1220":
         value = _copied(wire, np.dtype(np.float64)) * 2.0**-20
     else:
-        value = _copied(wire, native(field))
+        value = _copied(wire, to_native_order(field))
     if field.scale != 1:
         parts = round(1 / field.scale) if 0 < field.scale < 1 else 0
         if parts and abs(parts * field.scale - 1) < 1e-12:

@@ -18,12 +18,12 @@ from collections import Counter
 
 import numpy as np
 
-from protocols.events import Reject, Text
+from protocols.events import RejectedFrame, Text
 from protocols.framing import ID, OFFSET, SIZE, Ints, Scan
 from protocols.idtp.frames import LITE, scanner
 from protocols.isb.frames import scan as isb_scan
-from protocols.nmea import Found
-from protocols.stream_parser import Stream
+from protocols.nmea import ParsedMessage
+from protocols.stream_parser import StreamParser
 from protocols.xbus.frames import scan as xbus_scan
 from protocols.xbus.messages import ROWS
 
@@ -32,19 +32,19 @@ MASTER = 0xFF  # bus identifier of a device that is not one of many
 MESSAGES = np.array(sorted(ROWS))
 
 
-class _Bare(Stream):
+class _Bare(StreamParser):
     """Frames alone: messages that pass through any port are nobody's own."""
 
     def __init__(self, scan: Scan) -> None:
         super().__init__(scan, _nothing, _NEVER)
 
     def _stretches(
-        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
         self._find_at = self._scan_at
 
 
-def _nothing(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+def _nothing(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
     return [], len(data)
 
 
@@ -54,7 +54,7 @@ _NEVER = re.compile(rb"(?!)")
 class _Frames:
     """The frames of one protocol in a stream: where each begins and ends."""
 
-    def __init__(self, name: str, stream: Stream) -> None:
+    def __init__(self, name: str, stream: StreamParser) -> None:
         self._stream = stream
         self._weak = name == "xbus"
         self._fed = 0
@@ -81,7 +81,7 @@ class _Frames:
         self.spans = self.spans[:, np.searchsorted(self.spans[1], before) :]
 
 
-class Mixture:
+class MixedProtocolDetector:
     """Counts the frames of other protocols in a stream.
 
     Args:

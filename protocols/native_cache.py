@@ -59,17 +59,17 @@ def sources_mark() -> str:
     return digest.hexdigest()[:16]
 
 
-def fits(path: Path) -> bool:
+def is_valid(path: Path) -> bool:
     """Is `path` a file whose code may run here and now?"""
     return _read(path) is not None
 
 
-def place() -> Path | None:
+def cache_path() -> Path | None:
     """Where this process was told to look for its machine code."""
     return Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None
 
 
-def keep(path: Path, functions: Mapping[str, Any], *parts: Path) -> None:
+def save(path: Path, functions: Mapping[str, Any], *parts: Path) -> None:
     """Write the machine code of numba's dispatchers, each compiled for one signature, by their names.
 
     Args:

@@ -30,7 +30,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from protocols import imx_sentences
-from protocols.events import Late
+from protocols.events import LazyMapping
 from protocols.schema import Field, Message
 
 LONGEST = 192  # the standard says 82; $PSONCMS needs 132
@@ -118,7 +118,7 @@ SENTENCES: Mapping[str, Message] = {
 
 
 @dataclass(slots=True)
-class Found:
+class ParsedMessage:
     """One sentence in a stretch of bytes.
 
     Args:
@@ -137,7 +137,7 @@ class Found:
     fields: Mapping[str, Any] = field(default_factory=dict)
 
 
-def find(data: bytes | memoryview, *, final: bool) -> tuple[list[Found], int]:
+def find_nmea(data: bytes | memoryview, *, final: bool) -> tuple[list[ParsedMessage], int]:
     """All sentences in `data`, a stretch that held no frame of another protocol.
 
     Args:
@@ -147,7 +147,7 @@ def find(data: bytes | memoryview, *, final: bool) -> tuple[list[Found], int]:
         (the length of `data` when none is).
     """
     data = bytes(data)
-    found: list[Found] = []
+    found: list[ParsedMessage] = []
     at = 0
     while start := _STARTS.search(data, at):
         begin = start.start()
@@ -164,12 +164,12 @@ def find(data: bytes | memoryview, *, final: bool) -> tuple[list[Found], int]:
             if cut_short and end - begin <= LONGEST - 4 and not final:
                 return found, begin
             if _ADDRESS.match(data, begin):
-                found.append(Found(begin, end - begin, "nmea", "", _text(data[begin:end])))
+                found.append(ParsedMessage(begin, end - begin, "nmea", "", _text(data[begin:end])))
         at = max(end, begin + 1)
     return found, len(data)
 
 
-def _sentence(raw: bytes, offset: int) -> Found | None:
+def _sentence(raw: bytes, offset: int) -> ParsedMessage | None:
     """A whole line: checked, and read. None for a line that only began like a sentence."""
     line = raw.rstrip(b"\r\n")
     address = _ADDRESS.match(line + b",")
@@ -184,10 +184,10 @@ def _sentence(raw: bytes, offset: int) -> Found | None:
         content = line[1:]
         good = name in UNCHECKED
     if not good:
-        return Found(offset, len(raw), "nmea", "", _text(line))
+        return ParsedMessage(offset, len(raw), "nmea", "", _text(line))
     read = functools.partial(_own, name, content) if name in SENTENCES else functools.partial(_standard, line, content)
-    fields = Late(read)
-    return Found(offset, len(raw), "nmea", name, _text(line), fields)
+    fields = LazyMapping(read)
+    return ParsedMessage(offset, len(raw), "nmea", name, _text(line), fields)
 
 
 def checksum(content: bytes) -> int:

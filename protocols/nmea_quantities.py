@@ -97,7 +97,7 @@ ALONE: Mapping[str, Field] = {
 }
 
 
-class Sentences:
+class NmeaQuantities:
     """Makes batches of the sentences of one stream; one message is kept for each kind of sentence."""
 
     def __init__(self) -> None:

@@ -7,7 +7,7 @@ L has ten bits, so a message has at most 1029 bytes. The CRC is CRC-24Q over eve
 first. Corrections from a base station pass through the ports of an Inertial Sense device; here they are found, checked
 and named. D3 alone is one byte in 256, so a candidate that fails its check is no news and is not reported.
 
-A stream that holds nothing but corrections (a caster's) is taken apart by `Splitter`; there, bytes that belong to no
+A stream that holds nothing but corrections (a caster's) is taken apart by `RtcmFramer`; there, bytes that belong to no
 message are a loss, and counted.
 
 Source: RTCM 10403.3, section 4 (transport layer) and table 3.5-1 (messages).
@@ -20,7 +20,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from protocols.checksums import crc24q
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 from protocols.ubx import WAIT, Wait
 
 SYNC = b"\xd3"
@@ -56,7 +56,7 @@ NAMES: Mapping[int, str] = {
 }
 
 
-def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
+def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | None:
     """The message that begins at `at`, where SYNC is; see ubx.message_at."""
     left = len(data) - at
     if left >= 2 and data[at + 1] & 0xFC:
@@ -70,10 +70,10 @@ def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
         return None
     number = frame[3] << 4 | frame[4] >> 4 if length >= 2 else -1
     fields = {"number": number, "title": NAMES.get(number, ""), "length": length}
-    return Found(at, size, "rtcm3", str(number) if length >= 2 else "empty", frame.hex(), fields)
+    return ParsedMessage(at, size, "rtcm3", str(number) if length >= 2 else "empty", frame.hex(), fields)
 
 
-class Splitter:
+class RtcmFramer:
     """Whole messages out of a stream of corrections that arrives in any pieces.
 
     Attributes:
@@ -87,16 +87,16 @@ class Splitter:
         self._kept = b""
         self._lost = False  # the last bytes were of no message
 
-    def feed(self, data: bytes) -> list[Found]:
+    def feed(self, data: bytes) -> list[ParsedMessage]:
         """The messages that these bytes complete, with their hex as `line`; offsets mean nothing here."""
         self._kept += data
-        found: list[Found] = []
+        found: list[ParsedMessage] = []
         at = 0
         while at < len(self._kept):
             one = message_at(self._kept, at, final=False) if self._kept[at] == SYNC[0] else None
             if one == WAIT:
                 break
-            if isinstance(one, Found):
+            if isinstance(one, ParsedMessage):
                 found.append(one)
                 at += one.size
                 self._lost = False

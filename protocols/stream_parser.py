@@ -18,29 +18,29 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from protocols.events import Decoder, Reject, Text
+from protocols.events import Decoder, RejectedFrame, Text
 from protocols.framing import (
     OFFSET,
     REASONS,
     SIZE,
     STATUS,
-    Buffer,
     Bytes,
     Ints,
-    Room,
     Scan,
-    Scanned,
-    drop_failed,
+    ScanCapacity,
+    ScanResult,
+    StreamBuffer,
+    compact_rejected,
     scan_all,
 )
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 
-Find = Callable[..., tuple[list[Found], int]]
+Find = Callable[..., tuple[list[ParsedMessage], int]]
 """find(data, final=…) -> (what was found, from where bytes must be kept); see protocols/embedded_protocols.py."""
 
 
 @dataclass(slots=True)
-class Cut:
+class ParseResult:
     """What one drain found; `table` is good until the next one.
 
     Args:
@@ -56,11 +56,11 @@ class Cut:
     start: int
     table: Ints
     arrival_ns: Ints
-    rejects: list[Reject]
+    rejects: list[RejectedFrame]
     texts: list[Text]
 
 
-class Stream:
+class StreamParser:
     """Cuts a stream of bytes, given in chunks, into frames, texts and rejects.
 
     Args:
@@ -74,8 +74,8 @@ class Stream:
         self._scan = scan
         self._find = find
         self._starts = starts
-        self._buffer = Buffer()
-        self._room = Room()
+        self._buffer = StreamBuffer()
+        self._room = ScanCapacity()
         self._scan_at = 0  # positions in the stream: from where to look for frames …
         self._find_at = 0  # … and for other messages
         self._known = 0  # bytes of accepted frames and of texts
@@ -98,14 +98,14 @@ class Stream:
         """Bytes so far that belong to no frame and no text."""
         return self._buffer.start - self._known
 
-    def drain(self, *, stalled: bool = False) -> Cut:
+    def drain(self, *, stalled: bool = False) -> ParseResult:
         """Everything that is complete; see events.Decoder.drain."""
         data = self._buffer.data()
         array = np.frombuffer(data, np.uint8)
         at = self._scan_at - self._buffer.start
         return self._cut(data, array, scan_all(self._scan, array, at, final=stalled, room=self._room), stalled)
 
-    def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> Cut | None:
+    def drain_full(self, chunks: Sequence[tuple[bytes, int]]) -> ParseResult | None:
         """Everything in chunks of which each is full: frames one after the other, and the last ends where it ends.
 
         What is found in them is then the same whether they are searched together, which costs less, or apart.
@@ -129,15 +129,15 @@ class Stream:
         self.feed_many(data, np.array(ends, np.int64), np.array([arrival_ns for _, arrival_ns in chunks], np.int64))
         return self._cut(data, array, scanned, True)
 
-    def _cut(self, data: bytes, array: Bytes, scanned: Scanned, stalled: bool) -> Cut:
+    def _cut(self, data: bytes, array: Bytes, scanned: ScanResult, stalled: bool) -> ParseResult:
         """What was scanned, decided; `data` is all of the buffer."""
         buffer = self._buffer
         start = buffer.start
         table = scanned.table
-        rejects: list[Reject] = []
+        rejects: list[RejectedFrame] = []
         if scanned.failed:
             rejects = self._rejects(table, start)
-            table = table[:, : drop_failed(table)]
+            table = table[:, : compact_rejected(table)]
         if table.shape[1] == 1:  # the usual case of a live stream
             offset, size = table[:2, 0].tolist()
             arrivals = np.array((buffer.arrival(start + offset + size - 1),))
@@ -152,9 +152,9 @@ class Stream:
         else:
             self._find_at = self._scan_at
         buffer.release(min(self._scan_at, self._find_at))
-        return Cut(data, array, start, table, arrivals, rejects, texts)
+        return ParseResult(data, array, start, table, arrivals, rejects, texts)
 
-    def _rejects(self, table: Ints, start: int) -> list[Reject]:
+    def _rejects(self, table: Ints, start: int) -> list[RejectedFrame]:
         """The failed candidates of a scan. One that is cut short has the size that is there."""
         failed = table[:, np.flatnonzero(table[STATUS])]
         end = start + len(self._buffer)
@@ -162,11 +162,11 @@ class Stream:
         for offset, size, status in zip(*(failed[row].tolist() for row in (OFFSET, SIZE, STATUS)), strict=True):
             at = start + offset
             last = min(at + max(size, 1), end)
-            rejects.append(Reject(at, last - at, REASONS[status], self._buffer.arrival(last - 1)))
+            rejects.append(RejectedFrame(at, last - at, REASONS[status], self._buffer.arrival(last - 1)))
         return rejects
 
     def _stretches(
-        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
         """Look through the stretches between the frames."""
         begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
@@ -183,16 +183,16 @@ class Stream:
             self._find_at = at + kept
         self._find_at = max(self._find_at, int(begins[-1]))
 
-    def _report(self, one: Found, offset: int, texts: list[Text], rejects: list[Reject]) -> None:
+    def _report(self, one: ParsedMessage, offset: int, texts: list[Text], rejects: list[RejectedFrame]) -> None:
         arrival = self._buffer.arrival(offset + one.size - 1)
         if not one.name:
-            rejects.append(Reject(offset, one.size, "bad_checksum", arrival))
+            rejects.append(RejectedFrame(offset, one.size, "bad_checksum", arrival))
             return
         texts.append(Text(one.protocol, one.name, one.line, offset, one.size, arrival, one.fields))
         self._known += one.size
 
 
-class Cutter(Protocol):
+class FrameParser(Protocol):
     """What a decoder hands its chunks to."""
 
     def feed(self, data: bytes, arrival_ns: int) -> None: ...
@@ -203,7 +203,7 @@ class Cutter(Protocol):
     def skipped(self) -> int: ...
 
 
-S = TypeVar("S", bound=Cutter)
+S = TypeVar("S", bound=FrameParser)
 
 
 class StreamDecoder(Decoder, Generic[S]):

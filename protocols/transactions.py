@@ -5,22 +5,22 @@ itself, so a test plays it with a list and the server plays it on a link:
 
     def ask(frame):                          the runner
         yield Send(frame, "ReqDID")          writes the bytes, sends None
-        values = yield Expect(did, 0.5)      feeds every event to `did` until it makes something of one, sends that;
+        values = yield WaitFor(did, 0.5)      feeds every event to `did` until it makes something of one, sends that;
                                              sends None when the time is up
         return values                        has the result of the dialogue
 
-    yield Pause(0.1)                         waits, sends None
-    yield Relink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
+    yield Sleep(0.1)                         waits, sends None
+    yield ReopenLink(baud=921600)                closes the link and opens it at that rate, sends True; False: it cannot
     yield Note("It is restarted.")           tells who watches what no frame shows, sends None
 
-What a device refuses is a `RefusedError`, what it never answers a `SilentError`; both say what was asked, so that the
-page can show it. A runner that is stopped calls `stop(dialogue)` and writes the frames that it returns (GoToMeasurement
-after a browser has gone). Not `close()`: a generator that is being closed may not yield any more.
+What a device refuses is a `DeviceRejectedError`, what it never answers a `NoReplyError`; both say what was asked, so
+that the page can show it. A runner that is stopped calls `cancel(dialogue)` and writes the frames that it returns
+(GoToMeasurement after a browser has gone). Not `close()`: a generator that is being closed may not yield any more.
 
-A body that is given to `Driver.within` runs in the state in which settings are read and written, unless it says
-otherwise (`InState`): some commands make sense only while the device measures.
+A body that is given to `DeviceDriver.within` runs in the state in which settings are read and written, unless it says
+otherwise (`RequiresState`): some commands make sense only while the device measures.
 
-`Driver` is what a protocol knows about configuring its devices; protocols/registry.py has one for each.
+`DeviceDriver` is what a protocol knows about configuring its devices; protocols/registry.py has one for each.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from protocols.schema import Caution, Command, Setting
 
 T = TypeVar("T")
 NO_STATES: Mapping[str, str] = {}
-AT_REST = "Config"  # of `Driver.states`: a device stays in it when a person has sent it there
+AT_REST = "Config"  # of `DeviceDriver.states`: a device stays in it when a person has sent it there
 Values = Mapping[str, Any]
 """Wire values by field name, as `imuscope inspect` prints them: integers for choices and flag words, lists, records as
 objects, bytes as hex."""
@@ -49,7 +49,7 @@ class Send:
 
 
 @dataclass(frozen=True, slots=True)
-class Expect:
+class WaitFor:
     """Wait for an event of which `match` makes something; None after `timeout_s`."""
 
     match: Callable[[Event], Any | None]
@@ -58,14 +58,14 @@ class Expect:
 
 
 @dataclass(frozen=True, slots=True)
-class Pause:
+class Sleep:
     """Wait, seconds."""
 
     seconds: float
 
 
 @dataclass(frozen=True, slots=True)
-class Relink:
+class ReopenLink:
     """Close the link and open it again, at another rate where one is given; what arrives afterwards is decoded anew."""
 
     baud: int | None = None
@@ -78,11 +78,11 @@ class Note:
     words: str
 
 
-Act = Send | Expect | Pause | Relink | Note
-Dialogue = Generator[Act, Any, T]
+Act = Send | WaitFor | Sleep | ReopenLink | Note
+Transaction = Generator[Act, Any, T]
 
 
-class RefusedError(Exception):
+class DeviceRejectedError(Exception):
     """The device said no: `what` was asked and why, in the document's words ("parameter invalid or outside range")."""
 
     def __init__(self, what: str, why: str, code: int | None = None) -> None:
@@ -90,7 +90,7 @@ class RefusedError(Exception):
         self.what, self.why, self.code = what, why, code
 
 
-class SilentError(Exception):
+class NoReplyError(Exception):
     """No answer to `what` after `tries` tries of `timeout_s` each."""
 
     def __init__(self, what: str, tries: int, timeout_s: float) -> None:
@@ -98,11 +98,11 @@ class SilentError(Exception):
         self.what, self.tries, self.timeout_s = what, tries, timeout_s
 
 
-class StoppedError(Exception):
+class TransactionCancelledError(Exception):
     """Thrown into a dialogue that is stopped: it may still yield `Send` for what must not be left undone."""
 
 
-def stop(dialogue: Dialogue[Any]) -> list[Send]:
+def cancel(dialogue: Transaction[Any]) -> list[Send]:
     """End a dialogue before its time.
 
     Returns:
@@ -110,19 +110,19 @@ def stop(dialogue: Dialogue[Any]) -> list[Send]:
     """
     last: list[Send] = []
     try:
-        act = dialogue.throw(StoppedError())
+        act = dialogue.throw(TransactionCancelledError())
         while True:
             if isinstance(act, Send):
                 last.append(act)
             act = dialogue.send(None)
-    except (StopIteration, StoppedError, RefusedError, SilentError):
+    except (StopIteration, TransactionCancelledError, DeviceRejectedError, NoReplyError):
         return last
 
 
-class InState(Generator[Act, Any, T]):
+class RequiresState(Generator[Act, Any, T]):
     """A dialogue that says in which state the device must be: "config", "measuring", or "any".
 
-    `Driver.within` looks at it; for anything else it is the dialogue itself.
+    `DeviceDriver.within` looks at it; for anything else it is the dialogue itself.
 
     Args:
         continues: it takes up what an earlier command began (stores a reset, ends a calibration): between the two the
@@ -130,7 +130,7 @@ class InState(Generator[Act, Any, T]):
     """
 
     def __init__(
-        self, dialogue: Dialogue[T], state: Literal["config", "measuring", "any"], *, continues: bool = False
+        self, dialogue: Transaction[T], state: Literal["config", "measuring", "any"], *, continues: bool = False
     ) -> None:
         self._dialogue = dialogue
         self.state = state
@@ -144,14 +144,15 @@ class InState(Generator[Act, Any, T]):
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class DeviceContext:
     """What is known about a device; empty where it has not told.
 
     Args:
         baud: of the link now; None where it has none.
         device: who is meant where a link carries several (an IDTP device id, the bus identifier of an MTi).
         key: for Secure frames; None without.
-        at_rest: a person has sent it to the state in which settings are read, and there it stays (`Driver.within`).
+        at_rest: a person has sent it to the state in which settings are read, and there it stays
+        (`DeviceDriver.within`).
     """
 
     product: str = ""
@@ -164,7 +165,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ByteRange:
     """A few bytes of a frame and what they mean: `path` names the field ("outputs.3"), "" for the envelope's own."""
 
     offset: int
@@ -174,7 +175,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class OutputLoad:
     """What one output costs: `path` names it in the setting ("outputs.3")."""
 
     path: str
@@ -183,7 +184,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Load:
+class LinkLoad:
     """Bytes per second that outputs ask of the line.
 
     Args:
@@ -192,13 +193,13 @@ class Load:
         limits: per-message limits that are broken, one sentence each.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[OutputLoad, ...]
     total: float
     limits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WriteResult:
     """What came of writing one setting.
 
     Args:
@@ -214,7 +215,7 @@ class Written:
 
 
 @dataclass(frozen=True, slots=True)
-class LineChange:
+class BaudChange:
     """A change after which the line may be dead.
 
     Args:
@@ -238,11 +239,11 @@ class Harm:
     consequence: str
 
 
-class Driver(Protocol):
+class DeviceDriver(Protocol):
     """What a protocol knows about configuring its devices. Tables, frames and dialogues; no I/O, no state.
 
     Every method that takes values raises protocols.layouts.EncodeError with the field's path, the value and the allowed
-    range when they cannot be sent. Dialogues raise RefusedError and SilentError.
+    range when they cannot be sent. Dialogues raise DeviceRejectedError and NoReplyError.
     """
 
     name: str
@@ -253,17 +254,17 @@ class Driver(Protocol):
     ends_rest: str
     """The command that ends the state in which settings are read (`AT_REST`); "" where there is no such state."""
 
-    def commands(self, known: Known) -> Sequence[Command]:
+    def commands(self, known: DeviceContext) -> Sequence[Command]:
         """Every command of the document that this product has; all of the protocol while it is not known."""
 
-    def settings(self, known: Known) -> Sequence[Setting]:
+    def settings(self, known: DeviceContext) -> Sequence[Setting]:
         """Everything this device keeps that can be read, and what of it can be written."""
 
-    def frame(self, command: str, values: Values, known: Known) -> bytes:
+    def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         """The bytes of a command (an NMEA line, too, is bytes)."""
 
     def setting_frames(
-        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         """The bytes that would write these values (only those given, where the setting is `partial`).
 
@@ -272,34 +273,36 @@ class Driver(Protocol):
             old: what the device has, where that is known and decides what has to be sent.
         """
 
-    def spans(self, frame: bytes) -> list[Span]:
+    def spans(self, frame: bytes) -> list[ByteRange]:
         """The frame byte by byte: spans that cover it without overlap, in order."""
 
     def name_of(self, frame: bytes) -> str:
         """Its name, for the log of the exchange."""
 
-    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+    def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
         """`body` in the state that it needs, and back afterwards, also after failure (GoToConfig … GoToMeasurement);
         a device that was at rest stays at rest."""
 
-    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+    def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         """Send one command, wait for what answers; its values."""
 
     def unfinished(self, command: str, values: Values) -> str | None:
         """What a command leaves open that a change of state throws away, in words; "" where it ends that of an earlier
         command of its kind; None where it does neither."""
 
-    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+    def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         """Settings that may be others after a command, beside those that it is there to write (Setting.write).
 
         Args:
             values: its arguments; one that is not in it is not known.
         """
 
-    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+    def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         """The values of one setting."""
 
-    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+    def write(
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
+    ) -> Transaction[WriteResult]:
         """Write and read back; a refusal is in the result, silence is raised.
 
         Args:
@@ -307,44 +310,44 @@ class Driver(Protocol):
                 not depend on our ranges. Only what does not fit the bytes of its field is an EncodeError then.
         """
 
-    def identify(self, known: Known) -> Dialogue[Known]:
+    def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         """Ask who it is: product, serial number, firmware."""
 
     def formerly(self, serial_number: str) -> Sequence[str]:
         """Other numbers under which earlier versions of this program filed the same device."""
 
-    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         """Would this write cut the line?"""
 
-    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         """Rates at which a device with these settings may be found after a restart, likeliest first; empty where it
         stays where it is."""
 
     def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         """The setting and the values that have the place of a command which this product should not be sent any more;
         no values where `present` does not tell enough. None for a command that is sent as it is."""
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         """What this write could cost beside what `line_change` and the setting's own caution say: of single fields."""
 
-    def store_and_restart(self, known: Known) -> Dialogue[None]:
+    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Make what was written last and take effect: save where the protocol asks for it, reset. The link may die."""
 
-    def alive(self, known: Known) -> Dialogue[bool]:
+    def alive(self, known: DeviceContext) -> Transaction[bool]:
         """Is the device there and does it speak, at the link's present rate? Short; never raises."""
 
-    def restore_communication(self, known: Known) -> Dialogue[bool]:
+    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """The document's procedure for a device that answers at no rate; a person switches its power meanwhile."""
 
-    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+    def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         """What these settings make the device send, bytes per second, exact to the byte."""
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         """The same settings with rates lowered so that their load is within `capacity` bytes per second."""
 
-    def factory(self, known: Known) -> Mapping[str, Values]:
+    def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         """The documented factory defaults, of those settings where the document tells them."""
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:

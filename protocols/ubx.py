@@ -21,7 +21,7 @@ from typing import Final, Literal
 import numpy as np
 
 from protocols.checksums import fletcher16
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 
 Wait = Literal["wait"]
 WAIT: Final = "wait"
@@ -91,7 +91,7 @@ def name_of(group: int, number: int) -> str:
     return known or f"{CLASSES.get(group, f'0x{group:02X}')}-0x{number:02X}"
 
 
-def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
+def message_at(data: bytes, at: int, *, final: bool) -> ParsedMessage | Wait | None:
     """The message that begins at `at`, where SYNC's first byte is.
 
     Args:
@@ -111,5 +111,5 @@ def message_at(data: bytes, at: int, *, final: bool) -> Found | Wait | None:
     frame = data[at : at + size]
     if fletcher16(np.frombuffer(frame, np.uint8), 2, size - 2) == int.from_bytes(frame[-2:], "little"):
         fields = {"class": frame[2], "id": frame[3], "length": length}
-        return Found(at, size, "ubx", name_of(frame[2], frame[3]), frame.hex(), fields)
-    return Found(at, len(SYNC), "ubx", "", "") if frame[2] in CLASSES else None
+        return ParsedMessage(at, size, "ubx", name_of(frame[2], frame[3]), frame.hex(), fields)
+    return ParsedMessage(at, len(SYNC), "ubx", "", "") if frame[2] in CLASSES else None

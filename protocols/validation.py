@@ -27,26 +27,26 @@ _FIXED = {"fp1220": 2.0**11, "fp1632": 2.0**15}
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class ValueProblem:
     """What is wrong with one value: `message` names the field, the value and what is allowed."""
 
     path: str
     message: str
 
 
-def check(fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False) -> None:
+def require_valid(fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False) -> None:
     """Raise the first problem.
 
     Raises:
         EncodeError: with its path.
     """
-    for problem in problems(fields, values, partial=partial):
+    for problem in find_problems(fields, values, partial=partial):
         raise EncodeError(problem.message, problem.path)
 
 
-def problems(
+def find_problems(
     fields: Sequence[Field], values: Mapping[str, Any], *, partial: bool = False, at: str = ""
-) -> Iterator[Problem]:
+) -> Iterator[ValueProblem]:
     """Everything that is wrong with `values`.
 
     Args:
@@ -57,20 +57,20 @@ def problems(
     for name in values:
         if name not in names:
             there = f"there are: {', '.join(names)}" if names else "there are none"
-            yield Problem(_join(at, name), f"no field is called {name!r}; {there}")
+            yield ValueProblem(_join(at, name), f"no field is called {name!r}; {there}")
     for field in fields:
         path = _join(at, field.name)
         if field.name in values:
             yield from _of(field, values[field.name], path)
         elif not partial and not field.read_only:
-            yield Problem(path, f"{field.name} is missing")
+            yield ValueProblem(path, f"{field.name} is missing")
 
 
 def _join(at: str, name: str | int) -> str:
     return f"{at}.{name}" if at else str(name)
 
 
-def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
+def _of(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
     """Problems of one field."""
     if field.dtype == "ascii" and len(field.shape) == 2:
         for place, one in enumerate(value if isinstance(value, (list, tuple)) else [value]):
@@ -80,47 +80,47 @@ def _of(field: Field, value: Any, path: str) -> Iterator[Problem]:
     elif not field.shape:
         yield from _of_element(field, value, path)
     elif not isinstance(value, (list, tuple)):
-        yield Problem(path, f"{field.name} is a list, given {value!r:.80}")
+        yield ValueProblem(path, f"{field.name} is a list, given {value!r:.80}")
     else:
         count = math.prod(field.shape)
         if is_open(field) and field.most and len(value) > field.most:
-            yield Problem(path, f"{field.name} has at most {field.most} entries, given {len(value)}")
+            yield ValueProblem(path, f"{field.name} has at most {field.most} entries, given {len(value)}")
         elif not is_open(field) and len(value) != count:
             which = f" ({', '.join(field.axes)})" if field.axes else ""
-            yield Problem(path, f"{field.name} has {count} values{which}, given {len(value)}")
+            yield ValueProblem(path, f"{field.name} has {count} values{which}, given {len(value)}")
         for place, one in enumerate(value):
             yield from _of_element(field, one, _join(path, place))
 
 
-def _of_element(field: Field, value: Any, path: str) -> Iterator[Problem]:
+def _of_element(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
     if not field.fields:
         problem = _of_number(field, value)
         if problem:
-            yield Problem(path, problem)
+            yield ValueProblem(path, problem)
     elif isinstance(value, Mapping):
-        yield from problems(field.fields, value, at=path)
+        yield from find_problems(field.fields, value, at=path)
     else:
-        yield Problem(
+        yield ValueProblem(
             path, f"{field.name} is a record of {', '.join(f.name for f in field.fields)}, given {value!r:.80}"
         )
 
 
-def _of_text(field: Field, value: Any, path: str) -> Iterator[Problem]:
+def _of_text(field: Field, value: Any, path: str) -> Iterator[ValueProblem]:
     """Text, or bytes as hex."""
     unit = "bytes" if field.dtype == "bytes" else "characters"
     try:
         raw = bytes.fromhex(value) if field.dtype == "bytes" else str(value).encode("ascii")
     except (TypeError, ValueError):
-        yield Problem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r:.80}")
+        yield ValueProblem(path, f"{field.name} is {'hex' if unit == 'bytes' else 'ASCII text'}, given {value!r:.80}")
         return
     most = field.most if is_open(field) else math.prod(field.shape)
     least = int(field.low or 0)
     if most and len(raw) > most:
-        yield Problem(path, f"{field.name} has at most {most} {unit}, given {len(raw)}")
+        yield ValueProblem(path, f"{field.name} has at most {most} {unit}, given {len(raw)}")
     elif len(raw) < least:
-        yield Problem(path, f"{field.name} has at least {least} {unit}, given {len(raw)}")
+        yield ValueProblem(path, f"{field.name} has at least {least} {unit}, given {len(raw)}")
     elif unit == "bytes" and not is_open(field) and len(raw) != most:
-        yield Problem(path, f"{field.name} has {most} bytes, given {len(raw)}")
+        yield ValueProblem(path, f"{field.name} has {most} bytes, given {len(raw)}")
 
 
 def _of_number(field: Field, value: Any) -> str:

@@ -1,7 +1,7 @@
 """How does a file survive a power cut? Written aside, forced to disk, renamed, and the folder's entry forced too.
 
-Whoever reads it finds the old text or the new one, never a part; when `write` returns, the new one is what a power cut
-leaves.
+Whoever reads it finds the old text or the new one, never a part; when `write_atomic` returns, the new one is what a
+power cut leaves.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import secrets
 from pathlib import Path
 
 
-def write(path: Path, text: str) -> None:
+def write_atomic(path: Path, text: str) -> None:
     """Make `path` hold `text`. OSError: it could not; the old text is still there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}")

@@ -31,7 +31,7 @@ from typing import BinaryIO
 import numpy as np
 
 from protocols.dates import UNKNOWN
-from protocols.events import Batch, Decoder, Event, Reply, Step
+from protocols.events import Batch, ClockStep, Decoder, Event, Reply
 from protocols.framing import Ints
 
 BLOCK_BYTES = 1 << 16
@@ -43,11 +43,11 @@ MOST_DATES = 2  # blocks: the first UTC after a fix may be off by one interval
 PAUSE_NS = 1_000_000_000  # a device whose clock moved on by more, while another's did not, was set
 
 Kind = tuple[str, ...]  # the message's name and those of its fields
-Sender = tuple[str, bool]  # Batch.device and Batch.verified: what has a clock of its own
+CaptureSender = tuple[str, bool]  # Batch.device and Batch.verified: what has a clock of its own
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class TimedBytes:
     """Bytes that arrived together, `due_ns` after the start of the capture. `blind`: no clock said so."""
 
     data: bytes
@@ -56,7 +56,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
+class TimedBytesBuffer:
     """Many pieces at once: (n,) where each ends in `data`, and when it is due."""
 
     data: bytes
@@ -64,10 +64,10 @@ class Pieces:
     due_ns: Ints
     blind: bool = False
 
-    def __iter__(self) -> Iterator[Piece]:
+    def __iter__(self) -> Iterator[TimedBytes]:
         start = 0
         for end, due in zip(self.ends.tolist(), self.due_ns.tolist(), strict=True):
-            yield Piece(self.data[start:end], due, self.blind)
+            yield TimedBytes(self.data[start:end], due, self.blind)
             start = end
 
 
@@ -85,9 +85,9 @@ class _Clock:
     shift_ns: int | None = None
     newest_ns: int = 0
     usual_ns: int = 0
-    waiting: list[Step] = field(default_factory=list)  # steps before a frame that is yet to come
+    waiting: list[ClockStep] = field(default_factory=list)  # steps before a frame that is yet to come
 
-    def due(self, starts: Ints, times: Ints, steps: Sequence[Step], longest_ns: int) -> tuple[Ints, int]:
+    def due(self, starts: Ints, times: Ints, steps: Sequence[ClockStep], longest_ns: int) -> tuple[Ints, int]:
         """When the frames of a block are due by this clock alone, and how much of pauses was left out, ns.
 
         Args:
@@ -109,7 +109,7 @@ class _Clock:
         self.newest_ns = max(self.newest_ns, int(due.max()))
         return due, left_out
 
-    def _follow(self, starts: Ints, due: Ints, steps: Sequence[Step], apart: Collection[int]) -> None:
+    def _follow(self, starts: Ints, due: Ints, steps: Sequence[ClockStep], apart: Collection[int]) -> None:
         """Take steps of the clock out of `due`, but for those at the rows `apart`."""
         waiting, self.waiting = [*self.waiting, *steps], []
         for step in waiting:
@@ -140,7 +140,7 @@ class _Clock:
                 self.newest_ns = max(newest_ns, int(due.max()))
 
 
-class Pace:
+class CaptureTiming:
     """Cuts a capture into pieces with their time.
 
     Args:
@@ -168,7 +168,7 @@ class Pace:
         self._longest_ns = longest_ns
         self._base = 0  # offset in the file of the first byte held back
         self._held = bytearray()
-        self._clocks: dict[Sender, _Clock] = {}
+        self._clocks: dict[CaptureSender, _Clock] = {}
         self._due_ns = 0
         self.skipped_ns = 0
         self.blind = False
@@ -188,11 +188,11 @@ class Pace:
         """How long what was read so far takes."""
         return self._due_ns
 
-    def __iter__(self) -> Iterator[Piece]:
+    def __iter__(self) -> Iterator[TimedBytes]:
         for pieces in self.blocks():
             yield from pieces
 
-    def blocks(self) -> Iterator[Pieces]:
+    def blocks(self) -> Iterator[TimedBytesBuffer]:
         """All pieces, many at once."""
         while block := self._file.read(BLOCK_BYTES):
             self._held += block
@@ -210,9 +210,9 @@ class Pace:
         elif self._held:
             yield self._take(np.array([len(self._held)]), np.array([self._due_ns]))
 
-    def _clocked(self, events: list[Event]) -> Iterator[Pieces]:
+    def _clocked(self, events: list[Event]) -> Iterator[TimedBytesBuffer]:
         """Pieces up to the last frame with a clock among `events`; that one waits for the start of the next."""
-        found: dict[Sender, list[Batch]] = {}
+        found: dict[CaptureSender, list[Batch]] = {}
         for event in events:
             if isinstance(event, Reply) and self.dated_ns is None:
                 self.dated_ns = self._dated(event)
@@ -221,7 +221,7 @@ class Pace:
         if not found:
             return
         unknown = not self._clocks  # then the first frame sets the clock and ends nothing
-        steps = [event for event in events if isinstance(event, Step)]
+        steps = [event for event in events if isinstance(event, ClockStep)]
         starts, due = self._due(found, steps)
         if self._dates < MOST_DATES:
             self._date(found)
@@ -235,7 +235,7 @@ class Pace:
         if ended.any():
             yield self._take(ends[ended], before[ended])
 
-    def _date(self, found: dict[Sender, list[Batch]]) -> None:
+    def _date(self, found: dict[CaptureSender, list[Batch]]) -> None:
         """When the capture began, by the newest UTC in a block."""
         for sender, batches in found.items():
             shift = self._clocks[sender].shift_ns
@@ -246,11 +246,11 @@ class Pace:
                     self._dates += 1
                     return
 
-    def _due(self, found: dict[Sender, list[Batch]], steps: list[Step]) -> tuple[Ints, Ints]:
+    def _due(self, found: dict[CaptureSender, list[Batch]], steps: list[ClockStep]) -> tuple[Ints, Ints]:
         """Where the frames that are followed begin, in stream order, and when each is due."""
         rows = {sender: self._followed(sender, batches) for sender, batches in found.items()}
         rows = {sender: (starts, times) for sender, (starts, times) in rows.items() if len(starts)}
-        own: dict[Sender, tuple[Ints, Ints]] = {}
+        own: dict[CaptureSender, tuple[Ints, Ints]] = {}
         newest = {sender: clock.newest_ns for sender, clock in self._clocks.items()}
         for sender, (starts, times) in sorted(rows.items(), key=lambda one: int(one[1][0][0])):
             clock = self._clocks[sender]
@@ -269,7 +269,7 @@ class Pace:
         starts, due = _merged(list(own.values()))
         return starts, np.maximum.accumulate(np.maximum(due, self._due_ns))
 
-    def _followed(self, sender: Sender, batches: list[Batch]) -> tuple[Ints, Ints]:
+    def _followed(self, sender: CaptureSender, batches: list[Batch]) -> tuple[Ints, Ints]:
         """Where the frames of a device's busiest kind begin, and what its clock says."""
         clock = self._clocks.setdefault(sender, _Clock())
         for batch in batches:
@@ -277,14 +277,14 @@ class Pace:
         leader = clock.frames.most_common(1)[0][0]
         return _in_order([batch for batch in batches if _kind(batch) == leader])
 
-    def _take(self, ends: Ints, due_ns: Ints, *, blind: bool = False) -> Pieces:
+    def _take(self, ends: Ints, due_ns: Ints, *, blind: bool = False) -> TimedBytesBuffer:
         size = int(ends[-1])
         data = bytes(self._held[:size])
         del self._held[:size]
         self._base += size
-        return Pieces(data, ends, due_ns, blind)
+        return TimedBytesBuffer(data, ends, due_ns, blind)
 
-    def _blind(self, size: int) -> Pieces:
+    def _blind(self, size: int) -> TimedBytesBuffer:
         """The first `size` held bytes at a constant rate, in pieces of 10 ms."""
         ends = np.append(np.arange(BLIND_RATE // 100, size, BLIND_RATE // 100), size)
         due = self._due_ns + np.round(ends * (1e9 / BLIND_RATE)).astype(np.int64)
@@ -318,8 +318,8 @@ def _merged(parts: list[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
 
 
 def play(
-    pieces: Iterator[Piece], now_ns: Callable[[], int], wait: Callable[[float], bool], speed: float = 1.0
-) -> Iterator[Piece]:
+    pieces: Iterator[TimedBytes], now_ns: Callable[[], int], wait: Callable[[float], bool], speed: float = 1.0
+) -> Iterator[TimedBytes]:
     """The pieces, each when it is due.
 
     Args:

@@ -26,7 +26,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Header, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 
 from protocols.framing import Ints
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, Topic
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, MESSAGE_INDEX, TIME, McapChannel
 from recordings.mcap_records import MAGIC, MESSAGE_HEAD, bytes_of, ending
 from recordings.mcap_writer import PROFILE
 
@@ -82,7 +82,7 @@ class ChunkedFile:
         self._at += len(data)
         return at
 
-    def tell(self, topics: Mapping[int, Topic]) -> None:
+    def tell(self, topics: Mapping[int, McapChannel]) -> None:
         """Those of these channels that are new."""
         for topic in topics.values():
             if topic.id in self._channels:

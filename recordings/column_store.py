@@ -16,7 +16,7 @@ none, made non-decreasing, because a sample may carry a time older than its neig
 message have the same clocks, which are written once.
 
 Stores are a cache: made aside and renamed, never changed afterwards, deleted at any time. One that is being made can be
-read already (`ColumnsWriter.show`): blocks are only ever added, and what names them is replaced whole.
+read already (`ColumnStoreWriter.show`): blocks are only ever added, and what names them is replaced whole.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.downsampling import FAR, LEVELS, padding, places, summary
+from recordings.downsampling import FAR, LEVELS, level_offsets, padding, reduce
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ _CLOCKS_KEPT = 4  # written lately, to be shared: as many messages as interleave
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ChannelLayout:
     """The own columns of a channel.
 
     Args:
@@ -68,7 +68,7 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
-class Exact:
+class ExactRows:
     """Rows as they are: (n,) each."""
 
     arrival: Floats
@@ -80,7 +80,7 @@ class Exact:
 
 
 @dataclass(frozen=True, slots=True)
-class Buckets:
+class MinMaxBuckets:
     """Rows summarised: (m,) each; a bucket without rows is left out.
 
     Args:
@@ -98,7 +98,7 @@ class Buckets:
         return len(self.t)
 
 
-def summarised(rows: Exact, t: Floats, status: Sequence[bool], grid: tuple[float, float, int]) -> Buckets:
+def downsample(rows: ExactRows, t: Floats, status: Sequence[bool], grid: tuple[float, float, int]) -> MinMaxBuckets:
     """Buckets of rows that are in memory (a live ring): what a store answers for the same rows.
 
     Args:
@@ -107,11 +107,11 @@ def summarised(rows: Exact, t: Floats, status: Sequence[bool], grid: tuple[float
         grid: t0, t1, how many buckets.
     """
     cuts = _cuts(t, grid)
-    return Buckets(
+    return MinMaxBuckets(
         t[cuts],
         np.diff(cuts, append=len(t)),
-        [summary(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
-        [summary(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
+        [reduce(column, cuts, flags, 0) for column, flags in zip(rows.columns, status, strict=True)],
+        [reduce(column, cuts, flags, 1) for column, flags in zip(rows.columns, status, strict=True)],
     )
 
 
@@ -122,7 +122,7 @@ def _cuts(t: Floats, grid: tuple[float, float, int]) -> NDArray[np.int64]:
     return np.flatnonzero(np.diff(np.maximum.accumulate(place), prepend=-1))
 
 
-class ColumnsWriter:
+class ColumnStoreWriter:
     """A store that is being made.
 
     Args:
@@ -136,14 +136,14 @@ class ColumnsWriter:
         self._aside.mkdir(parents=True)
         self._near = _Growing(self._aside / "columns.bin")
         self._far = _Growing(self._aside / "overview.bin")
-        self._shapes: dict[int, Shape] = {}
+        self._shapes: dict[int, ChannelLayout] = {}
         self._waiting: dict[int, list[Sequence[Array]]] = {}
         self._rows: dict[int, int] = {}
         self._newest: dict[int, float] = {}  # key of the last row written
         self._index: list[tuple[float, ...]] = []
         self._written: deque[tuple[tuple[Array, Array, Array], tuple[int, int]]] = deque(maxlen=_CLOCKS_KEPT)
 
-    def channel(self, number: int, shape: Shape) -> None:
+    def channel(self, number: int, shape: ChannelLayout) -> None:
         """A channel, before its first rows."""
         self._shapes[number] = shape
         self._waiting[number] = []
@@ -164,7 +164,7 @@ class ColumnsWriter:
         return self._aside
 
     def show(self, manifest: Mapping[str, Any]) -> Path:
-        """Let all that was appended so far be read while more comes: a folder for Columns, gone when this is finished.
+        """Make the rows appended so far readable while more come: a folder for ColumnStore, gone when this is finished.
 
         Raises:
             OSError: the disk failed.
@@ -172,7 +172,7 @@ class ColumnsWriter:
         self._name(manifest)
         return self._aside
 
-    def finish(self, manifest: Mapping[str, Any]) -> Columns:
+    def finish(self, manifest: Mapping[str, Any]) -> ColumnStore:
         """Write what waits, and the manifest; the store is there afterwards.
 
         Raises:
@@ -186,7 +186,7 @@ class ColumnsWriter:
         except OSError:
             self.abandon()
             raise
-        return Columns(self._folder)
+        return ColumnStore(self._folder)
 
     def abandon(self) -> None:
         """Leave nothing behind."""
@@ -226,7 +226,7 @@ class ColumnsWriter:
         self._waiting[number] = [[column[start:] for column in joined]] if start < rows else []
         self._rows[number] = rows - start
 
-    def _block(self, number: int, shape: Shape, columns: list[Array]) -> None:
+    def _block(self, number: int, shape: ChannelLayout, columns: list[Array]) -> None:
         arrival = np.ascontiguousarray(columns[0], np.float64)
         time = np.ascontiguousarray(columns[1], np.float64)
         key = np.where(np.isnan(time), arrival, time)
@@ -240,8 +240,8 @@ class ColumnsWriter:
         low, high, step = own, own, 1
         for level in LEVELS:
             cuts = np.arange(0, -(-len(key) // step), level // step)
-            low = [summary(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
-            high = [summary(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
+            low = [reduce(c, cuts, flags, 0) for c, flags in zip(low, shape.status, strict=True)]
+            high = [reduce(c, cuts, flags, 1) for c, flags in zip(high, shape.status, strict=True)]
             step = level
             for array in (*low, *high):
                 (self._far if level in FAR else self._near).put(array)
@@ -279,11 +279,11 @@ class _Growing:
         self.at += array.nbytes + padding(array.nbytes)
 
 
-class Columns:
+class ColumnStore:
     """A store, for queries. Threads may share it.
 
     Args:
-        folder: as ColumnsWriter made it.
+        folder: as ColumnStoreWriter made it.
     Raises:
         OSError, ValueError: it is not there, of another version, or damaged: make it again.
     """
@@ -300,7 +300,7 @@ class Columns:
         if self.manifest.get("version") != VERSION:
             raise ValueError(f"columns of version {self.manifest.get('version')}, not {VERSION}")
         shapes = self.manifest["shapes"]
-        self.shapes = {int(number): Shape(tuple(d), tuple(s)) for number, (d, s) in shapes.items()}
+        self.shapes = {int(number): ChannelLayout(tuple(d), tuple(s)) for number, (d, s) in shapes.items()}
         index = np.load(folder / "blocks.npy")
         self._near, self._far = _mapped(folder / "columns.bin"), _mapped(folder / "overview.bin")
         self._blocks = {number: index[index["channel"] == number] for number in self.shapes}
@@ -308,7 +308,8 @@ class Columns:
         own = {number: [np.dtype("<" + dtype) for dtype in shape.dtypes] for number, shape in self.shapes.items()}
         self._own = own
         self._places = {
-            number: places(mine, [dtype.itemsize for dtype in own[number]]) for number, mine in self._blocks.items()
+            number: level_offsets(mine, [dtype.itemsize for dtype in own[number]])
+            for number, mine in self._blocks.items()
         }
         self._check(folder)
 
@@ -343,7 +344,7 @@ class Columns:
         *,
         columns: Sequence[int] | None = None,
         base: Base = "device",
-    ) -> Exact | Buckets:
+    ) -> ExactRows | MinMaxBuckets:
         """The rows with t0 ≤ t ≤ t1.
 
         Args:
@@ -358,7 +359,7 @@ class Columns:
             return self.exact(channel, lo, hi, columns=wanted)
         return self._buckets(channel, lo, hi, (t0, t1, width), wanted, base)
 
-    def exact(self, channel: int, lo: int, hi: int, *, columns: Sequence[int] | None = None) -> Exact:
+    def exact(self, channel: int, lo: int, hi: int, *, columns: Sequence[int] | None = None) -> ExactRows:
         """Rows lo ≤ row < hi, in the order of the stream."""
         wanted = range(len(self.shapes[channel].dtypes)) if columns is None else columns
         names: list[Any] = ["arrival", "time", *wanted]
@@ -368,9 +369,9 @@ class Columns:
                 part.append(self._column(channel, block, name)[a:b])
         dtypes = ["f8", "f8", *(self.shapes[channel].dtypes[i] for i in wanted)]
         whole = [np.concatenate(p) if p else np.empty(0, "<" + d) for p, d in zip(parts, dtypes, strict=True)]
-        return Exact(whole[0], whole[1], whole[2:])
+        return ExactRows(whole[0], whole[1], whole[2:])
 
-    def thinned(self, channel: int, t0: float, t1: float, most: int, *, base: Base = "device") -> Exact:
+    def thinned(self, channel: int, t0: float, t1: float, most: int, *, base: Base = "device") -> ExactRows:
         """At most `most` of the rows with t0 ≤ t ≤ t1, evenly chosen, the last one always: of an attitude a sample says
         something, a least and a greatest component do not."""
         lo, hi = self._row(channel, t0, "left", base), self._row(channel, t1, "right", base)
@@ -384,7 +385,7 @@ class Columns:
             names: list[Any] = ["arrival", "time", *range(len(self.shapes[channel].dtypes))]
             columns.append([self._column(channel, block, name)[rows] for name in names])
         whole = [np.concatenate(column) for column in zip(*columns, strict=True)]
-        return Exact(whole[0], whole[1], whole[2:])
+        return ExactRows(whole[0], whole[1], whole[2:])
 
     def row_at(self, channel: int, t: float, base: Base = "device") -> int:
         """The last row with time ≤ t; −1 when there is none."""
@@ -433,7 +434,7 @@ class Columns:
 
     def _buckets(
         self, channel: int, lo: int, hi: int, grid: tuple[float, float, int], wanted: Sequence[int], base: Base
-    ) -> Buckets:
+    ) -> MinMaxBuckets:
         width = grid[2]
         step = max((level for level in (1, *LEVELS) if (hi - lo) // level >= PER_BUCKET * width), default=1)
         status = self.shapes[channel].status
@@ -455,11 +456,11 @@ class Columns:
                 highs[i].append(self._column(channel, block, column, step, 1)[first:past])
         t = np.concatenate(times)
         cuts = _cuts(t, grid)
-        return Buckets(
+        return MinMaxBuckets(
             t[cuts],
             np.add.reduceat(np.concatenate(counts), cuts),
-            [summary(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
-            [summary(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
+            [reduce(np.concatenate(low), cuts, status[c], 0) for low, c in zip(lows, wanted, strict=True)],
+            [reduce(np.concatenate(high), cuts, status[c], 1) for high, c in zip(highs, wanted, strict=True)],
         )
 
     # -- where a column of a block is ----------------------------------------------------------------------------------

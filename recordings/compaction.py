@@ -27,16 +27,18 @@ from protocols.framing import Ints
 from recordings import file_lock
 from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, Recording, Topic
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, McapChannel, McapReader
 from recordings.mcap_records import message
-from recordings.mcap_writer import RecordingError, problem
-from recordings.parent_death import end_with_parent
+from recordings.mcap_writer import RecordingError, disk_error
+from recordings.parent_death import die_with_parent
 
 MEMORY = 1 << 30  # bytes, of which it takes a tenth: of a recording it holds a chunk at a time
 ASIDE = ".packing"  # a file that is being written beside the other
 
 
-def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callable[[float], None] | None = None) -> None:
+def compact(
+    path: Path, *, edit: Mapping[str, str] | None = None, progress: Callable[[float], None] | None = None
+) -> None:
     """Rewrite a recording in place.
 
     Args:
@@ -50,13 +52,13 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
     # Each process has its own: one whose server was killed may still be at work when the next server begins anew.
     aside = path.with_name(f".{path.name}.{os.getpid()}{ASIDE}")
     try:
-        with path.open("rb") as held, Recording(path) as source, aside.open("w+b") as out:
+        with path.open("rb") as held, McapReader(path) as source, aside.open("w+b") as out:
             if not file_lock.share(held.fileno()):
                 raise RecordingError(
                     f"{path.name} is being recorded.", "It can be packed when the recording has ended."
                 )
             file_lock.share(out.fileno())
-            packed(source, out, edit=edit, progress=progress)
+            write_compacted(source, out, edit=edit, progress=progress)
             _nothing_lost(source)
             out.flush()
             os.fsync(out.fileno())
@@ -71,13 +73,13 @@ def pack(path: Path, *, edit: Mapping[str, str] | None = None, progress: Callabl
         _sync_folder(path.parent)
     except OSError as error:
         aside.unlink(missing_ok=True)
-        raise problem(error, path) from None
+        raise disk_error(error, path) from None
     except BaseException:  # also when somebody has enough of waiting
         aside.unlink(missing_ok=True)
         raise
 
 
-def _nothing_lost(source: Recording) -> None:
+def _nothing_lost(source: McapReader) -> None:
     """What was torn off is gone; what stands behind a damage is not, and must not be thrown away."""
     for damage in source.damage:
         if source.chunks or not damage.torn:
@@ -86,7 +88,7 @@ def _nothing_lost(source: Recording) -> None:
             )
 
 
-def _same(source: Recording, made: Path) -> None:
+def _same(source: McapReader, made: Path) -> None:
     """Raise RecordingError unless the new file holds what the source holds, and the source what it says it holds."""
     wanted = _fingerprint(source)
     told = source.statistics
@@ -94,14 +96,14 @@ def _same(source: Recording, made: Path) -> None:
     if told is not None and told.message_count != count:
         words = f"{source.path.name} stays as it is: {count} of its {told.message_count} messages were found."
         raise RecordingError(words, "All that is whole opens.")
-    with Recording(made) as copy:
+    with McapReader(made) as copy:
         found = _fingerprint(copy)
         if copy.damage or found != wanted:
             words = f"{source.path.name} stays as it is: its packed copy does not hold the same."
             raise RecordingError(words, "Report this: it is a defect of imuscope, or of the disk.")
 
 
-def _fingerprint(recording: Recording) -> tuple[dict[int, int], int]:
+def _fingerprint(recording: McapReader) -> tuple[dict[int, int], int]:
     """How many messages each channel has, and a checksum over all of them as they stand."""
     counts: Counter[int] = Counter()
     checksum = 0
@@ -121,19 +123,19 @@ def _runs(rows: Ints) -> Iterator[tuple[int, int]]:
     yield from pairwise([0, *apart.tolist(), rows.shape[1]])
 
 
-def is_loose(path: Path) -> bool:
+def is_uncompacted(path: Path) -> bool:
     """Whether this is a finished recording of ours that is not packed yet."""
     if file_lock.is_written(path):
         return False
     try:
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             return recording.is_ours and not recording.chunks and next(iter(recording.blocks()), None) is not None
     except RecordingError:
         return False
 
 
-def packed(
-    source: Recording,
+def write_compacted(
+    source: McapReader,
     out: BinaryIO,
     *,
     edit: Mapping[str, str] | None = None,
@@ -155,8 +157,8 @@ def packed(
     target.end(kept)
 
 
-def wrapped(
-    topics: Mapping[int, Topic],
+def write_recording(
+    topics: Mapping[int, McapChannel],
     pieces: Iterable[tuple[int, bytes, Ints, Ints]],
     metadata: Mapping[str, Mapping[str, str]],
     size: int,
@@ -199,7 +201,7 @@ def main() -> int:
     Each is told of in a line of JSON: path, packed, and the message of what went wrong. One that takes more memory or
     time than it may have is the last.
     """
-    end_with_parent()
+    die_with_parent()
     with contextlib.suppress(OSError, AttributeError):
         os.nice(10)
     bounded(MEMORY)
@@ -209,7 +211,7 @@ def main() -> int:
             bounded_by(Path(name))
             has_room = _has_room(Path(name))
             if has_room:
-                pack(Path(name))
+                compact(Path(name))
         except RecordingError as error:
             message = f"{error} {error.hint}".rstrip()
         except (MemoryError, TooLong) as error:

@@ -22,10 +22,10 @@ from mcap.records import DataEnd, Footer, Metadata, MetadataIndex
 
 from protocols.framing import Ints
 from recordings import sidecar
-from recordings.compaction import packed, wrapped
+from recordings.compaction import write_compacted, write_recording
 from recordings.importers import open_file
-from recordings.library import Entry
-from recordings.mcap_reader import MAGIC, Recording, Topic
+from recordings.library import LibraryEntry
+from recordings.mcap_reader import MAGIC, McapChannel, McapReader
 from recordings.mcap_records import bytes_of
 from recordings.mcap_writer import DEVICE, EDIT, RAW_ENCODING, RECORDING
 from recordings.sources import Source
@@ -37,38 +37,38 @@ _FOOTER = _RECORD + 20
 _METADATA_COUNT = _RECORD + 8 + 2 + 4 + 4  # where it stands in a record of statistics
 
 
-def file_name(entry: Entry) -> str:
-    """What the file is called that `whole` writes."""
+def file_name(entry: LibraryEntry) -> str:
+    """What the file is called that `full_recording` writes."""
     return entry.path.name if entry.peek.format == "csv" else f"{entry.path.stem}.mcap"
 
 
-def whole(entry: Entry, out: BinaryIO) -> None:
+def full_recording(entry: LibraryEntry, out: BinaryIO) -> None:
     """Write everything of a recording.
 
     Raises:
         RecordingError, OSError: it cannot be read.
     """
     if entry.peek.format == "mcap":
-        with Recording(entry.path) as recording:
+        with McapReader(entry.path) as recording:
             if recording.is_ours:
-                packed(recording, out, edit=entry.edits.as_metadata())
+                write_compacted(recording, out, edit=entry.edits.as_metadata())
                 return
     if entry.peek.format in ("mcap", "csv"):
         with entry.path.open("rb") as file:
             _with_edits(file, entry.edits, entry.peek.format, out)
         return
     source = open_file(entry.path)
-    topics = {n: Topic(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
+    topics = {n: McapChannel(n, f"rx/{device}", RAW_ENCODING) for n, device in enumerate(source.devices, start=1)}
     metadata = {
         RECORDING: {"title": entry.title, "source": entry.path.name, **source.about},
         **{DEVICE + name: _about(source, name) for name in source.devices},
         EDIT: entry.edits.as_metadata(),
     }
-    wrapped(topics, _pieces(source, topics), metadata, entry.path.stat().st_size, out)
+    write_recording(topics, _pieces(source, topics), metadata, entry.path.stat().st_size, out)
 
 
-def original(path: Path, device: str, out: BinaryIO) -> None:
-    """Write the bytes that came from one device. Raises as `whole` does."""
+def original_bytes(path: Path, device: str, out: BinaryIO) -> None:
+    """Write the bytes that came from one device. Raises as `full_recording` does."""
     for part in open_file(path).parts():
         if part.way == "rx" and part.device == device:
             out.write(part.data)
@@ -137,7 +137,7 @@ def _about(source: Source, device: str) -> dict[str, str]:
     return {"protocol": told.protocol, "link": "file", **told.about}
 
 
-def _pieces(source: Source, topics: dict[int, Topic]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
+def _pieces(source: Source, topics: dict[int, McapChannel]) -> Iterator[tuple[int, bytes, Ints, Ints]]:
     numbers = {topic.name: number for number, topic in topics.items()}
     for part in source.parts():
         yield numbers[f"{part.way}/{part.device}"], part.data, part.ends, part.times

@@ -39,7 +39,7 @@ def padding(size: int) -> int:
     return -size % ALIGN
 
 
-def summary(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
+def reduce(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
     """Each stretch between `cuts` as one value: least (`which` 0) or greatest; of flags the bits of any, or of all."""
     if flags:
         return np.bitwise_or.reduceat(column, cuts) if which == 0 else np.bitwise_and.reduceat(column, cuts)
@@ -47,7 +47,7 @@ def summary(column: Array, cuts: Ints, flags: bool, which: int) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class LevelOffsets:
     """Where the columns of each block of one channel begin: step (1, or of a level) → (blocks, columns) int64.
 
     Args:
@@ -59,7 +59,7 @@ class Places:
     values: Mapping[int, Ints]
 
 
-def places(blocks: Array, sizes: Sequence[int]) -> Places:
+def level_offsets(blocks: Array, sizes: Sequence[int]) -> LevelOffsets:
     """The places of a channel's columns.
 
     Args:
@@ -70,7 +70,7 @@ def places(blocks: Array, sizes: Sequence[int]) -> Places:
     clock = np.full(2, CLOCK_BYTES)
     near_clocks = {1: np.full(3, CLOCK_BYTES), **dict.fromkeys(NEAR, clock)}
     both = np.concatenate((own, own))
-    return Places(
+    return LevelOffsets(
         _begin(blocks["clocks"], rows, near_clocks) | _begin(blocks["far_clocks"], rows, dict.fromkeys(FAR, clock)),
         _begin(blocks["values"], rows, {1: own, **dict.fromkeys(NEAR, both)})
         | _begin(blocks["far_values"], rows, dict.fromkeys(FAR, both)),

@@ -35,7 +35,7 @@ LINK = 0
 NOBODY = 0xFFFF
 
 
-class FaredWriter:
+class HealthHistoryWriter:
     """Writes the file while a recording is decoded.
 
     Args:
@@ -101,7 +101,7 @@ def _highest(late: Floats) -> float:
 
 
 @dataclass(slots=True)
-class Fared:
+class HealthHistory:
     """A stretch of seconds of one device: a list holds one value a second from `first` on; None: nothing is known.
 
     Args:
@@ -122,7 +122,7 @@ class Fared:
     counted: dict[str, int] = field(default_factory=dict)
 
 
-def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, t0: int, t1: int) -> Fared:
+def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, t0: int, t1: int) -> HealthHistory:
     """The seconds t0 ≤ second ≤ t1.
 
     Args:
@@ -138,7 +138,7 @@ def fared(folder: Path, names: Mapping[str, list[str]], device: str, link: str, 
     size = links[(links["second"] >= t0) & (links["second"] <= t1)]
     late = np.full(n, np.nan)
     np.fmax.at(late, near["second"] - t0, near["late"])
-    found = Fared(
+    found = HealthHistory(
         first=t0,
         before=int(links["bytes"][links["second"] < t0].sum(dtype=np.int64)),
         bytes=_summed(size["second"] - t0, size["bytes"], n),

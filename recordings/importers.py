@@ -22,12 +22,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from protocols.registry import PROTOCOLS, guess, lenient
+from protocols.registry import PROTOCOLS, detect, permissive_decoder
 from recordings import inertial_sense_logs
-from recordings.capture_timing import Pace
-from recordings.mcap_reader import MAGIC, Damage, Recording
+from recordings.capture_timing import CaptureTiming
+from recordings.mcap_reader import MAGIC, FileDamage, McapReader
 from recordings.mcap_writer import READABLE, RecordingError
-from recordings.sources import McapSource, Part, Source, SourceDevice
+from recordings.sources import ChunkBlock, McapSource, Source, SourceDevice
 from recordings.tabular import CsvSource, MessageSource
 
 GUESS_BYTES = 1 << 16
@@ -56,15 +56,15 @@ class CaptureSource:
         self._size = sum(file.stat().st_size for file in files)
         self.protocol = protocol or self._recognise()
         self.devices = {DEVICE: SourceDevice(DEVICE, self.protocol, {"source": self.path.name, **about})}
-        self._damage: list[Damage] = []
+        self._damage: list[FileDamage] = []
 
     @property
-    def damage(self) -> list[Damage]:
+    def damage(self) -> list[FileDamage]:
         return self._damage
 
     def _recognise(self) -> str:
         with self.path.open("rb") as file:
-            guesses = guess(file.read(GUESS_BYTES))
+            guesses = detect(file.read(GUESS_BYTES))
         return guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
 
     def _bytes(self) -> BinaryIO:
@@ -74,12 +74,14 @@ class CaptureSource:
         """Its bytes from the beginning, to be read and closed."""
         return self._bytes()
 
-    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         start = self._started()
         done = 0
         for pieces in paced(self._bytes(), self.protocol).blocks():
             done += len(pieces.data)
-            yield Part(DEVICE, "rx", pieces.data, pieces.ends, pieces.due_ns + start, done / max(self._size, done))
+            yield ChunkBlock(
+                DEVICE, "rx", pieces.data, pieces.ends, pieces.due_ns + start, done / max(self._size, done)
+            )
 
     def _started(self) -> int:
         """When the capture began: by the UTC in its samples; by its name, or its head; or so long before it was last
@@ -129,7 +131,7 @@ class IndexedSource(CaptureSource):
         last = max(int(index[1][-1]) for index in indexes if index is not None)
         return 0.8 * clock_ms <= last + 100 and last <= 1.25 * clock_ms + 100
 
-    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         start = self._started()
         done = 0
         for file in self._files:
@@ -141,7 +143,7 @@ class IndexedSource(CaptureSource):
             ends = np.append(offsets[inside], len(data))
             times = start + np.append(ms[inside], ms[-1]) * 1_000_000
             done += len(data)
-            yield Part(DEVICE, "rx", data, ends, times, done / max(self._size, 1))
+            yield ChunkBlock(DEVICE, "rx", data, ends, times, done / max(self._size, 1))
 
 
 class DatSource(CaptureSource):
@@ -161,12 +163,12 @@ def is_dat(head: bytes) -> bool:
     return head.startswith(inertial_sense_logs.MARKER)
 
 
-def paced(file: BinaryIO, protocol: str) -> Pace:
+def paced(file: BinaryIO, protocol: str) -> CaptureTiming:
     """The bytes of a capture with their times; "" where nobody knows what they are."""
     if not protocol:
-        return Pace(file, None)
+        return CaptureTiming(file, None)
     row = PROTOCOLS[protocol]
-    return Pace(file, lenient(protocol), utc=row.utc, dated=row.dated)
+    return CaptureTiming(file, permissive_decoder(protocol), utc=row.utc, dated=row.dated)
 
 
 def open_file(path: Path, protocol: str = "") -> Source:
@@ -201,7 +203,7 @@ def open_file(path: Path, protocol: str = "") -> Source:
 
 def _mcap(path: Path) -> Source:
     """A recording, or where it has no bytes of a device, the numbers in it."""
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         if recording.is_ours:
             return McapSource(path)
         if not recording.chunks:

@@ -34,7 +34,7 @@ import numpy as np
 
 from protocols.framing import Ints
 from protocols.isb.frames import DATA, build
-from recordings.mcap_reader import Damage
+from recordings.mcap_reader import FileDamage
 
 MARKER = bytes.fromhex("32EA05FC")
 HEADER = struct.Struct("<4sBBBB4s4sIIIIHH4B")
@@ -98,7 +98,7 @@ def read_index(path: Path) -> tuple[Ints, Ints] | None:
     return offsets[ahead], ms[ahead]
 
 
-def packets(data: bytes, damage: list[Damage]) -> Iterator[bytes]:
+def packets(data: bytes, damage: list[FileDamage]) -> Iterator[bytes]:
     """The records of a .dat file as packets, chunk by chunk: the bytes that brought them."""
     at = 0
     while at < len(data):
@@ -106,7 +106,7 @@ def packets(data: bytes, damage: list[Damage]) -> Iterator[bytes]:
         if head is None:
             further = data.find(MARKER, at + 1)
             words = f"{(further if further >= 0 else len(data)) - at} bytes at {at} are no chunk of a log."
-            damage.append(Damage(at, words))
+            damage.append(FileDamage(at, words))
             if further < 0:
                 return
             at = further
@@ -114,7 +114,7 @@ def packets(data: bytes, damage: list[Damage]) -> Iterator[bytes]:
         start, size = head
         body = data[start : start + size]
         if len(body) < size:
-            damage.append(Damage(start, f"The last chunk is cut off: {len(body)} of {size} bytes."))
+            damage.append(FileDamage(start, f"The last chunk is cut off: {len(body)} of {size} bytes."))
         yield _packets_of(body, start, damage)
         at = start + size
 
@@ -131,7 +131,7 @@ def _header(data: bytes, at: int) -> tuple[int, int] | None:
     return at + (6 + offset if version >= 2 else HEADER.size), size
 
 
-def _packets_of(body: bytes, start: int, damage: list[Damage]) -> bytes:
+def _packets_of(body: bytes, start: int, damage: list[FileDamage]) -> bytes:
     """The records of a chunk as packets. Where one is damaged, the search goes on behind it: at the next place from
     which `CHAIN` records follow each other, of kinds and sizes that hold together."""
     out = []
@@ -150,7 +150,7 @@ def _packets_of(body: bytes, start: int, damage: list[Damage]) -> bytes:
         words = f"{further - at} bytes at {start + at} are no record."
         if further == len(body):
             words = f"From {start + at} on nothing is a whole record any more: {further - at} bytes."
-        damage.append(Damage(start + at, words))
+        damage.append(FileDamage(start + at, words))
         at = further
     return b"".join(out)
 

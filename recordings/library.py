@@ -32,13 +32,13 @@ from pathlib import Path
 from typing import Any
 
 from recordings import atomic_write, file_lock, inertial_sense_logs, sidecar
-from recordings.column_store import Columns
+from recordings.column_store import ColumnStore
 from recordings.importers import SUFFIXES, open_file
-from recordings.mcap_writer import RecordingError, problem
-from recordings.probe import Device, Peek, peek
+from recordings.mcap_writer import RecordingError, disk_error
+from recordings.probe import RecordedDevice, RecordingProbe, probe
 from recordings.quota import BIN
 from recordings.sidecar import Edits, Marker
-from recordings.summary import is_summary, summary
+from recordings.summary import is_summary, summarize
 
 INDEX, INCOMING = ".index", ".incoming"
 KEPT_S = 7 * 86_400.0  # in the bin
@@ -50,7 +50,7 @@ _COMPANIONS = (".idx",)
 
 
 @dataclass(slots=True)
-class Entry:
+class LibraryEntry:
     """One recording in the list.
 
     Args:
@@ -65,7 +65,7 @@ class Entry:
     files: list[Path]
     size: int
     modified: float
-    peek: Peek
+    peek: RecordingProbe
     edits: Edits
     thumbnail: list[list[float]]
     losses: list[float]
@@ -117,12 +117,12 @@ class Library:
         self.folder = folder
         self._now = now
         self._lock = threading.RLock()
-        self._peeks: dict[Path, tuple[tuple[int, int], Peek | None]] = {}
+        self._peeks: dict[Path, tuple[tuple[int, int], RecordingProbe | None]] = {}
         self._swept = -_SWEEP_S
 
     # ── listing ──────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def all(self, search: str = "") -> list[Entry]:
+    def all(self, search: str = "") -> list[LibraryEntry]:
         """Newest first; then those in the bin, newest deletion first."""
         words = search.casefold().split()
         with self._lock:
@@ -134,7 +134,7 @@ class Library:
             *sorted(gone, key=lambda entry: entry.deleted or 0.0, reverse=True),
         ]
 
-    def get(self, recording: str) -> Entry:
+    def get(self, recording: str) -> LibraryEntry:
         """One that is not deleted.
 
         Raises:
@@ -155,26 +155,28 @@ class Library:
             files = sorted(self._files(self.folder).items())
         return hash(tuple((path.name, *stamp) for path, stamp in files if path.stem != written))
 
-    def learn(self, recording: str, columns: Columns) -> None:
+    def learn(self, recording: str, columns: ColumnStore) -> None:
         """Keep what the list wants to know of an opened recording. KeyError: there is none of that id."""
         entry = self.get(recording)
         stat = entry.path.stat()
-        body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summary(columns)}
+        body = {"size": stat.st_size, "modified_ns": stat.st_mtime_ns, **summarize(columns)}
         for device in body["devices"]:
             if device["name"] == entry.path.name:
                 device["name"] = ""  # it has none but its file's, which may change
         with contextlib.suppress(OSError):  # a folder that is not ours to write: it is found out anew each time
             (self.folder / INDEX).mkdir(exist_ok=True)
-            atomic_write.write(self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False))
+            atomic_write.write_atomic(
+                self.folder / INDEX / f"{entry.path.name}.json", json.dumps(body, ensure_ascii=False)
+            )
 
-    def _live(self, only: str = "") -> list[Entry]:
+    def _live(self, only: str = "") -> list[LibraryEntry]:
         return [
             entry
             for name, files in _named(_groups(self._files(self.folder)))
             if (not only or name == only) and (entry := self._entry(name, files)) is not None
         ]
 
-    def _deleted(self) -> list[Entry]:
+    def _deleted(self) -> list[LibraryEntry]:
         live = {name for name, _ in _named(_groups(self._files(self.folder)))}
         found = []
         for folder in self._bins():
@@ -207,22 +209,22 @@ class Library:
             pass
         return found
 
-    def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> Entry | None:
+    def _entry(self, name: str, files: dict[Path, tuple[int, int]]) -> LibraryEntry | None:
         path, stamp = next(iter(files.items()))
         known = self._peeks.get(path)
         if known is None or known[0] != stamp:
-            known = self._peeks[path] = (stamp, peek(path))
+            known = self._peeks[path] = (stamp, probe(path))
         if known[1] is None:
             return None
         size, modified = sum(size for size, _ in files.values()), max(changed for _, changed in files.values()) / 1e9
-        entry = Entry(name, list(files), size, modified, known[1], Edits(), [], [], [])
+        entry = LibraryEntry(name, list(files), size, modified, known[1], Edits(), [], [], [])
         self._apply_index(entry, stamp)
         entry.edits = sidecar.read(path).over(entry.peek.edits)
         if why := sidecar.trouble(path):
             entry.peek = replace(entry.peek, damaged=why.message)
         return entry
 
-    def _apply_index(self, entry: Entry, stamp: tuple[int, int]) -> None:
+    def _apply_index(self, entry: LibraryEntry, stamp: tuple[int, int]) -> None:
         try:
             told = json.loads((self.folder / INDEX / f"{entry.path.name}.json").read_text(encoding="utf-8"))
             if (told["size"], told["modified_ns"]) != stamp or not is_summary(told):
@@ -236,7 +238,7 @@ class Library:
 
     # ── changing ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def edit(self, recording: str, edits: Edits) -> Entry:
+    def edit(self, recording: str, edits: Edits) -> LibraryEntry:
         """Change what is not None; markers are added to those that there are.
 
         Raises:
@@ -256,13 +258,13 @@ class Library:
             self._keep(entry, replace(sidecar.read(entry.path), markers=edits.markers))
             return edits.markers[-1]
 
-    def _keep(self, entry: Entry, edits: Edits) -> None:
+    def _keep(self, entry: LibraryEntry, edits: Edits) -> None:
         try:
             sidecar.write(entry.path, edits)
         except OSError as error:
-            raise problem(error, sidecar.beside(entry.path)) from None
+            raise disk_error(error, sidecar.sidecar_path(entry.path)) from None
 
-    def rename(self, recording: str, name: str) -> Entry:
+    def rename(self, recording: str, name: str) -> LibraryEntry:
         """Give its file another name, and so the recording another id; what belongs to it comes along.
 
         Args:
@@ -295,12 +297,12 @@ class Library:
                 for one, to in moves:
                     os.rename(one, to)
             except OSError as error:
-                raise problem(error, path) from None
+                raise disk_error(error, path) from None
             with contextlib.suppress(OSError):  # else it is found out anew
                 os.rename(self.folder / INDEX / f"{path.name}.json", self.folder / INDEX / f"{target.name}.json")
             return next(one for one in self._live() if one.path == target)
 
-    def delete(self, recording: str) -> Entry:
+    def delete(self, recording: str) -> LibraryEntry:
         """Into the bin, with all that belongs to it. Raises as `edit` does."""
         with self._lock:
             entry = self.get(recording)
@@ -313,10 +315,10 @@ class Library:
                 target.mkdir(parents=True)
                 _move(_belonging(entry.files), target)
             except OSError as error:
-                raise problem(error, entry.path) from None
+                raise disk_error(error, entry.path) from None
             return replace(entry, deleted=stamp / 1000)
 
-    def undelete(self, recording: str) -> Entry:
+    def undelete(self, recording: str) -> LibraryEntry:
         """Out of the bin; of several the one that was deleted last.
 
         Raises:
@@ -335,7 +337,7 @@ class Library:
                 _move(list(source.iterdir()), self.folder)
                 source.rmdir()
             except OSError as error:
-                raise problem(error, entry.path) from None
+                raise disk_error(error, entry.path) from None
             return next(one for one in self._live() if one.path.name == entry.path.name)
 
     def _sweep(self) -> None:
@@ -365,10 +367,10 @@ class Library:
         try:
             folder.mkdir(parents=True)
         except OSError as error:
-            raise problem(error, folder) from None
+            raise disk_error(error, folder) from None
         return folder / clean_name(name)
 
-    def take(self, path: Path) -> Entry:
+    def take(self, path: Path) -> LibraryEntry:
         """An upload is whole: look whether it is a recording, and let it appear.
 
         Raises:
@@ -381,7 +383,7 @@ class Library:
                 os.rename(path, target)
                 return next(entry for entry in self._live() if target in entry.files)
         except OSError as error:
-            raise problem(error, path) from None
+            raise disk_error(error, path) from None
         finally:
             self.refuse(path)
 
@@ -417,13 +419,13 @@ def _free(path: Path) -> Path:
     return free
 
 
-def _check_unused(entry: Entry) -> None:
+def _check_unused(entry: LibraryEntry) -> None:
     """Raise RecordingError while somebody, in whatever process, writes the recording."""
     if any(file_lock.is_written(file) for file in entry.files):
         raise RecordingError(f"{entry.path.name} is being recorded.", "Stop the recording first.")
 
 
-def _none(recording: str) -> Entry:
+def _none(recording: str) -> LibraryEntry:
     raise KeyError(recording)
 
 
@@ -452,13 +454,13 @@ def _named(groups: list[dict[Path, tuple[int, int]]]) -> list[tuple[str, dict[Pa
     return list(found.items())
 
 
-def _completed(known: Peek, told: dict[str, Any], file: str) -> Peek:
+def _completed(known: RecordingProbe, told: dict[str, Any], file: str) -> RecordingProbe:
     """What the file says of itself, with what was found when it was opened."""
     return replace(
         known,
         started=told["started"] if told["started"] is not None else known.started,
         duration=told["duration"] if told["duration"] is not None else known.duration,
-        devices=[Device(**{**one, "name": one["name"] or file}) for one in told["devices"]] or known.devices,
+        devices=[RecordedDevice(**{**one, "name": one["name"] or file}) for one in told["devices"]] or known.devices,
         damaged=told["damaged"] or known.damaged,
     )
 
@@ -467,7 +469,7 @@ def _belonging(files: list[Path]) -> list[Path]:
     """A recording's files, and what lies beside them because of them."""
     found = []
     for file in files:
-        others = (sidecar.beside(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))
+        others = (sidecar.sidecar_path(file), *(file.with_suffix(suffix) for suffix in _COMPANIONS))
         found += [file, *(other for other in others if other.is_file())]
     return found
 

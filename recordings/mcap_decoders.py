@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from recordings.mcap_reader import Topic
+from recordings.mcap_reader import McapChannel
 from recordings.tolerant_json import loads
 
 LONGEST_ARRAY = 16
@@ -41,7 +41,7 @@ _EMPTY_SECTION = re.compile(r"(?:^|\n)MSG:[^\n]*\n(?:[ \t]*(?:#[^\n]*)?(?:\n|$))
 
 
 @dataclass(slots=True)
-class Numbers:
+class NumericMessage:
     """The numbers of one message by their path, and when it was measured, unix s; NaN where it does not say.
 
     Args:
@@ -50,7 +50,7 @@ class Numbers:
 
     stamp: float = math.nan
     of: dict[str, float] = field(default_factory=dict)
-    rows: list[Numbers] = field(default_factory=list)
+    rows: list[NumericMessage] = field(default_factory=list)
 
     def put(self, path: str, value: Any) -> None:
         """One value: only numbers count."""
@@ -66,10 +66,10 @@ class Numbers:
             self.of[path] = moment
 
 
-Reader = Callable[[bytes], Numbers]
+MessageReader = Callable[[bytes], NumericMessage]
 
 
-def reader_of(topic: Topic) -> Reader | None:
+def reader_of(topic: McapChannel) -> MessageReader | None:
     """What reads the messages of a channel; None where nobody can say what they mean."""
     maker = _MAKERS.get((topic.encoding, topic.schema_encoding if topic.encoding != "json" else ""))
     try:
@@ -79,34 +79,34 @@ def reader_of(topic: Topic) -> Reader | None:
     if read is None:
         return None
 
-    def careful(data: bytes) -> Numbers:
+    def careful(data: bytes) -> NumericMessage:
         try:
             return read(data)
         except _SENSELESS:
-            return Numbers()
+            return NumericMessage()
 
     return careful
 
 
-def unit_of(topic: Topic, path: str) -> str:
+def unit_of(topic: McapChannel, path: str) -> str:
     """The unit of a number, where the kind of message says it."""
     known = UNITS.get(topic.schema, {})
     return next((unit for name, unit in known.items() if path == name or path.startswith(f"{name}.")), "")
 
 
-def _json(topic: Topic) -> Reader:
-    def walk(value: Any, path: str, depth: int, found: Numbers) -> Numbers:
+def _json(topic: McapChannel) -> MessageReader:
+    def walk(value: Any, path: str, depth: int, found: NumericMessage) -> NumericMessage:
         for name, inside in _inside(value) if depth < DEEPEST else ():
             walk(inside, f"{path}.{name}" if path else name, depth + 1, found)
         found.put(path, value)
         return found
 
-    def read(data: bytes) -> Numbers:
+    def read(data: bytes) -> NumericMessage:
         value = loads(data)
         rows = value["rows"] if isinstance(value, dict) and value.keys() == {"rows"} else None
         if isinstance(rows, list) and rows and all(isinstance(row, dict) for row in rows):
-            return Numbers(rows=[walk(row, "", 0, Numbers()) for row in rows])
-        return walk(value, "", 0, Numbers())
+            return NumericMessage(rows=[walk(row, "", 0, NumericMessage()) for row in rows])
+        return walk(value, "", 0, NumericMessage())
 
     return read
 
@@ -118,7 +118,7 @@ def _inside(value: Any) -> Iterator[tuple[str, Any]]:
         yield from ((str(number), one) for number, one in enumerate(value))
 
 
-def _ros2(topic: Topic) -> Reader | None:
+def _ros2(topic: McapChannel) -> MessageReader | None:
     from mcap.records import Schema
     from mcap_ros2.decoder import DecoderFactory
 
@@ -133,8 +133,8 @@ def _ros2(topic: Topic) -> Reader | None:
     if decode is None:
         return None
 
-    def read(data: bytes) -> Numbers:
-        found = Numbers()
+    def read(data: bytes) -> NumericMessage:
+        found = NumericMessage()
 
         def walk(value: Any, path: str, depth: int) -> None:
             names = getattr(value, "__slots__", None)
@@ -157,7 +157,7 @@ def _ros2(topic: Topic) -> Reader | None:
     return read
 
 
-def _protobuf(topic: Topic) -> Reader:
+def _protobuf(topic: McapChannel) -> MessageReader:
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
     from google.protobuf.message import DecodeError
 
@@ -170,12 +170,12 @@ def _protobuf(topic: Topic) -> Reader:
         pool.Add(file)
     kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(topic.schema))
 
-    def read(data: bytes) -> Numbers:
-        found = Numbers()
+    def read(data: bytes) -> NumericMessage:
+        found = NumericMessage()
         try:
             _fields(kind.FromString(data), "", 0, found)
         except DecodeError:
-            return Numbers()
+            return NumericMessage()
         return found
 
     return read
@@ -197,7 +197,7 @@ def _in_order(files: Mapping[str, Any]) -> list[Any]:
     return list(done.values())
 
 
-def _fields(message: Any, path: str, depth: int, found: Numbers) -> None:
+def _fields(message: Any, path: str, depth: int, found: NumericMessage) -> None:
     """The numbers of a protobuf message, also those that are zero because nobody set them."""
     if depth > DEEPEST:
         return
@@ -222,7 +222,7 @@ def _fields(message: Any, path: str, depth: int, found: Numbers) -> None:
                 _fields(item, place, depth + 1, found)
 
 
-_MAKERS: Mapping[tuple[str, str], Callable[[Topic], Reader | None]] = {
+_MAKERS: Mapping[tuple[str, str], Callable[[McapChannel], MessageReader | None]] = {
     ("json", ""): _json,
     ("protobuf", "protobuf"): _protobuf,
     ("cdr", "ros2msg"): _ros2,

@@ -8,7 +8,7 @@ MCAP chunk, or, in a file that is being recorded or was torn off, a few thousand
     block                    ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
     table    one column a message: channel, time, where its data begin, how many bytes
 
-Damage never raises: `Recording.damage` says where the file stops making sense and why. Everything before is given, and
+Damage never raises: `McapReader.damage` says where the file stops making sense and why. Everything before is given, and
 what stands whole behind it: reading resumes where several records follow each other again. A chunk whose checksum fails
 is left out and told; what comes after it is read.
 
@@ -121,7 +121,7 @@ def _resume(data: Bytes, at: int, known: Bytes) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class MessageBlock:
     """Messages that lie together.
 
     Args:
@@ -146,7 +146,7 @@ class Block:
 
 
 @dataclass(slots=True)
-class Topic:
+class McapChannel:
     """One channel of the file."""
 
     id: int
@@ -158,7 +158,7 @@ class Topic:
 
 
 @dataclass(frozen=True, slots=True)
-class Damage:
+class FileDamage:
     """From where the file, or a chunk of it, makes no sense.
 
     Args:
@@ -170,7 +170,7 @@ class Damage:
     torn: bool = False
 
 
-class Recording:
+class McapReader:
     """One MCAP file, ours or another's. Cheap to make: nothing is read before it is asked for.
 
     Args:
@@ -190,10 +190,10 @@ class Recording:
                 self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         except OSError as error:
             raise RecordingError(f"{path.name}: {(error.strerror or 'cannot be read').lower()}.", READABLE) from None
-        self.topics: dict[int, Topic] = {}
+        self.topics: dict[int, McapChannel] = {}
         self._metadata: dict[tuple[str, frozenset[tuple[str, str]]], dict[str, str]] = {}  # in the order last told
         self._pointed_at: set[int] = set()  # metadata that the index has led to
-        self.damage: list[Damage] = []
+        self.damage: list[FileDamage] = []
         self.whole = False  # its end is there
         self.statistics: Statistics | None = None  # counts and times, where its end tells them
         self._schemas: dict[int, Schema] = {}
@@ -204,7 +204,7 @@ class Recording:
         with contextlib.suppress(BufferError):
             self._map.close()
 
-    def __enter__(self) -> Recording:
+    def __enter__(self) -> McapReader:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -212,7 +212,7 @@ class Recording:
 
     # -- reading -------------------------------------------------------------------------------------------------------
 
-    def blocks(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Block]:
+    def blocks(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[MessageBlock]:
         """The messages, block by block in the order of the file.
 
         Args:
@@ -245,7 +245,7 @@ class Recording:
         """Names and values, each pair once, where it was told last."""
         return [(name, values) for (name, _), values in self._metadata.items()]
 
-    def topic(self, name: str) -> Topic | None:
+    def topic(self, name: str) -> McapChannel | None:
         """The channel of that name."""
         return next((topic for topic in self.topics.values() if topic.name == name), None)
 
@@ -261,12 +261,16 @@ class Recording:
         if not len(MAGIC) <= start < footer:
             return []
         if told and zlib.crc32(self._map[start : footer + _RECORD + 16]) != told:
-            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            self.damage.append(
+                FileDamage(start, "The index at the end is damaged; the file is read from its beginning.")
+            )
             return []
         try:
             return self._indexed(start, footer)
         except (struct.error, ValueError, EndOfFile):  # whatever a garbled record does to its reader
-            self.damage.append(Damage(start, "The index at the end is damaged; the file is read from its beginning."))
+            self.damage.append(
+                FileDamage(start, "The index at the end is damaged; the file is read from its beginning.")
+            )
             return []
 
     def _indexed(self, at: int, end: int) -> list[ChunkIndex]:
@@ -294,7 +298,7 @@ class Recording:
             (length,) = struct.unpack_from("<Q", self._map, at + 1)
             self._learn(opcode, self._map[at + _RECORD : at + _RECORD + length])
 
-    def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[Block]:
+    def _walk(self, data: memoryview, at: int, done: int | None = None) -> Iterator[MessageBlock]:
         """From record to record: a file without an index, or the inside of a chunk (`done` is then where that ends)."""
         array = np.frombuffer(data, np.uint8)
         end = len(array)
@@ -302,7 +306,7 @@ class Recording:
         while at < end:
             n, at, opcode, length = _messages(array, at, table)
             if n:
-                yield Block(data, table[:, :n], at if done is None else done)
+                yield MessageBlock(data, table[:, :n], at if done is None else done)
                 table = np.empty((4, _COLUMNS), np.int64)
             if opcode in (AT_END, FULL):
                 continue
@@ -331,7 +335,7 @@ class Recording:
         known[[number for number in self.topics if number < len(known)]] = 1
         return known
 
-    def _chunk(self, at: int, end: int) -> Iterator[Block]:
+    def _chunk(self, at: int, end: int) -> Iterator[MessageBlock]:
         """The messages of one MCAP chunk."""
         data = self._unpacked(at, end)
         if data is not None:
@@ -354,7 +358,7 @@ class Recording:
                 raise ValueError("its checksum is wrong")
         except (ValueError, struct.error, zstandard.ZstdError, RuntimeError) as error:
             words = f"The chunk at byte {at:,} cannot be read: {error}.".replace(",", " ")
-            self.damage.append(Damage(at, words))
+            self.damage.append(FileDamage(at, words))
             return None
         return data
 
@@ -367,7 +371,7 @@ class Recording:
             elif opcode == CHANNEL:
                 channel = Channel.read(_stream(body))
                 of = self._schemas.get(channel.schema_id)
-                self.topics[channel.id] = Topic(
+                self.topics[channel.id] = McapChannel(
                     channel.id,
                     channel.topic,
                     channel.message_encoding,
@@ -383,10 +387,10 @@ class Recording:
                 self._metadata.pop(key, None)  # told again: now it is the last
                 self._metadata[key] = told.metadata
         except Exception as error:  # whatever a garbled record does to its reader
-            self.damage.append(Damage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
+            self.damage.append(FileDamage(-1, f"A record of kind {opcode} cannot be read: {type(error).__name__}."))
 
 
-def json_messages(recording: Recording, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+def json_messages(recording: McapReader, topic: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
     """Time and body of every JSON message of a channel ("events", "notes", "snapshot/…")."""
     for block in recording.blocks():
         found = recording.topic(topic)
@@ -420,19 +424,19 @@ def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(io.BytesIO(body))
 
 
-def _torn(at: int, head: bytes, rest: Bytes) -> Damage:
+def _torn(at: int, head: bytes, rest: Bytes) -> FileDamage:
     """The file ends in the middle of a record, in zeros, or in something else that nothing follows."""
     length = struct.unpack_from("<Q", head, 1)[0] if len(head) == _RECORD else 0
     is_record = head[0] <= DATA_END and len(rest) < _RECORD + length and length <= _LONGEST_RECORD
     torn = not rest.any() or (head[0] > 0 and (is_record or len(rest) < _RECORD))
     words = f"The file is whole up to byte {at:,}; what follows is torn off or damaged.".replace(",", " ")
-    return Damage(at, words, torn)
+    return FileDamage(at, words, torn)
 
 
-def _skipped(at: int, behind: int) -> Damage:
+def _skipped(at: int, behind: int) -> FileDamage:
     words = f"{behind - at:,} bytes at byte {at:,} are damaged and were left out.".replace(",", " ")
-    return Damage(at, words)
+    return FileDamage(at, words)
 
 
-def _cut(end: int) -> Damage:
-    return Damage(end, f"The chunk before byte {end:,} does not end with a whole record.".replace(",", " "))
+def _cut(end: int) -> FileDamage:
+    return FileDamage(end, f"The chunk before byte {end:,} does not end with a whole record.".replace(",", " "))

@@ -22,7 +22,7 @@ with chunks, compression and indexes (recordings/compaction.py). Both forms, and
 of MCAP that tolerates a missing end; reading is in recordings/mcap_reader.py.
 
 `format` is 1, and so is a recording that names none. It is raised when a reader of before would misread what is
-written; a reader meets a number that it does not know with one sentence, and opens nothing (`newer`).
+written; a reader meets a number that it does not know with one sentence, and opens nothing (`check_format_version`).
 
 A key never gets into a recording.
 
@@ -98,7 +98,7 @@ class RecordingError(Exception):
         self.message, self.hint = message, hint
 
 
-class Writer:
+class McapWriter:
     """A recording that is being made.
 
     Args:
@@ -113,9 +113,9 @@ class Writer:
         self.path = path
         self.size = 0
         try:
-            self._file = _Whole(path)
+            self._file = AtomicRecordFile(path)
         except OSError as error:
-            raise problem(error, path) from None
+            raise disk_error(error, path) from None
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[str, Channel] = {}
         self._counts: dict[int, int] = {}
@@ -167,7 +167,7 @@ class Writer:
                 self._file.sync()
             except OSError as error:
                 if not self._closed:  # meanwhile, by who writes: then that one tells why
-                    raise problem(error, self.path) from None
+                    raise disk_error(error, self.path) from None
 
     def close(self) -> None:
         """End the file as the format wants it. It can be opened as it is; packing makes it small and quick.
@@ -270,12 +270,12 @@ class Writer:
         except OSError as error:
             self._closed = True
             self._file.cut()
-            raise problem(error, self.path) from None
+            raise disk_error(error, self.path) from None
         finally:
             self.size = self._file.count
 
 
-class _Whole:
+class AtomicRecordFile:
     """An unbuffered file that takes whole records: of one that does not fit any more, what was written is cut off.
 
     It is appended to, so that what comes after somebody else's truncation stands behind what is left, without a hole.
@@ -342,7 +342,7 @@ def _strings(about: Mapping[str, Any]) -> dict[str, str]:
     return {name: "" if value is None else str(value) for name, value in about.items()}
 
 
-def newer(name: str, told: object, known: int = FORMAT) -> RecordingError | None:
+def check_format_version(name: str, told: object, known: int = FORMAT) -> RecordingError | None:
     """What to say of a file that tells a later format than is known here; None where it can be read.
 
     Args:
@@ -355,7 +355,7 @@ def newer(name: str, told: object, known: int = FORMAT) -> RecordingError | None
     return RecordingError(words, "Update imuscope; the file is left as it is.")
 
 
-def problem(error: OSError, path: Path) -> RecordingError:
+def disk_error(error: OSError, path: Path) -> RecordingError:
     """What a person is told when the disk fails."""
     said = _WORDS.get(error.errno or 0, (error.strerror or "It cannot be written").capitalize())
     return RecordingError(f"{said}: {path.name}.", _HINTS.get(error.errno or 0, ""))

@@ -15,7 +15,7 @@ import sys
 _PR_SET_PDEATHSIG = 1
 
 
-def end_with_parent() -> None:
+def die_with_parent() -> None:
     """Have this process told to end (SIGTERM) when its parent is gone; where that can be had. To be called first."""
     if sys.platform != "linux":
         return

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import Exact, Shape
+from recordings.column_store import ChannelLayout, ExactRows
 
 NAME = "payloads.bin"
-SHAPE = Shape(("u8", "u4"), (False, False))
+SHAPE = ChannelLayout(("u8", "u4"), (False, False))
 BYTES = "bytes"
 """The dtype that such a column has for an export."""
 
@@ -52,7 +52,7 @@ class PayloadsWriter:
         self._file.close()
 
 
-def payloads_of(folder: Path, rows: Exact) -> Exact:
+def payloads_of(folder: Path, rows: ExactRows) -> ExactRows:
     """The rows of such a channel with one column: the bytes themselves.
 
     Args:
@@ -70,7 +70,7 @@ def payloads_of(folder: Path, rows: Exact) -> Exact:
             if int((begins + sizes).max()) > len(bytes_):
                 raise ValueError(f"{NAME} in {folder.name} is too short")
             found[:] = _pieces(bytes_, begins.tolist(), sizes.tolist())
-    return Exact(rows.arrival, rows.time, [found])
+    return ExactRows(rows.arrival, rows.time, [found])
 
 
 def _pieces(data: mmap.mmap, begins: Sequence[int], sizes: Sequence[int]) -> list[bytes]:

@@ -12,18 +12,18 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
-from protocols.registry import guess
+from protocols.registry import detect
 from recordings import inertial_sense_logs, sidecar
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, is_dat, paced
-from recordings.mcap_reader import MAGIC, TIME, Recording
-from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, newer
+from recordings.mcap_reader import MAGIC, TIME, McapReader
+from recordings.mcap_writer import DEVICE, EDIT, RECORDING, RecordingError, check_format_version
 
 ASK_ANYWAY = (".mcap", ".mtb", ".raw", ".dat", ".bin", ".csv")  # shown, even where nothing known is found in them
 TORN = "It was torn off, or is still being written; all that is there opens."
 
 
 @dataclass(slots=True)
-class Device:
+class RecordedDevice:
     """A device in a file; `messages`: its frames, 0 where it sent nothing, None until they have been counted."""
 
     id: str
@@ -37,7 +37,7 @@ class Device:
 
 
 @dataclass(slots=True)
-class Peek:
+class RecordingProbe:
     """What a file says of itself.
 
     Args:
@@ -50,26 +50,28 @@ class Peek:
     title: str = ""
     started: float | None = None
     duration: float | None = None
-    devices: list[Device] = field(default_factory=list)
+    devices: list[RecordedDevice] = field(default_factory=list)
     damaged: str = ""
     edits: sidecar.Edits = field(default_factory=sidecar.Edits)
     markers: int = 0
 
 
-def peek(path: Path) -> Peek | None:
+def probe(path: Path) -> RecordingProbe | None:
     """Look into a file; None where it is nothing that anybody would call a recording."""
     try:
         with path.open("rb") as file:
             head = file.read(GUESS_BYTES)
     except OSError as error:
-        return Peek(path.suffix[1:].lower(), damaged=f"It cannot be read: {(error.strerror or 'it failed').lower()}.")
+        return RecordingProbe(
+            path.suffix[1:].lower(), damaged=f"It cannot be read: {(error.strerror or 'it failed').lower()}."
+        )
     suffix = path.suffix.lower()
     if head.startswith(MAGIC):
         return _mcap(path)
     if not head:
-        return Peek(suffix[1:], damaged="It is empty.") if suffix in ASK_ANYWAY else None
+        return RecordingProbe(suffix[1:], damaged="It is empty.") if suffix in ASK_ANYWAY else None
     if suffix == ".csv":
-        return Peek("csv", devices=[Device("1", path.name)], edits=_csv_edits(path, head))
+        return RecordingProbe("csv", devices=[RecordedDevice("1", path.name)], edits=_csv_edits(path, head))
     return _capture(path, suffix, head)
 
 
@@ -84,22 +86,22 @@ def _csv_edits(path: Path, head: bytes) -> sidecar.Edits:
     return sidecar.from_csv(first)
 
 
-def _mcap(path: Path) -> Peek:
+def _mcap(path: Path) -> RecordingProbe:
     try:
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             return _recording(recording)
     except RecordingError as error:
-        return Peek("mcap", damaged=error.message)
+        return RecordingProbe("mcap", damaged=error.message)
 
 
-def _recording(recording: Recording) -> Peek:
+def _recording(recording: McapReader) -> RecordingProbe:
     first = None
     if not recording.chunks:
         first = next(iter(recording.blocks()), None)
     about = recording.meta(RECORDING)
-    if why := newer("It", about.get("format")):
-        return Peek("mcap", about.get("title", ""), damaged=why.message)
-    found = Peek("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
+    if why := check_format_version("It", about.get("format")):
+        return RecordingProbe("mcap", about.get("title", ""), damaged=why.message)
+    found = RecordingProbe("mcap", about.get("title", ""), edits=sidecar.from_metadata(recording.meta(EDIT)))
     part = about.get("part", "1")
     if part not in ("", "0", "1"):
         found.title = f"{found.title}, part {part}".lstrip(", ")
@@ -112,7 +114,7 @@ def _recording(recording: Recording) -> Peek:
         found.started = int(first.table[TIME].min()) / 1e9
     names = {topic.name: counts.get(number, 0) for number, topic in recording.topics.items()}
     found.markers = names.get("notes", 0)
-    devices: dict[str, Device] = {}
+    devices: dict[str, RecordedDevice] = {}
     for name, values in recording.metadata:
         if name.startswith(DEVICE):
             number = name.removeprefix(DEVICE)
@@ -128,9 +130,9 @@ def _recording(recording: Recording) -> Peek:
     return found
 
 
-def _device(number: str, values: Mapping[str, str]) -> Device:
+def _device(number: str, values: Mapping[str, str]) -> RecordedDevice:
     name = values.get("name") or values.get("product") or Path(values.get("source", "")).name or number
-    return Device(
+    return RecordedDevice(
         number,
         name,
         values.get("protocol", ""),
@@ -139,21 +141,23 @@ def _device(number: str, values: Mapping[str, str]) -> Device:
     )
 
 
-def _capture(path: Path, suffix: str, head: bytes) -> Peek | None:
+def _capture(path: Path, suffix: str, head: bytes) -> RecordingProbe | None:
     protocol = {".mtb": "xbus"}.get(suffix, "")
     if is_dat(head):
         suffix, protocol = ".dat", "isb"
     if not protocol:
-        guesses = guess(head)
+        guesses = detect(head)
         protocol = guesses[0].protocol if guesses and guesses[0].score >= GUESS_SCORE else ""
-    found = Peek(suffix[1:] if suffix in (".mtb", ".raw", ".dat") else "bin")
+    found = RecordingProbe(suffix[1:] if suffix in (".mtb", ".raw", ".dat") else "bin")
     if not protocol:
         if suffix not in ASK_ANYWAY:
             return None
         found.damaged = "It is not a format imuscope knows."
         return found
     name = inertial_sense_logs.log_name(path)
-    found.devices = [Device("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")]
+    found.devices = [
+        RecordedDevice("1", path.name, protocol, serial_number=name.serial_number if name is not None else "")
+    ]
     if name is not None:
         found.started = name.started_ns / 1e9
     elif suffix == ".mtb":

@@ -15,7 +15,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from recordings import file_lock, sidecar
-from recordings.mcap_reader import MAGIC, Recording
+from recordings.mcap_reader import MAGIC, McapReader
 from recordings.mcap_writer import EDIT, PROFILE, SUFFIX, RecordingError
 
 BIN = ".bin"
@@ -32,7 +32,7 @@ def is_pinned(path: Path) -> bool:
     if sidecar.trouble(path) is not None:
         return True
     try:
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             return bool(sidecar.from_metadata(recording.meta(EDIT)).pinned)
     except RecordingError:
         return True
@@ -63,7 +63,7 @@ def cull(folder: Path, quota_bytes: int, spare: Collection[Path] = ()) -> list[P
             continue
         try:
             path.unlink()
-            sidecar.beside(path).unlink(missing_ok=True)
+            sidecar.sidecar_path(path).unlink(missing_ok=True)
         except OSError as error:
             log.warning("%s is over the quota and cannot be deleted: %s", path.name, error)
             continue
@@ -81,7 +81,7 @@ def _recordings(folder: Path) -> list[tuple[int, Path, int]]:
         except OSError:
             continue
         if _is_ours(path):
-            found.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.beside(path))))
+            found.append((stat.st_mtime_ns, path, stat.st_size + _size(sidecar.sidecar_path(path))))
     return found
 
 

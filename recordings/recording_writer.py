@@ -26,7 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from recordings.mcap_writer import Direction, RecordingError, Writer
+from recordings.mcap_writer import Direction, McapWriter, RecordingError
 
 log = logging.getLogger("imuscope.tape")
 
@@ -53,14 +53,14 @@ class Limits:
 
 
 @dataclass(slots=True)
-class Known:
+class Preamble:
     """What every part begins with."""
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
     snapshots: dict[str, tuple[Mapping[str, Any], int]] = field(default_factory=dict)
 
 
-class Tape:
+class RecordingWriter:
     """One recording that is being made, in one part or several.
 
     Args:
@@ -91,14 +91,14 @@ class Tape:
         self._on_part = on_part
         self._on_notice = on_notice
         self.shift_ns = shift_ns
-        self._shortened: Writer | None = None
+        self._shortened: McapWriter | None = None
         self._queue: deque[tuple[Any, ...]] = deque()
         self._wake = threading.Event()
         self._counting = threading.Lock()
         self._put_bytes = self._taken_bytes = 0
         self._stopping = False
-        self._known = Known()
-        self._full: deque[Writer] = deque()
+        self._known = Preamble()
+        self._full: deque[McapWriter] = deque()
         self._oldest_ns: int | None = None
         self._written = threading.Event()  # the writing thread is through
         self._sync_now = threading.Event()
@@ -279,12 +279,12 @@ class Tape:
         self._full.append(old)
         self._sync_now.set()
 
-    def _next_part(self, previous: Path | None) -> Writer:
+    def _next_part(self, previous: Path | None) -> McapWriter:
         self._part += 1
         path = self._name(self._part)
         self._began_ns = self._now_ns()
         about = {**self._about, "part": self._part, "previous": previous.stem if previous is not None else ""}
-        writer = Writer(path, about)
+        writer = McapWriter(path, about)
         for device, told in self._known.devices.items():
             writer.device(device, told)
         for device, (body, time_ns) in self._known.snapshots.items():
@@ -302,13 +302,13 @@ class Tape:
         self._end(self._take_full())
         self._end([self._writer])
 
-    def _take_full(self) -> list[Writer]:
+    def _take_full(self) -> list[McapWriter]:
         found = []
         while self._full:
             found.append(self._full.popleft())
         return found
 
-    def _end(self, parts: Iterable[Writer]) -> None:
+    def _end(self, parts: Iterable[McapWriter]) -> None:
         for part in parts:
             try:
                 part.close()
@@ -331,7 +331,7 @@ class Tape:
         elif writer is not self._shortened and writer.is_shortened():
             self._cut_by_others(writer)
 
-    def _gone(self, writer: Writer) -> None:
+    def _gone(self, writer: McapWriter) -> None:
         """Its name is no more: removed, or moved. What is in it is put back where that is possible."""
         path = writer.path
         said = f"{path.name} was removed or moved while it was being recorded."
@@ -343,7 +343,7 @@ class Tape:
         except OSError:
             self._fail(RecordingError(said, "It could not be put back. Is the folder still there?"))
 
-    def _cut_by_others(self, writer: Writer) -> None:
+    def _cut_by_others(self, writer: McapWriter) -> None:
         """Another program truncated the file: what comes goes into a new one, and what is left of this one stays."""
         self._shortened = writer
         self._on_notice(
@@ -352,7 +352,7 @@ class Tape:
         )
 
 
-def _put_back(writer: Writer) -> Path:
+def _put_back(writer: McapWriter) -> Path:
     """Write the file again under its own name, or under one like it where another file has taken that."""
     path, count = writer.path, 1
     while True:

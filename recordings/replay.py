@@ -23,14 +23,14 @@ from typing import Literal
 
 import numpy as np
 
-from recordings.sources import McapSource, Part, Source
+from recordings.sources import ChunkBlock, McapSource, Source
 
 SPEEDS = (0.1, 50.0)
 TURN_NS = 100_000_000  # between two turns of a loop: lines of a plot break there
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class ReplayedChunk:
     """A chunk that is due.
 
     Args:
@@ -45,7 +45,7 @@ class Played:
     anew: bool = False
 
 
-class Replay:
+class ReplayClock:
     """One recording being played.
 
     Args:
@@ -78,7 +78,7 @@ class Replay:
         self._start_ns, self._stop_ns = start_ns, stop_ns
         self._devices = devices
         self._ways = ways
-        self._next: Played | None = None
+        self._next: ReplayedChunk | None = None
         self._fresh: set[str] = set()  # devices that have been heard since the last jump
         self._jumped = False
         self._paused = False
@@ -145,9 +145,9 @@ class Replay:
 
     # ── what is played ───────────────────────────────────────────────────────────────────────────────────────────────
 
-    def take(self, most: int = 4096) -> list[Played]:
+    def take(self, most: int = 4096) -> list[ReplayedChunk]:
         """What is due by now, oldest first, at most so many chunks."""
-        found: list[Played] = []
+        found: list[ReplayedChunk] = []
         position = self.position_ns
         if self._paused or position is None:
             return found
@@ -186,7 +186,7 @@ class Replay:
             # In step with whoever plays another device of the same range: the range's own beginning leads, if given.
             self._at_ns = self._next.time_ns if self._start_ns is None else min(self._start_ns, self._next.time_ns)
 
-    def _from(self, start_ns: int | None) -> Iterator[Played]:
+    def _from(self, start_ns: int | None) -> Iterator[ReplayedChunk]:
         """The chunks of the range from a moment on, in the order in which they came."""
         low = start_ns if start_ns is not None else -(1 << 62)
         high = self._stop_ns if self._stop_ns is not None else 1 << 62
@@ -196,7 +196,7 @@ class Replay:
                 if low <= time < high:
                     anew = self._jumped and part.device not in self._fresh
                     self._fresh.add(part.device)
-                    yield Played(part.device, part.way, part.data[first:end], time, anew)
+                    yield ReplayedChunk(part.device, part.way, part.data[first:end], time, anew)
 
     def _wants(self, device: str) -> bool:
         return self._devices is None or device in self._devices
@@ -222,9 +222,9 @@ def extent(source: Source) -> tuple[int, int] | None:
     return (first, last) if first is not None and last is not None else None
 
 
-def _blocks(parts: Iterator[Part]) -> Iterator[list[Part]]:
+def _blocks(parts: Iterator[ChunkBlock]) -> Iterator[list[ChunkBlock]]:
     """Parts that were read together."""
-    block: list[Part] = []
+    block: list[ChunkBlock] = []
     for part in parts:
         if block and part.done != block[0].done:
             yield block
@@ -234,7 +234,7 @@ def _blocks(parts: Iterator[Part]) -> Iterator[list[Part]]:
         yield block
 
 
-def _merged(parts: list[Part]) -> Iterator[tuple[Part, int, int, int]]:
+def _merged(parts: list[ChunkBlock]) -> Iterator[tuple[ChunkBlock, int, int, int]]:
     """(part, begin, end, time) of the chunks of several parts, by time; within a part in its order."""
     if not parts:
         return

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from recordings import atomic_write
-from recordings.mcap_writer import RecordingError, newer
+from recordings.mcap_writer import RecordingError, check_format_version
 from recordings.tolerant_json import loads
 
 SUFFIX = ".json"
@@ -89,14 +89,14 @@ CSV_EDIT = "# imuscope edit: "  # begins the first line of a CSV file that was h
 FIRST_MARKER = 1_000_001  # ids of markers put in later begin here: those of the file itself are counted from 1
 
 
-def beside(path: Path) -> Path:
+def sidecar_path(path: Path) -> Path:
     """The file that belongs to a recording."""
     return path.with_name(path.name + SUFFIX)
 
 
 def read(path: Path) -> Edits:
     """What was changed about the recording at `path`; nothing where there is no file, or none that can be read."""
-    return from_plain(_load(beside(path)))
+    return from_plain(_load(sidecar_path(path)))
 
 
 def write(path: Path, edits: Edits) -> None:
@@ -106,7 +106,7 @@ def write(path: Path, edits: Edits) -> None:
         OSError: it cannot be written; what was there stays.
         RecordingError: what is there was written by a newer imuscope, and stays.
     """
-    target = beside(path)
+    target = sidecar_path(path)
     if why := refused(path):
         raise why
     body: dict[str, Any] = {"imuscope": VERSION}
@@ -118,22 +118,22 @@ def write(path: Path, edits: Edits) -> None:
         body["markers"] = [_plain(marker) for marker in edits.markers]
     if target.exists() and not _load(target):
         os.replace(target, target.with_name(f".{target.name}.unreadable"))
-    atomic_write.write(target, json.dumps(body, ensure_ascii=False, indent=1))
+    atomic_write.write_atomic(target, json.dumps(body, ensure_ascii=False, indent=1))
 
 
 def refused(path: Path) -> RecordingError | None:
     """Why what was changed about the recording at `path` is not read; None where it is, and where there is nothing."""
-    target = beside(path)
+    target = sidecar_path(path)
     try:
         body = json.loads(target.read_text(encoding="utf-8")) if 0 < target.stat().st_size <= MOST_BYTES else {}
     except (OSError, ValueError, RecursionError):
         return None
-    return newer(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
+    return check_format_version(target.name, body.get("imuscope"), VERSION) if isinstance(body, dict) else None
 
 
 def trouble(path: Path) -> RecordingError | None:
     """Why what was changed about the recording at `path` is not shown: damaged, or of a newer imuscope; else None."""
-    target = beside(path)
+    target = sidecar_path(path)
     if why := refused(path):
         return why
     if not target.exists() or _load(target):

@@ -18,13 +18,13 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from protocols.framing import Ints
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, Block, Damage, Recording
-from recordings.mcap_writer import DEVICE, RECORDING, newer
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, FileDamage, McapReader, MessageBlock
+from recordings.mcap_writer import DEVICE, RECORDING, check_format_version
 from recordings.tolerant_json import loads
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ChunkBlock:
     """Chunks of one device that lie together.
 
     Args:
@@ -68,9 +68,9 @@ class Source(Protocol):
     about: Mapping[str, str]
 
     @property
-    def damage(self) -> list[Damage]: ...
+    def damage(self) -> list[FileDamage]: ...
 
-    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         """All of them, or at least those with chunks between two times."""
         ...
 
@@ -86,18 +86,18 @@ class McapSource:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._recording = Recording(path)
+        self._recording = McapReader(path)
         self._said: list[tuple[str, int, Mapping[str, Any]]] = []
         if not self._recording.chunks:  # its metadata are spread over the file; the first records have the names
             next(iter(self._recording.blocks()), None)
         self.about: Mapping[str, str] = self._recording.meta(RECORDING)
-        if why := newer(path.name, self.about.get("format")):
+        if why := check_format_version(path.name, self.about.get("format")):
             raise why
         self.devices: dict[str, SourceDevice] = {}
         self._learn()
 
     @property
-    def damage(self) -> list[Damage]:
+    def damage(self) -> list[FileDamage]:
         return self._recording.damage
 
     @property
@@ -111,7 +111,7 @@ class McapSource:
                 device = name.removeprefix(DEVICE)
                 self.devices[device] = SourceDevice(device, values.get("protocol", ""), values)
 
-    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         recording = self._recording
         recording.damage.clear()
         self._said.clear()
@@ -127,13 +127,13 @@ class McapSource:
                 if way not in ("rx", "tx") or topic.encoding == "json":
                     continue
                 data, ends = block.joined(rows)
-                yield Part(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
+                yield ChunkBlock(device, way, data, ends, rows[TIME], block.done / max(recording.size, 1))  # type: ignore[arg-type]
         self._learn()
 
     def said(self) -> Iterator[tuple[str, int, Mapping[str, Any]]]:
         yield from self._said
 
-    def _hear(self, topic: str, block: Block, rows: Ints) -> None:
+    def _hear(self, topic: str, block: MessageBlock, rows: Ints) -> None:
         for time, at, size in zip(rows[TIME].tolist(), rows[DATA].tolist(), rows[LENGTH].tolist(), strict=True):
             try:
                 body = loads(bytes(block.data[at : at + size]))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import Columns
+from recordings.column_store import ColumnStore
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def wrapped(angle: Any, period: float) -> Any:
     return angle - period * np.round(angle / period)
 
 
-def statistics(store: Columns, channel: int, column: int, lo: int, hi: int, period: float = 0.0) -> Statistics:
+def statistics(store: ColumnStore, channel: int, column: int, lo: int, hi: int, period: float = 0.0) -> Statistics:
     """Statistics of the rows lo ≤ row < hi of a channel's own column, by position; 0 for one that never wraps."""
 
     def parts() -> Iterator[Floats]:
@@ -78,7 +78,7 @@ def statistics(store: Columns, channel: int, column: int, lo: int, hi: int, peri
     return statistics_of(parts, period)
 
 
-def norm_statistics(store: Columns, channel: int, columns: Sequence[int], lo: int, hi: int) -> Statistics:
+def norm_statistics(store: ColumnStore, channel: int, columns: Sequence[int], lo: int, hi: int) -> Statistics:
     """Statistics of the length of the vectors that these columns are."""
 
     def parts() -> Iterator[Floats]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import Columns, Exact
+from recordings.column_store import ColumnStore, ExactRows
 
 BUCKETS = 64
 FINE = 32  # summaries asked for in each bucket
@@ -22,14 +22,14 @@ MOST_LOSSES = 200
 _LIKED = (("rate", "turn"), ("gyro",), ("angular",), ("pqr",), ("acceleration",), ("acc",))
 
 
-def thumbnail(columns: Columns) -> list[list[float]]:
+def thumbnail(columns: ColumnStore) -> list[list[float]]:
     """(least, greatest) of 64 buckets, 0..1; [] where nothing moves."""
     number = _moving(columns)
     span = columns.span(number) if number is not None else None
     if number is None or span is None or span[1] <= span[0]:
         return []
     fine = columns.query(number, *span, BUCKETS * FINE, columns=_axes(columns, number))
-    if isinstance(fine, Exact):
+    if isinstance(fine, ExactRows):
         t = np.where(np.isnan(fine.time), fine.arrival, fine.time)
         low = high = np.array(fine.columns, np.float64)
     else:
@@ -68,7 +68,7 @@ def losses(manifest: Mapping[str, Any]) -> list[float]:
     return found[:: -(-len(found) // MOST_LOSSES)] if found else []
 
 
-def summary(columns: Columns) -> dict[str, Any]:
+def summarize(columns: ColumnStore) -> dict[str, Any]:
     """All that the list wants to know of an opened recording, as JSON can hold it."""
     manifest = columns.manifest
     figures = manifest.get("figures", {})
@@ -93,7 +93,7 @@ def summary(columns: Columns) -> dict[str, Any]:
 
 
 def is_summary(told: dict[str, Any]) -> bool:
-    """Whether what was kept on disk has the types that `summary` gives; a damaged file may not."""
+    """Whether what was kept on disk has the types that `summarize` gives; a damaged file may not."""
 
     def is_list(value: Any, *kinds: type) -> bool:
         return isinstance(value, list) and all(isinstance(one, kinds) for one in value)
@@ -109,7 +109,7 @@ def is_summary(told: dict[str, Any]) -> bool:
     return numbers and lists and devices and isinstance(told["damaged"], str)
 
 
-def _moving(columns: Columns) -> int | None:
+def _moving(columns: ColumnStore) -> int | None:
     """The channel whose motion is shown: the busiest of the kind that is liked best."""
     infos = columns.manifest.get("channels", ())
     for words in _LIKED:
@@ -126,7 +126,7 @@ def _moving(columns: Columns) -> int | None:
     return int(max(rest, key=columns.rows)) if rest else None
 
 
-def _axes(columns: Columns, number: int) -> list[int]:
+def _axes(columns: ColumnStore, number: int) -> list[int]:
     """The columns that are components: those with an axis, else all floating ones, three at most."""
     info = next(one for one in columns.manifest["channels"] if one["id"] == number)
     axes = [i for i, column in enumerate(info["columns"]) if column.get("axis")]

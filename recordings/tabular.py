@@ -31,10 +31,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.mcap_decoders import Numbers, Reader, reader_of, unit_of
-from recordings.mcap_reader import DATA, LENGTH, TIME, Damage, Recording, Topic
+from recordings.mcap_decoders import MessageReader, NumericMessage, reader_of, unit_of
+from recordings.mcap_reader import DATA, LENGTH, TIME, FileDamage, McapChannel, McapReader
 from recordings.mcap_writer import RecordingError
-from recordings.sources import Part, SourceDevice
+from recordings.sources import ChunkBlock, SourceDevice
 from recordings.topics import columns_of
 
 if TYPE_CHECKING:  # imported where a CSV file is read: a server starts sooner without
@@ -59,7 +59,7 @@ _AXIS = re.compile(r"^(?P<group>.+?)(?:[._](?P<axis>[^._]+)|(?<=[a-z])(?P<letter
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class TableRows:
     """Rows of one table: (n,) each; what is no number is NaN.
 
     Args:
@@ -85,9 +85,9 @@ class TableSource:
         self.path, self.format = path, format
         self.about: Mapping[str, str] = {}
         self.devices = {DEVICE: SourceDevice(DEVICE, "", {"source": path.name, "name": path.stem})}
-        self.damage: list[Damage] = []
+        self.damage: list[FileDamage] = []
 
-    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[Part]:
+    def parts(self, start_ns: int | None = None, stop_ns: int | None = None) -> Iterator[ChunkBlock]:
         """There are no bytes."""
         return iter(())
 
@@ -95,7 +95,7 @@ class TableSource:
         """Nothing was kept beside the numbers."""
         return iter(())
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[TableRows]:
         """All rows, a block of each table after the other."""
         raise NotImplementedError
 
@@ -130,7 +130,7 @@ class CsvSource(TableSource):
             self._origin = path.stat().st_mtime - number
             self.timed = False
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[TableRows]:
         import pyarrow as pa
         import pyarrow.csv
 
@@ -159,12 +159,12 @@ class CsvSource(TableSource):
                     wrong += bad
                     yield rows
         except pa.ArrowInvalid as error:
-            self.damage.append(Damage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
+            self.damage.append(FileDamage(-1, f"From some line on it is no table: {str(error).splitlines()[0][:200]}"))
         if odd:
-            self.damage.append(Damage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
+            self.damage.append(FileDamage(-1, f"{len(odd)} lines do not have {len(names)} fields; they are left out."))
         if wrong:
             words = "cell was not a number and was" if wrong == 1 else "cells were not numbers and were"
-            self.damage.append(Damage(-1, f"{wrong} {words} left empty."))
+            self.damage.append(FileDamage(-1, f"{wrong} {words} left empty."))
 
     def last(self) -> float:
         assert self._time is not None
@@ -175,7 +175,7 @@ class CsvSource(TableSource):
         number = _seconds(cells[self._time], self._factor) if len(cells) > self._time else None
         return number + self._origin if number is not None and math.isfinite(number) else 0.0
 
-    def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[Rows, int]:
+    def _converted(self, batch: pa.RecordBatch, names: list[str], done: float) -> tuple[TableRows, int]:
         assert self._time is not None
         wrong = 0
         columns: dict[str, tuple[Floats, str]] = {}
@@ -191,7 +191,7 @@ class CsvSource(TableSource):
             arrival = np.where(np.isnan(arrival), time, arrival)
         known = ~np.isnan(arrival)
         kept = {name: (values[known], unit) for name, (values, unit) in columns.items()}
-        return Rows(self.path.stem, time[known], arrival[known], kept, done), wrong + int((~known).sum())
+        return TableRows(self.path.stem, time[known], arrival[known], kept, done), wrong + int((~known).sum())
 
     def _times(self, column: pa.Array) -> Floats:
         values, bad = _numbers(column)
@@ -205,7 +205,7 @@ class CsvSource(TableSource):
 class _Utf8(io.RawIOBase):
     """A file whose bytes are UTF-8, whatever they were: what is none is put in its place, and told once."""
 
-    def __init__(self, file: BinaryIO, damage: list[Damage]) -> None:
+    def __init__(self, file: BinaryIO, damage: list[FileDamage]) -> None:
         self._file = file
         self._damage = damage
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
@@ -221,7 +221,7 @@ class _Utf8(io.RawIOBase):
 
     def _told(self, text: str) -> bytes:
         if ODD in text and not any(one.words == NO_UTF8 for one in self._damage):
-            self._damage.append(Damage(-1, NO_UTF8))
+            self._damage.append(FileDamage(-1, NO_UTF8))
         return text.encode()
 
 
@@ -318,7 +318,7 @@ class MessageSource(TableSource):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "table")
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             if not recording.chunks:
                 next(iter(recording.blocks()), None)
             topics = list(recording.topics.values())
@@ -328,15 +328,15 @@ class MessageSource(TableSource):
             raise RecordingError(f"{path.name} holds no bytes of a device, and its messages are {kinds}.", hint)
 
     def last(self) -> float:
-        with Recording(self.path) as recording:
+        with McapReader(self.path) as recording:
             return max((chunk.message_end_time for chunk in recording.chunks), default=0) / 1e9
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[TableRows]:
         left_out: set[str] = set()
         headings: dict[int, list[str]] = {}
-        readers: dict[int, Reader | None] = {}
+        readers: dict[int, MessageReader | None] = {}
         self.damage.clear()
-        with Recording(self.path) as recording:
+        with McapReader(self.path) as recording:
             for block in recording.blocks():
                 for number in np.unique(block.table[0]).tolist():
                     topic = recording.topics.get(number)
@@ -363,18 +363,18 @@ class MessageSource(TableSource):
                     for name in names:
                         heading, unit = told.get(name) or (name, unit_of(topic, name))
                         columns[heading] = (np.array([body.of.get(name, np.nan) for body in bodies]), unit)
-                    yield Rows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
+                    yield TableRows(topic.name, time, arrival, columns, block.done / max(recording.size, 1))
             self.damage.extend(recording.damage)
-        self.damage.extend(Damage(-1, words) for words in sorted(left_out))
+        self.damage.extend(FileDamage(-1, words) for words in sorted(left_out))
 
 
-def _other(topic: Topic | None) -> str:
+def _other(topic: McapChannel | None) -> str:
     if topic is None:
         return "Messages of a channel that is not described are left out."
     return f"{topic.name} is {topic.encoding or 'of no encoding'}, which is not read."
 
 
-def _names(bodies: list[Numbers]) -> list[str]:
+def _names(bodies: list[NumericMessage]) -> list[str]:
     return list(dict.fromkeys(name for body in bodies for name in body.of))[:MOST_COLUMNS]
 
 

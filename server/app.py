@@ -38,28 +38,28 @@ from server.api import (
 )
 from server.auth import Access, Guard
 from server.config import Config
-from server.configuration.controllers import Desks
-from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.correction_manager import CorrectionManager
 from server.devices import protocol_set as default_speech
-from server.devices.decode_options import Reading
-from server.devices.protocol_detection import Speech
+from server.devices.decode_options import DecodeOptions
+from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import SequenceStore
 from server.devices.sessions import OpenLink, Sessions
 from server.integrations.foxglove import Foxglove
 from server.integrations.rerun import Rerun
 from server.integrations.viser import Viser
 from server.library.catalogue import Catalogue
-from server.library.cleanup import Tenancy
-from server.library.column_cache import Shelf
-from server.library.compaction_worker import Packer
+from server.library.cleanup import DataFolderLock
+from server.library.column_cache import ColumnCache
+from server.library.compaction_worker import CompactionWorker
 from server.library.export_jobs import Exports
 from server.library.recorder import FOLDER, Recorder, plan_of
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.metrics import Metrics
-from server.rate_limit import Turnstile
+from server.rate_limit import RateLimiter
 from server.security_headers import Heads
-from server.streaming.event_logging import Journal
+from server.streaming.event_logging import EventLogger
 from server.streaming.hub import Hub
 from server.version import VERSION
 
@@ -71,7 +71,7 @@ def create_app(
     access: Access,
     *,
     open_link: OpenLink = open_link,
-    speech: Speech | None = None,
+    speech: ProtocolSet | None = None,
     now_ns: Callable[[], int] | None = None,
 ) -> ASGIApp:
     """The application, guarded.
@@ -89,13 +89,13 @@ def create_app(
     numbers = SequenceStore(config.data)
     sessions = Sessions(hub, open_link, speech or default_speech.speech(), links, sequences=numbers)
 
-    desks = Desks(hub, sessions, config.data, config.trial_s)
-    packer = Packer(lambda path: catalogue.finished(path))
+    desks = ControllerRegistry(hub, sessions, config.data, config.trial_s)
+    packer = CompactionWorker(lambda path: catalogue.finished(path))
     tape = Recorder(hub, sessions, desks, plan_of(config), packer, wall_ns)
     catalogue = Catalogue(hub, config.data)
-    shelf = catalogue.shelf = Shelf(config.data, catalogue.path, reading)
+    shelf = catalogue.shelf = ColumnCache(config.data, catalogue.path, reading)
 
-    tenancy = Tenancy(config.data)
+    tenancy = DataFolderLock(config.data)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -104,7 +104,7 @@ def create_app(
         if config.record:  # before there is a byte
             await tape.begin(config.sources or DEFAULT_SOURCES)
         for source in config.sources or DEFAULT_SOURCES:
-            sessions.add_all(source, reading if config.sources else Reading())
+            sessions.add_all(source, reading if config.sources else DecodeOptions())
         if tenancy.is_alone:  # else they are another server's, which may be carrying them out
             await desks.resume()
         await tape.resume()
@@ -112,15 +112,15 @@ def create_app(
         app.state.foxglove.start()
         await app.state.rerun.start()
         yield
-        await shutdown.all_of(
+        await shutdown.close_all(
             tape.close(),
             {
                 "an export": app.state.exports.close(),
-                "the library": shutdown.in_turn(catalogue.close(), shelf.close()),
+                "the library": shutdown.close_sequentially(catalogue.close(), shelf.close()),
                 "viser": app.state.viser.close(),
                 "Rerun": app.state.rerun.close(),
                 "Foxglove": app.state.foxglove.close(),
-                "a device": shutdown.in_turn(app.state.corrections.close(), sessions.close()),
+                "a device": shutdown.close_sequentially(app.state.corrections.close(), sessions.close()),
             },
         )
         tenancy.end()
@@ -136,10 +136,10 @@ def create_app(
     )
     app.state.hub = hub
     app.state.metrics = Metrics(hub)
-    app.state.journal = Journal(hub)
+    app.state.journal = EventLogger(hub)
     app.state.sessions = sessions
     app.state.desks = desks
-    app.state.corrections = CorrectionDesk(sessions)
+    app.state.corrections = CorrectionManager(sessions)
     app.state.recorder = tape
     app.state.viser = Viser(hub)
     app.state.rerun = Rerun(hub, config.rerun_connect)
@@ -155,8 +155,8 @@ def create_app(
     app.state.tiles = map_tiles.TileSource(config.map)
     app.state.history_pace = asyncio.Lock()
     errors.install(app)
-    app.add_middleware(unicode_guard.WholeTexts)
-    app.add_middleware(Turnstile)
+    app.add_middleware(unicode_guard.UnicodeGuard)
+    app.add_middleware(RateLimiter)
     app.add_middleware(Heads)
     for module in (
         devices,

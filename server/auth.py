@@ -40,7 +40,7 @@ from urllib.parse import parse_qs, quote, urlencode, urlsplit
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.config import Config, is_loopback
-from server.login_throttle import UNGUESSABLE, Failures
+from server.login_throttle import UNGUESSABLE, LoginThrottle
 from server.security_headers import with_defaults
 from server.wire import Problem
 
@@ -75,9 +75,9 @@ class Access:
         failures: the wrong tokens that came.
     """
 
-    def __init__(self, config: Config, failures: Failures | None = None) -> None:
+    def __init__(self, config: Config, failures: LoginThrottle | None = None) -> None:
         self.config = config
-        self._failures = Failures() if failures is None else failures
+        self._failures = LoginThrottle() if failures is None else failures
         needed = not config.is_loopback
         self.control_token = config.control_token or (secrets.token_urlsafe(18) if needed else "")
         self.view_token = config.view_token or (secrets.token_urlsafe(18) if needed else "")

@@ -30,7 +30,7 @@ from server.commands.common import (
     whole,
 )
 from server.config import ConfigError, load
-from server.devices.decode_options import ReadingError, key_text, taken_from
+from server.devices.decode_options import ReadingError, key_text, parse_source_options
 from server.printable import printable
 
 
@@ -92,7 +92,7 @@ def _doctor(options: argparse.Namespace) -> int:
         sys.stdout.write(doctor.udev_rule() if options.udev_rule else doctor.systemd_unit())
         return 0
     config = load(options.config, data=options.data)
-    return doctor.told(look(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json")
+    return doctor.format_findings(look(Machine(config.data, config.port)), sys.stdout, as_json=options.format == "json")
 
 
 def _inspect(options: argparse.Namespace) -> None:
@@ -116,10 +116,10 @@ def _compose(options: argparse.Namespace) -> None:
     if options.jsonl not in (None, "-"):
         readable(options.jsonl)
     warm(options.data)
-    from server.commands.compose import ComposeError, chosen, frame_of, frames_of, known_of, tongues
+    from server.commands.compose import ComposeError, chosen, composers, frame_of, frames_of, known_of
 
     said = reading_of(options)
-    spoken = tongues(said.key, said.schema)
+    spoken = composers(said.key, said.schema)
     try:
         if options.jsonl is None:
             protocol = "" if said.protocol == "auto" else said.protocol
@@ -142,11 +142,11 @@ def _send(options: argparse.Namespace) -> None:
 
     warm(options.data)
     from server.commands.compose import ComposeError
-    from server.commands.send import SendError, Wish, send
+    from server.commands.send import SendError, SendRequest, send
 
-    source, said = taken_from(options.source, reading_of(options))
+    source, said = parse_source_options(options.source, reading_of(options))
     said = settled(said)
-    wish = Wish(source, options.message, options.pairs, options.yes, options.device or "")
+    wish = SendRequest(source, options.message, options.pairs, options.yes, options.device or "")
     try:
         asyncio.run(send(wish, said, sys.stdout, sys.stderr))
     except (ComposeError, SendError) as error:
@@ -168,12 +168,12 @@ def _commands(options: argparse.Namespace) -> None:
 
 
 def _rearm(options: argparse.Namespace) -> None:
-    from server.commands.rearm import RearmError, Wish, rearm
+    from server.commands.rearm import RearmError, RearmRequest, rearm
 
     token = key_text(options.token) if options.token else ""
     data = load(data=options.data).data
     try:
-        print(printable(rearm(Wish(options.device, options.server, token, data))))
+        print(printable(rearm(RearmRequest(options.device, options.server, token, data))))
     except RearmError as error:
         raise UsageError(str(error)) from None
 
@@ -182,16 +182,16 @@ def _record(options: argparse.Namespace) -> None:
     if options.duration is not None and not options.duration > 0:
         raise UsageError(f"--duration {options.duration:g} is not a valid time, in seconds; it must be more than 0")
     data = warm(options.data)
-    from server.commands.record import RecordError, Wish, record
+    from server.commands.record import RecordError, RecordRequest, record
     from server.links.base import LinkError
 
     given = reading_of(options)
     named = placed(options.sources)
-    sources = [taken_from(source, given) for source in named]
+    sources = [parse_source_options(source, given) for source in named]
     check_sources(named, given)
     wished = tuple((source, settled(said)) for source, said in sources)
     try:
-        print(record(Wish(wished, options.output, options.duration, data), sys.stderr))
+        print(record(RecordRequest(wished, options.output, options.duration, data), sys.stderr))
     except (RecordError, LinkError) as error:
         raise UsageError(str(error)) from None
 
@@ -200,10 +200,10 @@ def _decode(options: argparse.Namespace) -> None:
     file = readable(str(options.file))
     said = reading_of(options)
     warm(options.data)
-    from server.commands.decode import DecodeError, Part, decode_file
+    from server.commands.decode import DecodedPart, DecodeError, decode_file
 
     said = settled(said)
-    part = Part(options.begin, options.end, options.device, tuple(options.channel or ()))
+    part = DecodedPart(options.begin, options.end, options.device, tuple(options.channel or ()))
     try:
         with whole(file) as path:
             for made in decode_file(path, options.output, said, sys.stderr, part):
@@ -224,7 +224,7 @@ def _replay(options: argparse.Namespace) -> None:
     from server.commands import replay
 
     if options.key is not None:
-        logging_setup.say("imuscope: --key is not needed: the bytes are sent as they came.")
+        logging_setup.print_or_log("imuscope: --key is not needed: the bytes are sent as they came.")
 
     def sink() -> replay.Sink:
         if options.tcp is not None:
@@ -233,7 +233,7 @@ def _replay(options: argparse.Namespace) -> None:
 
     how = (options.protocol, options.speed, options.loop, options.begin, options.end, options.device)
     try:
-        asyncio.run(replay.replay(replay.Wish(Path(options.file), sink, *how), sys.stdout))
+        asyncio.run(replay.replay(replay.ReplayRequest(Path(options.file), sink, *how), sys.stdout))
     except replay.ReplayError as error:
         raise UsageError(str(error)) from None
 

@@ -42,7 +42,7 @@ from urllib.parse import urlsplit
 
 import platformdirs
 
-from server.devices.decode_options import Reading, key_text, reading, schema_text
+from server.devices.decode_options import DecodeOptions, key_text, reading, schema_text
 from server.logging_setup import LEVELS, STYLES
 
 DEFAULT_HOST = "127.0.0.1"
@@ -140,7 +140,7 @@ class Config:
     log_level: str = "info"
     map: MapTiles = MapTiles()
 
-    def reading(self) -> Reading:
+    def reading(self) -> DecodeOptions:
         """How the sources are to be read.
 
         Raises:

@@ -44,7 +44,7 @@ from server.handshakes import Handshake
 from server.wire import Problem
 
 if TYPE_CHECKING:
-    from server.tls import Keeper
+    from server.tls import CertificateManager
 
 log = logging.getLogger("imuscope.serving")
 
@@ -143,7 +143,7 @@ def admitted(one: BoundedHttp | Handshake, state: ServerState) -> bool:
     return idle is not one
 
 
-def _over_tls(keeper: Keeper) -> type[asyncio.Protocol]:
+def _over_tls(keeper: CertificateManager) -> type[asyncio.Protocol]:
     """What uvicorn makes of each connection that it accepts: our HTTP, once the handshake is over."""
 
     def made(config: uvicorn.Config, server_state: ServerState, **others: Any) -> Handshake:
@@ -174,7 +174,7 @@ def raise_limit() -> None:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-class LiveProtocol(WebSocketsSansIOProtocol):
+class WebSocketProtocol(WebSocketsSansIOProtocol):
     """uvicorn's WebSocket, telling its transport; a viewer of others may send larger messages than our page."""
 
     _pings: Sequence[float] = ()  # when the last ones came, s
@@ -244,7 +244,7 @@ def _is_text(frames: Sequence[bytes]) -> bool:
 class Server(uvicorn.Server):
     """uvicorn's server, telling when it serves, and looking after its certificate."""
 
-    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: Keeper | None) -> None:
+    def __init__(self, config: uvicorn.Config, on_ready: Callable[[], None], keeper: CertificateManager | None) -> None:
         super().__init__(config)
         self._on_ready = on_ready
         self._keeper = keeper
@@ -254,7 +254,7 @@ class Server(uvicorn.Server):
         await super().startup(sockets)
         if not self.should_exit:
             if self._keeper is not None:
-                self._looking = asyncio.create_task(look_after(self._keeper), name="certificate")
+                self._looking = asyncio.create_task(watch_certificate(self._keeper), name="certificate")
             self._on_ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
@@ -283,7 +283,7 @@ class Server(uvicorn.Server):
             task.cancel()
 
 
-def keeper_of(config: Config) -> Keeper | None:
+def keeper_of(config: Config) -> CertificateManager | None:
     """Who holds the certificate, where there is to be one: it takes a library that takes a while to import.
 
     Raises:
@@ -291,12 +291,12 @@ def keeper_of(config: Config) -> Keeper | None:
     """
     if config.scheme == "http":
         return None
-    from server.tls import Keeper
+    from server.tls import CertificateManager
 
-    return Keeper(config)
+    return CertificateManager(config)
 
 
-async def look_after(keeper: Keeper, every_s: float = LOOK_S) -> None:
+async def watch_certificate(keeper: CertificateManager, every_s: float = LOOK_S) -> None:
     """Take a certificate that was renewed into use, for as long as the server runs."""
     while True:
         await asyncio.sleep(every_s)
@@ -331,12 +331,12 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = None) -> Server:
+def server(app: ASGIApp, on_ready: Callable[[], None], keeper: CertificateManager | None = None) -> Server:
     """uvicorn with our settings, not running yet; with a keeper it speaks TLS."""
     config = uvicorn.Config(
         app,
         http=BoundedHttp if keeper is None else _over_tls(keeper),
-        ws=LiveProtocol,
+        ws=WebSocketProtocol,
         ws_per_message_deflate=False,
         ws_max_size=MOST_FROM_BROWSER,
         ws_ping_interval=20.0,
@@ -353,7 +353,9 @@ def server(app: ASGIApp, on_ready: Callable[[], None], keeper: Keeper | None = N
     return Server(config, on_ready, keeper)
 
 
-def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], keeper: Keeper | None = None) -> None:
+def run(
+    app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], keeper: CertificateManager | None = None
+) -> None:
     """Serve until Ctrl-C or SIGTERM; connections are closed, sessions too, before this returns.
 
     Raises:
@@ -371,10 +373,10 @@ def run(app: ASGIApp, listener: socket.socket, on_ready: Callable[[], None], kee
     signal.signal(signal.SIGTERM, end)
     try:
         with asyncio.Runner() as runner:
-            work = ending.workers(runner.get_loop())
+            work = ending.make_executor(runner.get_loop())
             with contextlib.suppress(KeyboardInterrupt):
                 runner.run(serving.serve(sockets=[listener]))
-            ending.leave(work)
+            ending.exit_process(work)
     finally:
         listener.close()
     if not serving.started:

@@ -35,7 +35,7 @@ import sys
 from pathlib import Path
 from protocols import jit
 from protocols.isb import decoder
-jit.keep_part(Path(sys.argv[1]), "protocols.isb")
+jit.save_module(Path(sys.argv[1]), "protocols.isb")
 """
 VARIABLE = "NUMBA_CACHE_DIR"
 
@@ -50,7 +50,7 @@ def prepare_cache(data: Path) -> tuple[bool, list[str]]:
         return False, []
     home = data / "compiled"
     place = _wanted(data)
-    fits, words = native_cache.fits(place / native_cache.NAME), []
+    fits, words = native_cache.is_valid(place / native_cache.NAME), []
     if _writable(place):
         if place.parent == home:
             _sweep(home, place)
@@ -69,7 +69,7 @@ def prepare_cache(data: Path) -> tuple[bool, list[str]]:
 
 def compile_by_two() -> None:
     """Compile all, half of it in a second process: a process compiles on one core only, and ISB is half of it."""
-    place = native_cache.place()
+    place = native_cache.cache_path()
     if place is None or (os.cpu_count() or 1) < 2:
         return
     part = place.with_name(f"isb-{os.getpid()}.bin")
@@ -81,12 +81,12 @@ def compile_by_two() -> None:
             import_module(module)
     from protocols import jit
 
-    jit.take(part)
+    jit.load_module(part)
 
 
 def is_there(data: Path) -> bool:
     """Is there compiled code of these sources, with this data folder? Looks only."""
-    return native_cache.fits(_wanted(data) / native_cache.NAME)
+    return native_cache.is_valid(_wanted(data) / native_cache.NAME)
 
 
 def _wanted(data: Path) -> Path:

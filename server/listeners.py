@@ -10,7 +10,7 @@ log = logging.getLogger("imuscope.listeners")
 Heard = ParamSpec("Heard")
 
 
-class Listeners(Generic[Heard]):
+class CallbackList(Generic[Heard]):
     """Callbacks for one sort of news, called in the order in which they came.
 
     A callback that raises is logged and hears no more: whoever brings the news must not fail by who listens.

@@ -34,7 +34,7 @@ _PRIORITY = {logging.DEBUG: 7, logging.INFO: 6, logging.WARNING: 4, logging.ERRO
 _OURS = ("imuscope", "server")
 
 
-class Sparse(logging.Filter):
+class RateLimitFilter(logging.Filter):
     """Lets only so many records of one key through in a while; the next one carries how many were held back."""
 
     def __init__(self, now: Any = time.monotonic) -> None:
@@ -134,7 +134,7 @@ def install(style: str, level: str, secrets: Collection[str] = (), out: TextIO |
     handler = logging.StreamHandler(out)
     text = TextFormatter(secrets, journal=_is_journal(out))
     handler.setFormatter(JsonFormatter(secrets) if style == "json" else text)
-    handler.addFilter(Sparse())
+    handler.addFilter(RateLimitFilter())
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(logging.WARNING)
@@ -147,7 +147,7 @@ def secrets_of(*given: str) -> list[str]:
     return [one for one in given if len(one) >= SHORTEST and not one.startswith("@")]
 
 
-def say(text: str) -> None:
+def print_or_log(text: str) -> None:
     """A sentence of the command line itself, before and beside what happens: as it is to a person, as a line of the
     log to a program."""
     handlers = logging.getLogger().handlers

@@ -33,7 +33,7 @@ UNGUESSABLE = 20
 ADDRESSES = 1024
 
 
-class Failures:
+class LoginThrottle:
     """Wrong tokens by address.
 
     Args:
@@ -49,11 +49,11 @@ class Failures:
 
     def wait_s(self, address: str) -> float:
         """Until a token from there is looked at again; 0 when it is now."""
-        return max(0.0, (1.0 - self._now(group_of(address))) * WITHIN_S / MOST)
+        return max(0.0, (1.0 - self._now(client_group(address))) * WITHIN_S / MOST)
 
     def count(self, address: str) -> None:
         """A wrong token came from there."""
-        group = group_of(address)
+        group = client_group(address)
         self._left[group] = (max(0.0, self._now(group) - 1.0), self._clock())
         self._left.move_to_end(group)
         while len(self._left) > ADDRESSES:
@@ -70,7 +70,7 @@ def short_tokens(config: Config) -> list[str]:
     return [name for name, token in tokens.items() if 0 < len(token) < UNGUESSABLE]
 
 
-def group_of(address: str) -> str:
+def client_group(address: str) -> str:
     """Whom an address stands for: 2001:db8::1 → 2001:db8::/64; ::ffff:192.0.2.7 → 192.0.2.7."""
     try:
         found = ipaddress.ip_address(address.partition("%")[0])

@@ -26,9 +26,9 @@ from typing import get_args
 
 from server import wire
 from server.devices.session import Session
-from server.prometheus_text import Page
+from server.prometheus_text import PrometheusText
 from server.streaming.hub import Hub
-from server.streaming.send_queue import Outbox
+from server.streaming.send_queue import SendQueue
 from server.version import VERSION
 
 STATES = get_args(wire.DeviceStatus)
@@ -63,7 +63,7 @@ class Metrics:
 
     def text(self, sources: Sources) -> str:
         """The page for Prometheus. In the event loop: it reads what only that thread may change."""
-        page = Page()
+        page = PrometheusText()
         page.family("imuscope_build_info", "gauge", "Always 1; what is running.")
         page.add(1, version=VERSION, python=platform.python_version(), machine=platform.machine(), run=sources.hub.run)
         page.family("imuscope_uptime_seconds", "gauge", "Since this server was put together.")
@@ -79,7 +79,7 @@ class Metrics:
         return str(page)
 
 
-def _devices(page: Page, infos: Iterable[wire.DeviceInfo]) -> None:
+def _devices(page: PrometheusText, infos: Iterable[wire.DeviceInfo]) -> None:
     infos = list(infos)
     page.family("imuscope_device_info", "gauge", "Always 1; what a device is, and on which link.")
     for info in infos:
@@ -91,7 +91,7 @@ def _devices(page: Page, infos: Iterable[wire.DeviceInfo]) -> None:
             page.add(int(info.status == state), device=info.id, state=state)
 
 
-def _links(page: Page, sessions: list[Session], now: float) -> None:
+def _links(page: PrometheusText, sessions: list[Session], now: float) -> None:
     every = [health for session in sessions for health in session.healths(now)]
     first = [session.health(now) for session in sessions]
 
@@ -132,7 +132,7 @@ def _links(page: Page, sessions: list[Session], now: float) -> None:
     _clocks(page, every)
 
 
-def _clocks(page: Page, every: Iterable[wire.DeviceHealth]) -> None:
+def _clocks(page: PrometheusText, every: Iterable[wire.DeviceHealth]) -> None:
     every = list(every)
     page.family("imuscope_clock_jitter_seconds", "gauge", "p99 of arrival against expected arrival, lately.")
     for health in every:
@@ -145,9 +145,9 @@ def _clocks(page: Page, every: Iterable[wire.DeviceHealth]) -> None:
         page.add(None if health.uncertainty_ms is None else health.uncertainty_ms / 1e3, device=health.device)
 
 
-def _clients(page: Page, hub: Hub) -> None:
+def _clients(page: PrometheusText, hub: Hub) -> None:
     now = hub.now()
-    boxes: list[Outbox] = sorted(hub.outboxes, key=lambda box: box.number)
+    boxes: list[SendQueue] = sorted(hub.outboxes, key=lambda box: box.number)
     page.family("imuscope_clients", "gauge", "Browsers that are connected.").add(hub.browsers)
     page.family("imuscope_clients_connected_total", "counter", "Browsers that have connected.").add(hub.connected)
     words = "Samples dropped for browsers that did not keep up, those that have gone included."
@@ -169,7 +169,7 @@ def _clients(page: Page, hub: Hub) -> None:
         page.add(box.live_bytes, client=str(box.number))
 
 
-def _recording(page: Page, sources: Sources) -> None:
+def _recording(page: PrometheusText, sources: Sources) -> None:
     state = sources.recorder
     page.family("imuscope_recording_running", "gauge", "1 while something is recorded.").add(int(state.running))
     words = "1 when the last recording ended by itself: a full disk, a folder that is gone."
@@ -198,7 +198,7 @@ def _free(data: Path) -> int | None:
     return None
 
 
-def _process(page: Page) -> None:
+def _process(page: PrometheusText) -> None:
     """The usual names of every client of Prometheus; what a system does not tell is left out."""
     used = os.times()
     page.family("process_cpu_seconds_total", "counter", "Processor time, user and system, all threads.")

@@ -45,7 +45,7 @@ class Histogram:
         self.sum += value
 
 
-class Page:
+class PrometheusText:
     """Text in the making: `family` opens one, `add` puts a sample into it. A family without samples is not written."""
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class Page:
         self._head = ""
         self._name = ""
 
-    def family(self, name: str, kind: Kind, help_: str) -> Page:
+    def family(self, name: str, kind: Kind, help_: str) -> PrometheusText:
         """From here on samples are of this family."""
         self._name = name
         words = help_.replace("\\", "\\\\").replace("\n", "\\n")

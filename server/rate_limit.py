@@ -27,7 +27,7 @@ from weakref import WeakKeyDictionary
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.auth import refuse
-from server.login_throttle import group_of
+from server.login_throttle import client_group
 from server.wire import Problem
 
 PER_S = 200.0
@@ -39,7 +39,7 @@ ALWAYS = "/healthz"
 READS = re.compile(r"/api/(recordings/[^/]+|devices/[^/]+(?=/query))(/(window|query|fared|amount))?\Z")
 
 
-class Turnstile:
+class RateLimiter:
     """ASGI middleware, inside of server/auth.py: who may not come in is not counted here.
 
     Args:
@@ -50,14 +50,14 @@ class Turnstile:
         self._app = app
         self._clock = clock
         self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()  # how many are left, and when that was so
-        self._readers: dict[str, Readers] = {}
+        self._readers: dict[str, ReadSlots] = {}
         self._gates: WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = WeakKeyDictionary()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket") or scope["path"] == ALWAYS:
             await self._app(scope, receive, send)
             return
-        group = group_of((scope.get("client") or ("", 0))[0])
+        group = client_group((scope.get("client") or ("", 0))[0])
         if wait := self.take(group):
             words = "Too many requests came from this address."
             problem = Problem("too-fast", words, f"Ask more slowly: {PER_S:.0f} a second are answered.")
@@ -88,7 +88,7 @@ class Turnstile:
         return wait
 
     async def _read(self, group: str, scope: Scope, receive: Receive, send: Send) -> None:
-        readers = self._readers.setdefault(group, Readers())
+        readers = self._readers.setdefault(group, ReadSlots())
         if readers.asked >= READING + WAITING:
             problem = Problem("too-fast", "Too many readings wait for this address.", "Wait for those that were asked.")
             await refuse(scope, receive, send, 429, problem, 1)
@@ -101,7 +101,7 @@ class Turnstile:
                 self._readers.pop(group, None)
 
 
-class Readers:
+class ReadSlots:
     """Who reads for one address, and who waits for it."""
 
     def __init__(self) -> None:

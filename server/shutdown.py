@@ -31,7 +31,7 @@ PART_S = 1.0
 LINGER_S = 0.2
 
 
-async def all_of(saved: Awaitable[None], parts: Mapping[str, Awaitable[None]]) -> None:
+async def close_all(saved: Awaitable[None], parts: Mapping[str, Awaitable[None]]) -> None:
     """Close everything beside each other.
 
     Args:
@@ -43,7 +43,7 @@ async def all_of(saved: Awaitable[None], parts: Mapping[str, Awaitable[None]]) -
     )
 
 
-async def in_turn(*parts: Awaitable[None]) -> None:
+async def close_sequentially(*parts: Awaitable[None]) -> None:
     """One after the other, for parts of which one needs the next."""
     for part in parts:
         await part
@@ -59,14 +59,14 @@ async def _told(name: str, part: Awaitable[None], limit_s: float | None) -> None
         log.exception("%s did not end as it should", name)
 
 
-def workers(loop: asyncio.AbstractEventLoop) -> ThreadPoolExecutor:
+def make_executor(loop: asyncio.AbstractEventLoop) -> ThreadPoolExecutor:
     """Threads for a loop's `to_thread`, which can be told to finish without being waited for."""
     found = ThreadPoolExecutor(thread_name_prefix="work")
     loop.set_default_executor(found)
     return found
 
 
-def leave(work: ThreadPoolExecutor, status: int = 0) -> None:
+def exit_process(work: ThreadPoolExecutor, status: int = 0) -> None:
     """Return when no thread is at work any more; end the process over those that are."""
     work.shutdown(wait=False, cancel_futures=True)
     end = time.monotonic() + LINGER_S

@@ -20,7 +20,7 @@ class GoneError(OSError):
     """Nobody takes what is written."""
 
 
-class _Pipe(io.RawIOBase):
+class QueueWriter(io.RawIOBase):
     """What is written comes out of a queue."""
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
     Raises:
         whatever `write` raises, where it stands in the stream.
     """
-    pipe = _Pipe()
+    pipe = QueueWriter()
 
     def run() -> None:
         try:
@@ -89,7 +89,7 @@ async def streamed(write: Callable[[BinaryIO], None]) -> AsyncIterator[bytes]:
         pipe.gone.set()
 
 
-async def begun(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+async def with_first_chunk(pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     """The same pieces, when the first is there: what cannot even begin can still be answered in words.
 
     Raises:

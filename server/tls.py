@@ -74,7 +74,7 @@ class Tls:
         return context
 
 
-class Keeper:
+class CertificateManager:
     """Holds the certificate of a running server, and looks now and then whether it is still the one to use.
 
     Raises:
@@ -107,14 +107,14 @@ def tls_of(config: Config) -> Tls:
         ConfigError: a file is missing, is no certificate or no key, they do not fit, or its time is over.
     """
     if config.tls_cert:
-        return given(Path(config.tls_cert).expanduser(), Path(config.tls_key).expanduser())
+        return load_certificate(Path(config.tls_cert).expanduser(), Path(config.tls_key).expanduser())
     try:
-        return made(config.data / FOLDER, names_of(config))
+        return ensure_self_signed(config.data / FOLDER, names_of(config))
     except OSError as error:
         raise ConfigError(f"the certificate cannot be kept in {config.data / FOLDER}: {error.strerror}.") from None
 
 
-def given(cert: Path, key: Path) -> Tls:
+def load_certificate(cert: Path, key: Path) -> Tls:
     """A certificate and its key in files, looked through.
 
     Raises:
@@ -148,7 +148,7 @@ def given(cert: Path, key: Path) -> Tls:
     return found
 
 
-def made(folder: Path, names: Iterable[str]) -> Tls:
+def ensure_self_signed(folder: Path, names: Iterable[str]) -> Tls:
     """Our own certificate: the one that is there, or a new one.
 
     Args:
@@ -158,7 +158,7 @@ def made(folder: Path, names: Iterable[str]) -> Tls:
     """
     cert, key = folder / "certificate.pem", folder / "key.pem"
     with contextlib.suppress(ConfigError):
-        found = given(cert, key)
+        found = load_certificate(cert, key)
         certificate = x509.load_pem_x509_certificate(cert.read_bytes())
         left = certificate.not_valid_after_utc - _now()
         wanted = {name for name in names if _address(name) is None}

@@ -66,7 +66,7 @@ def with_dropped(frame: bytes, dropped: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class SampleFrame:
     """A decoded sample frame; `columns` as views into the message, `arrival` and `time` first."""
 
     channel: int
@@ -78,7 +78,7 @@ class Samples:
     columns: list[NDArray[Any]]
 
 
-def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Samples]:
+def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[SampleFrame]:
     """The frames of one binary message; what the page's worker does, for tests, benches and other Python readers.
 
     Args:
@@ -86,7 +86,7 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
     Raises:
         WireError: not frames of this wire, or of a channel that is not in `dtypes`.
     """
-    out: list[Samples] = []
+    out: list[SampleFrame] = []
     at = 0
     while at < len(data):
         if len(data) - at < HEADER.size:
@@ -103,7 +103,7 @@ def decode_samples(data: bytes, dtypes: Mapping[int, Sequence[str]]) -> list[Sam
         for name in names:
             columns.append(np.frombuffer(data, "<" + name, n, start))
             start += padded(columns[-1].nbytes)
-        out.append(Samples(channel, sequence, n, dropped, bool(flags & FLAG_HISTORY), now, columns))
+        out.append(SampleFrame(channel, sequence, n, dropped, bool(flags & FLAG_HISTORY), now, columns))
         at += size
     return out
 
@@ -116,7 +116,7 @@ class WireError(ValueError):
         self.hint = hint
 
 
-def plain(value: Any) -> Any:
+def to_json_safe(value: Any) -> Any:
     """`value` as JSON can hold it and JavaScript can read it: see the last section of the module docstring."""
     if value is None or isinstance(value, str | bool):
         return value
@@ -131,21 +131,21 @@ def plain(value: Any) -> Any:
         return bytes(value).hex()
     if isinstance(value, np.void):
         names = value.dtype.names
-        return {name: plain(value[name]) for name in names} if names else value.tobytes().hex()
+        return {name: to_json_safe(value[name]) for name in names} if names else value.tobytes().hex()
     if isinstance(value, np.ndarray):
-        return [plain(item) for item in value] if value.ndim else plain(value[()])
+        return [to_json_safe(item) for item in value] if value.ndim else to_json_safe(value[()])
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_json_safe(item) for key, item in value.items()}
     if is_dataclass(value):
-        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+        return {item.name: to_json_safe(getattr(value, item.name)) for item in fields(value)}
     if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in value]
+        return [to_json_safe(item) for item in value]
     return str(value)
 
 
 def encode_text(message: ServerText | BrowserText) -> str:
     """One text frame."""
-    return json.dumps(plain(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return json.dumps(to_json_safe(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def decode_text(text: str) -> BrowserText:

@@ -29,7 +29,7 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, Request, WebSocke
 from server import jit_cache
 from tests import chromium, fork_server, server_process
 from tests.chromium import until
-from tests.fork_server import Nursery
+from tests.fork_server import ForkServer
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
 
@@ -43,7 +43,7 @@ READY = """window.imuscope?.store.channels.value.some(channel => channel.ring.le
 # Servers started by tests have a data folder each; what numba compiled is kept for all of them.
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ARTIFACTS / "numba"))
 if fork_server.IS_THERE:
-    server_process.nursery = Nursery()
+    server_process.nursery = ForkServer()
 
 SLOW = [HealthCheck.too_slow, HealthCheck.data_too_large]
 settings.register_profile("fast", max_examples=60, deadline=None, derandomize=True, suppress_health_check=SLOW)

@@ -92,7 +92,7 @@ class Child:
         self.send_signal(signal.SIGKILL)
 
 
-class Nursery:
+class ForkServer:
     """The process that forks, begun with the first server that is asked for."""
 
     def __init__(self) -> None:

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 
-from tests.fork_server import Child, Nursery
+from tests.fork_server import Child, ForkServer
 from tests.timeouts import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,7 +42,7 @@ def tied(command: list[str]) -> list[str]:
 
 
 # Whom tests have start what they need (tests/conftest.py); without it, each command is an interpreter of its own.
-nursery: Nursery | None = None
+nursery: ForkServer | None = None
 
 
 def begun(

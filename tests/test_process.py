@@ -94,10 +94,10 @@ def test_a_feed_that_nobody_reads_ends(monkeypatch: pytest.MonkeyPatch) -> None:
 FORKING = """
 import sys, tempfile
 from pathlib import Path
-from tests.fork_server import Nursery
-from tests import process
-process.nursery = Nursery()
-server = process.ServerProcess("twin:xbus", data=Path(sys.argv[1]))
+from tests.fork_server import ForkServer
+from tests import server_process
+server_process.nursery = ForkServer()
+server = server_process.ServerProcess("twin:xbus", data=Path(sys.argv[1]))
 print(server.process.pid, flush=True)
 sys.stdin.read()
 """

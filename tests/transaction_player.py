@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from protocols.events import Decoder, Event
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Act, Dialogue, Expect, Note, Pause, Relink, Send, T
+from protocols.transactions import Act, Note, ReopenLink, Send, Sleep, T, Transaction, WaitFor
 
 STEP_NS = 1_000_000  # how finely time passes while something is awaited
 
@@ -78,7 +78,7 @@ class Wire:
         self.now_ns += round(seconds * 1e9)
         self.take(self.device.advance(self.now_ns))
 
-    def expect(self, act: Expect) -> Any | None:
+    def expect(self, act: WaitFor) -> Any | None:
         end_ns = self.now_ns + round(act.timeout_s * 1e9)
         while True:
             while self._events:
@@ -101,18 +101,18 @@ class Wire:
             if not asked:
                 self._events.clear()
             return self.write(act)
-        if isinstance(act, Expect):
+        if isinstance(act, WaitFor):
             return self.expect(act)
-        if isinstance(act, Pause):
+        if isinstance(act, Sleep):
             return self.pass_time(act.seconds)
         if isinstance(act, Note):
             return self.notes.append(act.words)
-        assert isinstance(act, Relink)
+        assert isinstance(act, ReopenLink)
         self.relink(act.baud)
         return True
 
 
-def play(dialogue: Dialogue[T], wire: Wire) -> T:
+def play(dialogue: Transaction[T], wire: Wire) -> T:
     """Run a dialogue to its end; what it returns, or raises."""
     try:
         act = next(dialogue)

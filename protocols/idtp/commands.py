@@ -38,7 +38,7 @@ DATA = Field("data", "bytes", (-1,), most=MAX_PAYLOAD, title="Payload", doc="At 
 TYPE = Field("type", "u1", default=0x80, title="Payload type", doc="0x00 to 0x06 are standard, from 0x80 the vendor's.")
 
 
-def readings(row: Message) -> tuple[Field, ...]:
+def reading_fields(row: Message) -> tuple[Field, ...]:
     """The readings of a payload one by one, by the names that inspect prints."""
     fields: list[Field] = []
     for field in row.fields:
@@ -64,5 +64,5 @@ def commands(schema: Schema) -> Mapping[str, Command]:
 
 
 def _command(row: Message, group: str, *, simple: bool) -> Command:
-    arguments = (*HEADER, *readings(row))
+    arguments = (*HEADER, *reading_fields(row))
     return Command(row.name, arguments, "do", group, simple=simple, title=row.name, doc=row.doc, source=row.source)

@@ -1,7 +1,7 @@
 """Bytes of IDTP devices in, events out: one Batch for each device and layout, what was lost, and what was refused.
 
     chunks ──> IdtpStream ──> frames ──> group by (device, verified, version, type, length) ──> Batch
-                   │              └─> sequence numbers ──> Gap      timestamps ──> time, Step
+                   │              └─> sequence numbers ──> SampleGap      timestamps ──> time, ClockStep
                    └─> Reject
 
 ## Devices and trust
@@ -30,13 +30,13 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from protocols.counters import Unwrap
-from protocols.events import Batch, Count, Doubt, Event, Gap, Late, Reply, Step
+from protocols.counters import TickUnwrapper
+from protocols.events import Batch, ClockStep, Count, Doubt, Event, LazyMapping, Reply, SampleGap
 from protocols.framing import BAD_VERSION, BODY, INDT, OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.grouping import group
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import LITE, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION_AT, version_at
-from protocols.idtp.payloads import Payload, Rotation, Shown
+from protocols.idtp.payloads import DecodedPayload, Payload, Rotation
 from protocols.idtp.replay_guard import FAR, KEY, LOST, MODE, SOURCE_SHIFT, TIMESTAMP, key_of, source_of
 from protocols.idtp.stream_parser import Cut, IdtpStream
 from protocols.idtp.units import UNITS, UnitWatch
@@ -122,7 +122,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         self._schema: Schema = schema or {}
         self._payloads: dict[int, Payload] = {}  # by the layout's part of a KEY, see replay_guard.py
         self._kinds: dict[int, _Kind] = {}  # by KEY
-        self._clocks: dict[int, Unwrap] = {}  # by source
+        self._clocks: dict[int, TickUnwrapper] = {}  # by source
         self._firsts: dict[int, int] = {}  # by source, its first sequence number
         self._said: set[tuple[int, str]] = set()
 
@@ -205,19 +205,19 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self._watch(key >> SOURCE_SHIFT, rows[TIMESTAMP], arrivals)
         time = clock.tick(stamp, int(arrivals[0])) * self._tick_ns
         for _, step, by in clock.steps:
-            events.append(Step(offset, step, by * self._tick_ns, int(arrivals[0]), device))
+            events.append(ClockStep(offset, step, by * self._tick_ns, int(arrivals[0]), device))
         if lost > FAR and rows[MODE, 0] < SECURE:
             self._jumped(sender, lost, cut, 0, events)
         elif lost:
-            events.append(Gap(offset, lost, "sequence", int(arrivals[0]), time, device))
+            events.append(SampleGap(offset, lost, "sequence", int(arrivals[0]), time, device))
         if cut.judged.other:
             self._newer(cut, events)
         if payload.trouble:
             self._warn(sender, payload.message.name, payload.trouble, cut, 0, events)
         gathered = np.ndarray((1, payload.width), np.uint8, bytearray(cut.data[body : body + payload.width]))
-        shown = Shown(payload, gathered, rows[MODE], kind.unverified, self._rotation)
+        shown = DecodedPayload(payload, gathered, rows[MODE], kind.unverified, self._rotation)
         offsets, times = np.array((offset,)), np.array((time,))
-        header = Late(partial(_header, cut.data, cut.start, offsets))
+        header = LazyMapping(partial(_header, cut.data, cut.start, offsets))
         batch = Batch(payload.message, device, arrivals, offsets, times, shown, not kind.unverified, size, header)
         events.append(batch)
 
@@ -237,8 +237,8 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             self._warn(int(kind.device), payload.message.name, payload.trouble, cut, first, events)
         gathered = np.empty((len(starts), payload.width), np.uint8)
         gather(cut.array, starts, gathered)
-        shown = Shown(payload, gathered, modes, kind.unverified, self._rotation)
-        header = Late(partial(_header, cut.data, cut.start, offsets))
+        shown = DecodedPayload(payload, gathered, modes, kind.unverified, self._rotation)
+        header = LazyMapping(partial(_header, cut.data, cut.start, offsets))
         return Batch(payload.message, kind.device, arrivals, offsets, times, shown, not kind.unverified, size, header)
 
     def _learn(self, key: int) -> _Kind:
@@ -276,11 +276,11 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
         ticks = clock.ticks(raw, arrivals)
         for i, kind, by in clock.steps:
             device = str(source_of(source)[0])
-            events.append(Step(int(offsets[i]), kind, by * self._tick_ns, int(arrivals[i]), device))
+            events.append(ClockStep(int(offsets[i]), kind, by * self._tick_ns, int(arrivals[i]), device))
         return ticks * self._tick_ns
 
-    def _clock(self, source: int) -> Unwrap:
-        clock = self._clocks[source] = Unwrap(WRAP, tick_ns=self._tick_ns)
+    def _clock(self, source: int) -> TickUnwrapper:
+        clock = self._clocks[source] = TickUnwrapper(WRAP, tick_ns=self._tick_ns)
         if len(self._clocks) == 1:  # the unit is one for all: the first device tells
             self._watches[source] = UnitWatch(self._time_unit)
         return clock
@@ -303,7 +303,7 @@ class IdtpDecoder(StreamDecoder[IdtpStream]):
             if lost > FAR and cut.judged.rows[MODE, i] < SECURE:
                 self._jumped(int(device), lost, cut, i, events)
                 continue
-            events.append(Gap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
+            events.append(SampleGap(int(offsets[i]), lost, "sequence", int(cut.arrival_ns[i]), int(times[i]), device))
 
     def _jumped(self, device: int, lost: int, cut: Cut, row: int, events: list[Event]) -> None:
         """Below Secure anybody can forge a number: what a far jump passes over is told, not counted as lost."""

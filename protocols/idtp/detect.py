@@ -14,7 +14,7 @@ from protocols.idtp.replay_guard import MODE
 from protocols.idtp.stream_parser import IdtpStream
 
 
-def likeness(data: bytes) -> tuple[float, str]:
+def detection_score(data: bytes) -> tuple[float, str]:
     """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"

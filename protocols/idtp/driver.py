@@ -14,22 +14,22 @@ from protocols.events import Batch, Event, Reply
 from protocols.idtp import annotate as annotated
 from protocols.idtp.commands import ANY, DATA, HEADER, TYPE, commands
 from protocols.idtp.custom_payloads import Schema
-from protocols.idtp.json_codec import frame_of
+from protocols.idtp.json_codec import frame_from_json
 from protocols.idtp.messages import MESSAGES
 from protocols.layouts import EncodeError
 from protocols.schema import Command, Setting
 from protocols.transactions import (
     NO_STATES,
-    Dialogue,
-    Expect,
+    BaudChange,
+    ByteRange,
+    DeviceContext,
     Harm,
-    Known,
-    LineChange,
-    Load,
-    Relink,
+    LinkLoad,
+    ReopenLink,
     Send,
-    Span,
-    Written,
+    Transaction,
+    WaitFor,
+    WriteResult,
 )
 
 T = TypeVar("T")
@@ -53,13 +53,13 @@ class IdtpDriver:
     def __init__(self, schema: Schema | None = None) -> None:
         self._schema: Schema = schema or {}
 
-    def commands(self, known: Known) -> Sequence[Command]:
+    def commands(self, known: DeviceContext) -> Sequence[Command]:
         return list(commands(self._schema).values())
 
-    def settings(self, known: Known) -> Sequence[Setting]:
+    def settings(self, known: DeviceContext) -> Sequence[Setting]:
         return ()
 
-    def frame(self, command: str, values: Values, known: Known) -> bytes:
+    def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         """A payload type by its name, or by its number ("0x80") with `data` as hex."""
         fields = dict(values)
         defaults = {field.name: field.default for field in HEADER}
@@ -71,23 +71,23 @@ class IdtpDriver:
             names = {row.id: row.name for row in (*MESSAGES, *self._schema.values())}
             command = names.get(kind, f"0x{kind:02X}")
         record = {"message": command, "fields": {**defaults, **fields}}
-        return frame_of(record, known.key, self._schema)
+        return frame_from_json(record, known.key, self._schema)
 
     def setting_frames(
-        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         raise EncodeError("IDTP has no settings")
 
-    def spans(self, frame: bytes) -> list[Span]:
-        return annotated.spans(frame, self._schema)
+    def spans(self, frame: bytes) -> list[ByteRange]:
+        return annotated.annotate(frame, self._schema)
 
     def name_of(self, frame: bytes) -> str:
         return annotated.name_of(frame, self._schema)
 
-    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+    def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
         return body
 
-    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+    def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         """Nothing answers."""
         yield Send(self.frame(command, values, known), command)
         return {}
@@ -95,18 +95,20 @@ class IdtpDriver:
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
 
-    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+    def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         return ()
 
-    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+    def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         yield from ()  # a dialogue is a generator, also one that does nothing
         raise EncodeError("IDTP has no settings")
 
-    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+    def write(
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
+    ) -> Transaction[WriteResult]:
         yield from ()
         raise EncodeError("IDTP has no settings")
 
-    def identify(self, known: Known) -> Dialogue[Known]:
+    def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         """It tells nothing of itself but its number, which every frame carries."""
         yield from ()
         return known
@@ -114,45 +116,45 @@ class IdtpDriver:
     def formerly(self, serial_number: str) -> Sequence[str]:
         return ()
 
-    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         return None
 
-    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         return ()
 
     def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         return None
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return []
 
-    def store_and_restart(self, known: Known) -> Dialogue[None]:
+    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         yield from ()
 
-    def alive(self, known: Known) -> Dialogue[bool]:
+    def alive(self, known: DeviceContext) -> Transaction[bool]:
         """Does it stream?"""
 
         def match(event: Event) -> bool | None:
             return True if isinstance(event, (Batch, Reply)) else None
 
-        return bool((yield Expect(match, ALIVE_S, "a frame")))
+        return bool((yield WaitFor(match, ALIVE_S, "a frame")))
 
-    def restore_communication(self, known: Known) -> Dialogue[bool]:
+    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """No procedure is documented; all usual rates are listened to."""
         for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            if (yield Relink(baud)) and (yield from self.alive(known)):
+            if (yield ReopenLink(baud)) and (yield from self.alive(known)):
                 return True
         return False
 
-    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
-        return Load((), 0.0)
+    def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
+        return LinkLoad((), 0.0)
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return settings
 
-    def factory(self, known: Known) -> Mapping[str, Values]:
+    def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         return {}
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:

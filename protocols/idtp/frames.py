@@ -211,7 +211,7 @@ def candidates(
 # -- Secure frames -----------------------------------------------------------------------------------------------------
 
 
-class Seal:
+class FrameAuthenticator:
     """HMAC-SHA256 with one key.
 
     Both hashes of the construction begin with a block that depends on the key alone; it is hashed once, and each frame
@@ -250,7 +250,7 @@ def scanner(key: bytes | None = None, min_mode: int = LITE, *, show_unverified: 
         show_unverified: without a key, take Secure frames as they are.
     """
     if key is not None:
-        return _sealed(Seal(key), min_mode)
+        return _sealed(FrameAuthenticator(key), min_mode)
     secure = 1 if show_unverified else 0
 
     def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
@@ -259,7 +259,7 @@ def scanner(key: bytes | None = None, min_mode: int = LITE, *, show_unverified: 
     return scan
 
 
-def _sealed(seal: Seal, min_mode: int) -> Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]:
+def _sealed(seal: FrameAuthenticator, min_mode: int) -> Callable[[Bytes, int, bool, Ints], tuple[int, int, int, int]]:
     def scan(data: Bytes, at: int, final: bool, table: Ints) -> tuple[int, int, int, int]:
         done, columns = 0, table.shape[1]
         ahead = columns
@@ -282,7 +282,7 @@ def _sealed(seal: Seal, min_mode: int) -> Callable[[Bytes, int, bool, Ints], tup
     return scan
 
 
-def _first_forged(seal: Seal, data: Bytes, view: memoryview, table: Ints, first: int, stop: int) -> int:
+def _first_forged(seal: FrameAuthenticator, data: Bytes, view: memoryview, table: Ints, first: int, stop: int) -> int:
     """The first of the columns whose frame is Secure and not genuine; `stop` where all are."""
     offsets, good = table[OFFSET, first:stop], table[STATUS, first:stop] == FRAME
     for row in np.flatnonzero(good).tolist():
@@ -334,5 +334,5 @@ def build(
     if mode == SECURE:
         if key is None:
             raise ValueError("a Secure frame needs a key")
-        return frame + Seal(key).of(frame)
+        return frame + FrameAuthenticator(key).of(frame)
     return frame

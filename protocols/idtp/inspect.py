@@ -18,15 +18,15 @@ from typing import Any
 from protocols.framing import OFFSET, SIZE
 from protocols.idtp.custom_payloads import Schema
 from protocols.idtp.frames import SECURE, VERSION
-from protocols.idtp.json_codec import plain
+from protocols.idtp.json_codec import frame_to_json
 from protocols.idtp.messages import QUATERNION, WIRE
 from protocols.idtp.payloads import UNIT_TOLERANCE, row_of
 from protocols.idtp.stream_parser import IdtpStream
 
-Line = dict[str, Any]
+IdtpFrameLine = dict[str, Any]
 
 
-class IdtpListing:
+class IdtpFrameLister:
     """Chunks in, lines out.
 
     Args:
@@ -58,17 +58,22 @@ class IdtpListing:
         """Append a chunk."""
         self._stream.feed(data, 0)
 
-    def drain(self, *, stalled: bool = False) -> list[Line]:
+    def drain(self, *, stalled: bool = False) -> list[IdtpFrameLine]:
         """Lines of everything complete; see events.Decoder.drain."""
-        lines: list[Line] = []
+        lines: list[IdtpFrameLine] = []
         for cut in self._stream.drain(stalled=stalled):
             for offset, size in zip(cut.table[OFFSET].tolist(), cut.table[SIZE].tolist(), strict=True):
                 lines.append(self._line(cut.start + offset, cut.data[offset : offset + size]))
             lines += [{"offset": one.offset, "size": one.size, "reject": one.reason} for one in cut.rejects]
         return sorted(lines, key=lambda line: int(line["offset"]))
 
-    def _line(self, offset: int, frame: bytes) -> Line:
-        line: Line = {"offset": offset, "size": len(frame), "protocol": "idtp", **plain(frame, self._schema)}
+    def _line(self, offset: int, frame: bytes) -> IdtpFrameLine:
+        line: IdtpFrameLine = {
+            "offset": offset,
+            "size": len(frame),
+            "protocol": "idtp",
+            **frame_to_json(frame, self._schema),
+        }
         if line["fields"]["mode"] == SECURE and not self._keyed:
             line["verified"] = False
         notes = self._notes(line)
@@ -76,7 +81,7 @@ class IdtpListing:
             line["notes"] = notes
         return line
 
-    def _notes(self, line: Line) -> list[str]:
+    def _notes(self, line: IdtpFrameLine) -> list[str]:
         fields = line["fields"]
         notes = []
         if "data" in fields and row_of(line["id"], fields["version"] & 0xF == 0, self._schema):

@@ -38,7 +38,7 @@ HEADER_LIMITS: Mapping[str, tuple[int, int, int]] = {  # name → least and grea
 }
 
 
-def plain(frame: bytes, schema: Schema | None = None) -> Plain:
+def frame_to_json(frame: bytes, schema: Schema | None = None) -> Plain:
     """The values of one valid frame: keys id, message, fields, and wire where there is something."""
     _, timestamp, sequence, device, size, version, mode, kind = HEADER.unpack_from(frame)
     head = (timestamp, sequence, device, version, mode)
@@ -81,8 +81,8 @@ def _named(field: Field, value: Any) -> Plain:
 # -- values → frame ----------------------------------------------------------------------------------------------------
 
 
-def frame_of(record: Mapping[str, Any], key: bytes | None = None, schema: Schema | None = None) -> bytes:
-    """The frame of what `plain` gave; keys other than message, id, fields and wire are not looked at.
+def frame_from_json(record: Mapping[str, Any], key: bytes | None = None, schema: Schema | None = None) -> bytes:
+    """The frame of what `frame_to_json` gave; keys other than message, id, fields and wire are not looked at.
 
     Args:
         key: for a Secure frame.

@@ -35,7 +35,7 @@ from protocols.idtp.messages import (
     status_of,
 )
 from protocols.jit import INTS, NOTHING, ROWS, TABLE, compiled, unsigned
-from protocols.layouts import Columns, Layout, element, size_of
+from protocols.layouts import Layout, LazyColumns, element, size_of
 from protocols.schema import Field, Message
 
 Array = NDArray[Any]
@@ -118,7 +118,7 @@ def _floats(fields: tuple[Field, ...]) -> Ints:
     return np.array(found, np.int64).reshape(-1, 2).T.copy()
 
 
-class Shown(Mapping[str, Array]):
+class DecodedPayload(Mapping[str, Array]):
     """Field → column, with the Status; made when first asked for (see events.Batch)."""
 
     __slots__ = ("_marks", "_modes", "_payload", "_plain", "_rotation", "_rows", "_special")
@@ -129,7 +129,7 @@ class Shown(Mapping[str, Array]):
         self._modes = modes
         self._marks = payload.marks | int(unverified) << UNVERIFIED
         self._rotation = rotation
-        self._plain: Columns | None = None
+        self._plain: LazyColumns | None = None
         self._special: dict[str, Array] | None = None
 
     def __getitem__(self, name: str) -> Array:
@@ -144,7 +144,7 @@ class Shown(Mapping[str, Array]):
         return self._columns[name]
 
     @property
-    def _columns(self) -> Columns:
+    def _columns(self) -> LazyColumns:
         if self._plain is None:
             self._plain = self._payload.layout.columns(self._rows)
         return self._plain

@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, Room
+from protocols.framing import FAR_AHEAD, FRAME, ID, LENGTH, OFFSET, SENDER, STALE, Bytes, Ints, ScanCapacity
 from protocols.idtp.frames import MODE_AT, SECURE, SEQUENCE_AT, TIMESTAMP_AT, VERSION, VERSION_AT
 from protocols.jit import BYTES, FLAG, FOUR, INT, INTS, STRIDED, TABLE, compiled, inlined, unsigned
 
@@ -83,7 +83,7 @@ def _verdict(states: Ints, sender: int, sequence: int, mode: int, arrival: int) 
 
 
 @compiled(FOUR, BYTES, STRIDED, INTS, TABLE, FLAG, FLAG, STRIDED)
-def judge(
+def classify(
     data: Bytes, table: Ints, arrival: Ints, states: Ints, check: bool, keyed: bool, out: Ints
 ) -> tuple[int, int, int, int]:
     """Judge n frames in the order of the stream, and read what their headers say.
@@ -161,8 +161,8 @@ def key_of(key: int) -> tuple[int, bool, int, int]:
 
 
 @dataclass(slots=True)
-class Judged:
-    """What was found out about n frames: `rows` is `out` of `judge`, the others are its counts."""
+class ReplayVerdict:
+    """What was found out about n frames: `rows` is `out` of `classify`, the others are its counts."""
 
     rows: Ints
     dropped: int
@@ -171,7 +171,7 @@ class Judged:
     mixed: int
 
 
-class Sequences:
+class ReplayGuard:
     """The sequences of all devices of one source.
 
     Args:
@@ -183,13 +183,13 @@ class Sequences:
         self._check = check
         self._keyed = keyed
         self._states = np.zeros((1 << 16, STATES), np.int64)
-        self._room = Room()
+        self._room = ScanCapacity()
 
-    def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> Judged:
+    def judge(self, data: Bytes, table: Ints, arrival_ns: Ints) -> ReplayVerdict:
         """Judge the frames of `table`; see the function. What it gives is good until the next call."""
         n = table.shape[1]
         rows = np.empty((JUDGED, n), np.int64) if n == 1 else self._room.table(JUDGED, n)[:, :n]
-        return Judged(rows, *judge(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
+        return ReplayVerdict(rows, *classify(data, table, arrival_ns, self._states, self._check, self._keyed, rows))
 
     def remembered(self, devices: Iterable[int]) -> dict[int, int]:
         """The last verified number of each of these devices that had one."""

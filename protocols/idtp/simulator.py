@@ -2,7 +2,7 @@
 
     power ──> Imu10 and ImuQuat, every 10 ms, sequence 0, 1, 2, …
 
-`IdtpDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
+`IdtpSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
 device has sent by then. IDTP has no requests, so whatever it is told, it goes on as before.
 
 What it measures is the shared drive (protocols/simulator/trajectory.py), with the errors of a good MEMS unit. All
@@ -37,7 +37,7 @@ PRESSURE_NOISE_PA = 1.2
 FASTEST = 2000
 
 
-class IdtpDevice:
+class IdtpSimulator:
     """A simulated IDTP sensor.
 
     Args:
@@ -153,7 +153,7 @@ class _Stream:
         self._row: Message = BY_NAME[name]
         self._rate = rate
         self._seed = seed
-        self._errors: dict[str, trajectory.Errors] = {}
+        self._errors: dict[str, trajectory.SensorErrors] = {}
 
     def block(self, number: int) -> list[tuple[int, int, bytes]]:
         """(time ns, type, payload) of all samples of a quarter of a second."""
@@ -162,47 +162,47 @@ class _Stream:
         if not len(steps):
             return []
         times = steps * 10**9 // self._rate
-        truth = trajectory.drive(times / 1e9)
+        truth = trajectory.vehicle_motion(times / 1e9)
         columns = [_MEASURE[field.name](self, truth, int(steps[0])) for field in self._row.fields]
         rows = np.concatenate([column.reshape(len(steps), -1) for column in columns], axis=1).astype("<f4")
         flat, width = rows.tobytes(), 4 * rows.shape[1]
         return [(time, self._row.id, flat[i * width : (i + 1) * width]) for i, time in enumerate(times.tolist())]
 
-    def noise(self, name: str, grade: trajectory.Grade, first: int, count: int) -> Array:
+    def noise(self, name: str, grade: trajectory.SensorGrade, first: int, count: int) -> Array:
         """Errors of a triad, (count, 3); of the same name and rate the same in every payload type."""
         if name not in self._errors:
-            self._errors[name] = trajectory.Errors(grade, self._seed ^ zlib.crc32(name.encode()), self._rate)
+            self._errors[name] = trajectory.SensorErrors(grade, self._seed ^ zlib.crc32(name.encode()), self._rate)
         return self._errors[name].at(first, count)
 
 
-def _force(stream: _Stream, truth: trajectory.Motion, first: int) -> Array:
+def _force(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
     n = len(truth.t)
-    shaken = stream.noise("road", trajectory.SHAKING_FORCE, first, n) * trajectory.shaking(truth)[:, None]
+    shaken = stream.noise("road", trajectory.SHAKING_FORCE, first, n) * trajectory.vibration(truth)[:, None]
     return truth.force + shaken + stream.noise("acc", trajectory.ACCELEROMETER, first, n)
 
 
-def _turn(stream: _Stream, truth: trajectory.Motion, first: int) -> Array:
+def _turn(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
     n = len(truth.t)
-    shaken = stream.noise("sway", trajectory.SHAKING_TURN, first, n) * trajectory.shaking(truth)[:, None]
+    shaken = stream.noise("sway", trajectory.SHAKING_TURN, first, n) * trajectory.vibration(truth)[:, None]
     return truth.rate + shaken + stream.noise("gyr", trajectory.GYRO, first, n)
 
 
-def _field(stream: _Stream, truth: trajectory.Motion, first: int) -> Array:
+def _field(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
     return EARTH_UT * (truth.field + stream.noise("mag", trajectory.MAGNETOMETER, first, len(truth.t)))
 
 
-def _pressure(stream: _Stream, truth: trajectory.Motion, first: int) -> Array:
+def _pressure(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
     above_sea = trajectory.PLACE[2] - trajectory.GEOID_M + truth.position[:, 2]
-    grade = trajectory.Grade(PRESSURE_NOISE_PA / math.sqrt(50), 0.0)
+    grade = trajectory.SensorGrade(PRESSURE_NOISE_PA / math.sqrt(50), 0.0)
     return trajectory.pressure(above_sea) + stream.noise("baro", grade, first, len(truth.t))[:, 0]
 
 
-def _attitude(stream: _Stream, truth: trajectory.Motion, first: int) -> Array:
+def _attitude(stream: _Stream, truth: trajectory.MotionState, first: int) -> Array:
     angles = stream.noise("q", trajectory.ATTITUDE, first, len(truth.t))
     return trajectory.multiply(truth.q_enu_from_body_wxyz, trajectory.quaternion(angles))
 
 
-_MEASURE: Mapping[str, Callable[[_Stream, trajectory.Motion, int], Array]] = {
+_MEASURE: Mapping[str, Callable[[_Stream, trajectory.MotionState, int], Array]] = {
     ACCELERATION.name: _force,
     RATE.name: _turn,
     FIELD.name: _field,

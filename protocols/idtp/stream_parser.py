@@ -2,7 +2,7 @@
 
     chunks ──> protocols/stream_parser.py ──> frames that are whole and genuine ──> replay_guard.py ──> frames that are
     new
-                        └─> Reject: damaged, forged, too weak                     └─> Reject: stale, far_ahead
+                        └─> RejectedFrame: damaged, forged, too weak                 └─> RejectedFrame: stale, far_ahead
 
 Both the decoder (columns) and the listing (one line a frame) stand on this. On a link of datagrams no frame crosses
 from one into the next, so each is searched on its own: what is incomplete at its end is given up there. Those that are
@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from protocols.events import Reject
+from protocols.events import RejectedFrame
 from protocols.framing import OFFSET, REASONS, SENDER, SIZE, Bytes, Ints
 from protocols.idtp.frames import DEVICE_AT, LITE, MODE_AT, SECURE, SEQUENCE_AT, scanner
-from protocols.idtp.replay_guard import LOST, MASK, Judged, Sequences
-from protocols.nmea import Found
-from protocols.stream_parser import Cut as Whole
-from protocols.stream_parser import Stream
+from protocols.idtp.replay_guard import LOST, MASK, ReplayGuard, ReplayVerdict
+from protocols.nmea import ParsedMessage
+from protocols.stream_parser import ParseResult as Whole
+from protocols.stream_parser import StreamParser
 
 
 @dataclass(slots=True)
@@ -43,8 +43,8 @@ class Cut:
     start: int
     table: Ints
     arrival_ns: Ints
-    judged: Judged
-    rejects: list[Reject]
+    judged: ReplayVerdict
+    rejects: list[RejectedFrame]
 
 
 INTACT = ("no_key", "below_min_mode")
@@ -55,7 +55,7 @@ REFUSED_DEVICES, REFUSED_NUMBERS = 64, 4096  # remembered
 _NEVER = re.compile(rb"(?!)")
 
 
-def _nothing(data: bytes, *, final: bool) -> tuple[list[Found], int]:
+def _nothing(data: bytes, *, final: bool) -> tuple[list[ParsedMessage], int]:
     """No other protocol shares a port with this one."""
     return [], len(data)
 
@@ -86,8 +86,8 @@ class IdtpStream:
             min_mode = LITE if key is None else SECURE
         if min_mode not in (0, 1, 2):
             raise ValueError(f"min_mode is 0 (Lite), 1 (Safety) or 2 (Secure), given {min_mode!r}")
-        self._stream = Stream(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
-        self.sequences = Sequences(check=replay_check, keyed=key is not None)
+        self._stream = StreamParser(scanner(key, min_mode, show_unverified=show_unverified), _nothing, _NEVER)
+        self.sequences = ReplayGuard(check=replay_check, keyed=key is not None)
         self._refused: dict[int, deque[int]] = {}  # numbers of whole frames that were refused, by device
         self._datagrams = datagrams
         self._waiting: list[tuple[bytes, int]] = []
@@ -120,7 +120,7 @@ class IdtpStream:
         return self._stream.skipped
 
     def drain(self, *, stalled: bool = False) -> Iterable[Cut]:
-        """Everything that is complete: one Cut, or one for each datagram where not all are full of frames.
+        """Everything that is complete: one ParseResult, or one for each datagram where not all are full of frames.
 
         Each is good until the next.
         """
@@ -149,11 +149,11 @@ class IdtpStream:
             good = judged.rows[LOST] >= 0
             table, arrivals = np.ascontiguousarray(table[:, good]), arrivals[good]
             rows: Any = np.ascontiguousarray(judged.rows[:, good])
-            judged = Judged(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
+            judged = ReplayVerdict(rows, judged.dropped, judged.gaps, judged.other, judged.mixed)
         return Cut(whole.data, whole.array, whole.start, table, arrivals, judged, rejects)
 
     def _old(
-        self, whole: Whole, table: Ints, arrivals: Ints, judged: Judged, rejects: list[Reject]
+        self, whole: Whole, table: Ints, arrivals: Ints, judged: ReplayVerdict, rejects: list[RejectedFrame]
     ) -> list[tuple[int, int, int]]:
         """Reject the frames whose number is old: where each is, its device, its number."""
         lost, refused = judged.rows[LOST], []
@@ -163,11 +163,11 @@ class IdtpStream:
             number = int.from_bytes(whole.data[at + SEQUENCE_AT : at + SEQUENCE_AT + 4], "little")
             detail = f"number {number} after {self.sequences.last_of(sender, mode)}"
             reason = REASONS[-lost[i]]
-            rejects.append(Reject(whole.start + at, size, reason, int(arrivals[i]), str(sender), detail))
+            rejects.append(RejectedFrame(whole.start + at, size, reason, int(arrivals[i]), str(sender), detail))
             refused.append((at, sender, number))
         return refused
 
-    def _intact(self, whole: Whole, rejects: list[Reject]) -> list[tuple[int, int, int]]:
+    def _intact(self, whole: Whole, rejects: list[RejectedFrame]) -> list[tuple[int, int, int]]:
         """Whole frames that a setting refuses have numbers too: who does not see them must not miss them."""
         refused = []
         for i, reject in enumerate(rejects):
@@ -184,7 +184,7 @@ class IdtpStream:
         if sender in self._refused or len(self._refused) < REFUSED_DEVICES:
             self._refused.setdefault(sender, deque(maxlen=REFUSED_NUMBERS)).append(number)
 
-    def _unlose(self, whole: Whole, table: Ints, judged: Judged, refused: list[tuple[int, int, int]]) -> None:
+    def _unlose(self, whole: Whole, table: Ints, judged: ReplayVerdict, refused: list[tuple[int, int, int]]) -> None:
         """Frames that came before a gap was seen, and were refused, were not lost.
 
         Only those before: how many frames are drained at once must not matter.
@@ -206,5 +206,5 @@ class IdtpStream:
             self._remember(sender, number)
 
 
-def _offset(reject: Reject) -> int:
+def _offset(reject: RejectedFrame) -> int:
     return reject.offset

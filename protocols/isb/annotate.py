@@ -17,7 +17,7 @@ from protocols.isb.json_codec import described
 from protocols.isb.messages import BY_NAME, COMMANDS, ROWS, set_row
 from protocols.layouts import size_of, unpack
 from protocols.schema import Field
-from protocols.transactions import Span
+from protocols.transactions import ByteRange
 
 MOST_ELEMENTS = 64  # of a list that are shown one by one; a longer one is one span
 
@@ -43,39 +43,39 @@ def name_of(frame: bytes) -> str:
     return name
 
 
-def spans(frame: bytes) -> list[Span]:
+def annotate(frame: bytes) -> list[ByteRange]:
     """See dialogues.Driver.spans; bytes that are neither a packet nor a sentence are one span."""
     if frame[:1] == b"$":
         return list(_sentence(frame))
     if not name_of(frame):
-        return [Span(0, len(frame), "unknown")] if frame else []
+        return [ByteRange(0, len(frame), "unknown")] if frame else []
     return list(_packet(frame))
 
 
-def _packet(frame: bytes) -> Iterator[Span]:
+def _packet(frame: bytes) -> Iterator[ByteRange]:
     kind, did = frame[2] & TYPE_MASK, frame[3]
-    yield Span(0, 2, "preamble")
-    yield Span(2, 1, TYPES[kind] + (", with offset" if frame[2] & WITH_OFFSET else ""))
-    yield Span(3, 1, ROWS[did].name if kind in (DATA, SET_DATA) or did else "no data set")
-    yield Span(4, 2, f"payload: {int.from_bytes(frame[4:6], 'little')} B")
+    yield ByteRange(0, 2, "preamble")
+    yield ByteRange(2, 1, TYPES[kind] + (", with offset" if frame[2] & WITH_OFFSET else ""))
+    yield ByteRange(3, 1, ROWS[did].name if kind in (DATA, SET_DATA) or did else "no data set")
+    yield ByteRange(4, 2, f"payload: {int.from_bytes(frame[4:6], 'little')} B")
     begin, offset = HEADER, 0
     if frame[2] & WITH_OFFSET and kind in (DATA, SET_DATA):
         offset = int.from_bytes(frame[6:8], "little")
-        yield Span(6, 2, f"offset: {offset} B into the set")
+        yield ByteRange(6, 2, f"offset: {offset} B into the set")
         begin += 2
     payload = frame[begin:-TRAILER]
     at = 0
     for field, place in described(kind, did, payload, offset, None):
         if place > at:
-            yield Span(begin + at, place - at, "no field")
+            yield ByteRange(begin + at, place - at, "no field")
         yield from _field(field, payload, place, begin, field.name)
         at = place + size_of(field)
     if at < len(payload):
-        yield Span(begin + at, len(payload) - at, "no field")
-    yield Span(len(frame) - TRAILER, TRAILER, "checksum")
+        yield ByteRange(begin + at, len(payload) - at, "no field")
+    yield ByteRange(len(frame) - TRAILER, TRAILER, "checksum")
 
 
-def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iterator[Span]:
+def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iterator[ByteRange]:
     """A field; each element of a vector, each field of a record."""
     size = size_of(field)
     if not size:
@@ -84,7 +84,7 @@ def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iter
     for n in field.shape:
         count *= n
     if field.dtype in ("bytes", "ascii") or count > MOST_ELEMENTS:
-        yield Span(begin + at, size, field.name, path)
+        yield ByteRange(begin + at, size, field.name, path)
         return
     step = size // count
     for place in range(count):
@@ -97,7 +97,7 @@ def _field(field: Field, payload: bytes, at: int, begin: int, path: str) -> Iter
             continue
         one = Field(field.name, field.dtype)
         value = unpack((one,), payload, at + place * step)[field.name]
-        yield Span(begin + at + place * step, step, _label(field, value, place), here)
+        yield ByteRange(begin + at + place * step, step, _label(field, value, place), here)
 
 
 def _label(field: Field, value: float, place: int) -> str:
@@ -114,22 +114,22 @@ def _label(field: Field, value: float, place: int) -> str:
     return f"{name} = {text}{' ' + unit if unit else ''}"
 
 
-def _sentence(frame: bytes) -> Iterator[Span]:
+def _sentence(frame: bytes) -> Iterator[ByteRange]:
     """$, words between commas, the checksum, the line end."""
     body, star, tail = frame.partition(b"*")
-    yield Span(0, 1, "start")
+    yield ByteRange(0, 1, "start")
     at = 1
     for place, word in enumerate(body[1:].split(b",")):
         if place:
-            yield Span(at, 1, "comma")
+            yield ByteRange(at, 1, "comma")
             at += 1
         if word:
             text = word.decode("latin-1")
-            yield Span(at, len(word), "sentence" if not place else text, "" if not place else str(place))
+            yield ByteRange(at, len(word), "sentence" if not place else text, "" if not place else str(place))
             at += len(word)
     if star:
         digits = tail.rstrip(b"\r\n")
-        yield Span(at, 1 + len(digits), "checksum")
+        yield ByteRange(at, 1 + len(digits), "checksum")
         at += 1 + len(digits)
     if at < len(frame):
-        yield Span(at, len(frame) - at, "end of line")
+        yield ByteRange(at, len(frame) - at, "end of line")

@@ -23,7 +23,7 @@ from protocols.isb.commands import NMEA_MESSAGES
 from protocols.isb.frames import HEADER, TRAILER
 from protocols.isb.kept import STREAMS_SETTING
 from protocols.isb.streams import DEFAULT_MS, EVENT, FAST, GNSS, IMU, NAV, ONE_PERIOD, STREAMS
-from protocols.transactions import Load, Part
+from protocols.transactions import LinkLoad, OutputLoad
 
 Values = Mapping[str, Any]
 STEPS = (1, 2, 4, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000)
@@ -71,23 +71,25 @@ def periods_ms(settings: Mapping[str, Values]) -> Mapping[int, float]:
     return found
 
 
-def load(settings: Mapping[str, Values]) -> Load:
+def load(settings: Mapping[str, Values]) -> LinkLoad:
     """See dialogues.Driver.load."""
     sources, now = sources_of(settings), in_effect(settings)
-    parts: list[Part] = []
+    parts: list[OutputLoad] = []
     limits: list[str] = []
     for place, one in enumerate(settings.get(STREAMS_SETTING, {}).get("streams", [])):
         row = STREAMS.get(one["did"])
         if row is None:
             continue
-        parts.append(Part(f"streams.{place}", row.title, rate_of(one, sources, now) * packet_size(one)))
+        parts.append(OutputLoad(f"streams.{place}", row.title, rate_of(one, sources, now) * packet_size(one)))
         if row.did in ONE_PERIOD and (one.get("period") or 1) != 1:
             limits.append(f"{row.name} comes at every navigation update and at no other rate.")
     for place, one in enumerate(settings.get(NMEA_SETTING, {}).get("nmeaBroadcastMsgs", [])):
         name = NMEA_MESSAGES.get(one["msgID"], "")
         if one["msgID"] and one["msgPeriod"] and name not in NMEA_EVENTS:
-            parts.append(Part(f"nmeaBroadcastMsgs.{place}", f"NMEA {name}, about", _sentence_load(name, one, sources)))
-    return Load(tuple(parts), sum(part.bytes_per_s for part in parts), tuple(limits))
+            parts.append(
+                OutputLoad(f"nmeaBroadcastMsgs.{place}", f"NMEA {name}, about", _sentence_load(name, one, sources))
+            )
+    return LinkLoad(tuple(parts), sum(part.bytes_per_s for part in parts), tuple(limits))
 
 
 def source_ms(one: Values, sources: Mapping[str, float], now: Mapping[str, float] = NOTHING) -> float:

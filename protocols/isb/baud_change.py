@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.isb.kept import STREAMS_SETTING
-from protocols.transactions import Known, LineChange
+from protocols.transactions import BaudChange, DeviceContext
 
 Values = Mapping[str, Any]
 PORTS = {"ser0BaudRate": "serial port 0", "ser1BaudRate": "serial port 1", "ser2BaudRate": "serial port 2"}
@@ -22,15 +22,15 @@ _EVB = "The bridges between the ports of the EVB change; the one we are on may b
 _IO = "What the pins of the device do changes; the port we are on may be given to something else."
 
 
-def line_change(setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
     """See dialogues.Driver.line_change."""
     if setting == STREAMS_SETTING:
         if "streams" in new and not new["streams"]:
-            return LineChange("silent", "The device sends nothing any more; it still answers.")
+            return BaudChange("silent", "The device sends nothing any more; it still answers.")
         return None
     before = old or {}
     if setting == "DID_EVB_FLASH_CFG" and any(name in new and new[name] != before.get(name) for name in _BRIDGES):
-        return LineChange("port", _EVB)
+        return BaudChange("port", _EVB)
     if setting not in ("DID_FLASH_CONFIG", "DID_GPX_FLASH_CFG"):
         return None
     changed = {name: new[name] for name in PORTS if name in new and new[name] != before.get(name)}
@@ -47,13 +47,13 @@ def line_change(setting: str, old: Values | None, new: Values, known: Known) -> 
             name in before and before[name] == known.baud for name in PORTS.keys() - ours
         ):
             rates.append(known.baud)  # we may be on a port that stays as it is
-        return LineChange("baud", _words(ours, known), rates[0], tuple(rates[1:]))
+        return BaudChange("baud", _words(ours, known), rates[0], tuple(rates[1:]))
     if any(name in new and new[name] != before.get(name, new[name]) for name in ("ioConfig", "platformConfig")):
-        return LineChange("port", _IO)
+        return BaudChange("port", _IO)
     return None
 
 
-def _words(ours: Mapping[str, int], known: Known) -> str:
+def _words(ours: Mapping[str, int], known: DeviceContext) -> str:
     changes = " and ".join(f"{PORTS[name]} to {rate:_} Bd".replace("_", " ") for name, rate in ours.items())
     if known.baud is None:
         return f"It sets {changes}; through a serial port, the line must follow."

@@ -35,14 +35,14 @@ from protocols.isb.time_base import (
     WEEK_TOW,
     S,
     begin_again,
+    correct_offset,
     double_ns,
     due,
-    exact,
     four,
     is_reset,
     spacing,
-    tell,
     up_time,
+    update_time,
 )
 from protocols.jit import BYTES, INT, INTS, NOTHING, ROWS, STRIDED, TABLE, compiled, inlined, unsigned
 
@@ -76,7 +76,7 @@ FAMILIES = 3
 UNTOLD = 15
 
 
-def no_wholes() -> Ints:
+def empty_state() -> Ints:
     """Before anything was seen."""
     return np.full((256, WHOLES), -1, np.int64)
 
@@ -199,7 +199,7 @@ def sort(
             else:
                 if up == DATED:
                     state = due(state, week, wholes[did, WHOLE_UP], wholes[did, WHOLE_EVERY])
-                state, time, timed, step, by = tell(state, clock, ns, week)
+                state, time, timed, step, by = update_time(state, clock, ns, week)
             if step == RESET:
                 wholes[:, WHOLE_UP:] = -1  # else each set in turn would tell of the same reset
             if up >= 0:
@@ -211,7 +211,7 @@ def sort(
             out[STEP, f] = step
             out[BY, f] = by
             if rules[did, VARIANT] == POSITION and timed and length >= TOW_OFFSET_AT + 8 and week > 0:
-                state, _, _, step, by = exact(state, week, double_ns(data, body + TOW_OFFSET_AT))
+                state, _, _, step, by = correct_offset(state, week, double_ns(data, body + TOW_OFFSET_AT))
                 if out[STEP, f] == SYNC:  # what was before the fix moves by what is known exactly now
                     out[BY, f] += by
                 elif step != NO_STEP and out[STEP, f] == NO_STEP:

@@ -82,7 +82,7 @@ class DataSet:
     changes: list[tuple[str, tuple[str, ...]]] = field(default_factory=list)
 
 
-class Tables:
+class DatasetTable:
     """All of the file."""
 
     def __init__(self, text: str) -> None:
@@ -242,7 +242,7 @@ def element_size(row: Field) -> int:
     return int(element(row).itemsize)
 
 
-TABLES = Tables(FILE.read_text(encoding="utf-8"))
+TABLES = DatasetTable(FILE.read_text(encoding="utf-8"))
 SETS = TABLES.sets
 VERSIONS = TABLES.versions
 CURRENT = VERSIONS[-2]  # the version whose structures the file gives

@@ -1,9 +1,9 @@
 """Bytes of an Inertial Sense device in, events out: data sets as columns, everything else by name.
 
-    chunks ──> Stream ──> packets ──┬─ DATA of sets that stream ──> sort ──> one Batch for each form
+    chunks ──> StreamParser ──> packets ──┬─ DATA of sets that stream ──> sort ──> one Batch for each form
                   │                 └─ others ─────────────────────────────> Reply
                   ├─> Text (NMEA, u-blox, RTCM 3), Reject
-                  └─ clocks, in stream order over all sets ──> Step, times
+                  └─ clocks, in stream order over all sets ──> ClockStep, times
 
 Packets of one data set, offset, size and variant have one form (messages.py) and become one batch. A packet with a part
 of a set whose whole value was seen gives a row of the whole: the last value with the part written over it. A part of
@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from protocols.embedded_protocols import STARTS, find
-from protocols.events import Batch, Event, Late, Reply, Step
-from protocols.framing import BODY, OFFSET, SIZE, Ints, Room
+from protocols.events import Batch, ClockStep, Event, LazyMapping, Reply
+from protocols.framing import BODY, OFFSET, SIZE, Ints, ScanCapacity
 from protocols.grouping import group
 from protocols.isb import messages
 from protocols.isb.classify import (
@@ -40,16 +40,16 @@ from protocols.isb.classify import (
     TIMED,
     UNTOLD,
     WHOLE_KEY,
+    empty_state,
     gather,
-    no_wholes,
     sort,
 )
 from protocols.isb.dataset_loader import VERSIONS
 from protocols.isb.frames import SET_DATA, TYPE_MASK, WITH_OFFSET, scan
 from protocols.isb.json_codec import values_of
-from protocols.isb.time_base import NO_STEP, STEPS, remember
+from protocols.isb.time_base import NO_STEP, STEPS, store_offset
 from protocols.schema import Direction, Message
-from protocols.stream_parser import Cut, Stream, StreamDecoder
+from protocols.stream_parser import ParseResult, StreamDecoder, StreamParser
 
 RULES = messages.rules()
 VERSION_NUMBERS = messages.version_numbers()
@@ -57,7 +57,7 @@ _FORMS = 4096  # forms remembered; a device has some dozens
 _NOTHING = np.empty(0, np.uint8)
 
 
-class IsbDecoder(StreamDecoder[Stream]):
+class IsbDecoder(StreamDecoder[StreamParser]):
     """See events.Decoder. Packet types tell the directions apart, so one decoder reads either.
 
     Args:
@@ -66,11 +66,11 @@ class IsbDecoder(StreamDecoder[Stream]):
 
     def __init__(self, *, direction: Direction = "to_host") -> None:
         self.direction = direction
-        super().__init__(Stream(scan, find, STARTS))
-        self._room = Room()
-        self._forms: dict[int, messages.Form] = {}
-        self._memory = np.array(remember(), np.int64)
-        self._wholes = no_wholes()
+        super().__init__(StreamParser(scan, find, STARTS))
+        self._room = ScanCapacity()
+        self._forms: dict[int, messages.PayloadLayout] = {}
+        self._memory = np.array(store_offset(), np.int64)
+        self._wholes = empty_state()
         self._firmware = np.full(FAMILIES, UNTOLD, np.int64)
         self._whole: dict[int, bytes] = {}  # the last whole value of each set
 
@@ -88,7 +88,7 @@ class IsbDecoder(StreamDecoder[Stream]):
                 self._many(cut, out, events)
         return sorted(events, key=_offset) if len(events) > 1 else events
 
-    def _single(self, cut: Cut, out: Ints, events: list[Event]) -> None:
+    def _single(self, cut: ParseResult, out: Ints, events: list[Event]) -> None:
         """One packet: what `_many` does, without arrays where plain numbers do."""
         key, part, _, timed, step, _ = out[:, 0].tolist()
         if step != NO_STEP:
@@ -109,7 +109,7 @@ class IsbDecoder(StreamDecoder[Stream]):
             size, time = int(cut.table[SIZE, 0]), out[TIME] if timed else None
             events.append(Batch(form.message, "", cut.arrival_ns, offset, time, columns, size=size))
 
-    def _many(self, cut: Cut, out: Ints, events: list[Event]) -> None:
+    def _many(self, cut: ParseResult, out: Ints, events: list[Event]) -> None:
         n = out.shape[1]
         order = np.empty(n, np.int64)
         bounds = np.empty(n + 1, np.int64)
@@ -124,7 +124,7 @@ class IsbDecoder(StreamDecoder[Stream]):
 
     # -- data ----------------------------------------------------------------------------------------------------------
 
-    def _batches(self, cut: Cut, out: Ints, which: Ints, events: list[Event]) -> None:
+    def _batches(self, cut: ParseResult, out: Ints, which: Ints, events: list[Event]) -> None:
         """The packets of one key: one batch; two where only some have a device time."""
         first = int(which[0])
         key, size = int(out[KEY, first]), int(cut.table[SIZE, first])
@@ -147,21 +147,21 @@ class IsbDecoder(StreamDecoder[Stream]):
             columns = form.layout.columns(rows[part])
             events.append(Batch(form.message, "", arrivals[part], offsets[part], time, columns, size=size))
 
-    def _form(self, key: int) -> messages.Form:
+    def _form(self, key: int) -> messages.PayloadLayout:
         if len(self._forms) >= _FORMS:
             self._forms.clear()
         form = self._forms[key] = messages.form_for_key(key)
         return form
 
     @staticmethod
-    def _steps(cut: Cut, out: Ints, events: list[Event]) -> None:
+    def _steps(cut: ParseResult, out: Ints, events: list[Event]) -> None:
         for i in np.flatnonzero(out[STEP] != NO_STEP).tolist():
             offset, arrival = cut.start + int(cut.table[OFFSET, i]), int(cut.arrival_ns[i])
-            events.append(Step(offset, STEPS[int(out[STEP, i])], int(out[BY, i]), arrival))
+            events.append(ClockStep(offset, STEPS[int(out[STEP, i])], int(out[BY, i]), arrival))
 
     # -- replies -------------------------------------------------------------------------------------------------------
 
-    def _replies(self, cut: Cut, which: Any, keys: Ints, events: list[Event]) -> None:
+    def _replies(self, cut: ParseResult, which: Any, keys: Ints, events: list[Event]) -> None:
         arrivals, told_by = cut.arrival_ns[which].tolist(), keys[which].tolist()
         for i, (offset, size, body, length, did, flags) in enumerate(cut.table[:6, which].T.tolist()):
             kind = flags & TYPE_MASK
@@ -172,7 +172,7 @@ class IsbDecoder(StreamDecoder[Stream]):
                 part, payload = self._merged(did, part, payload)
             told = -1 - told_by[i]
             version = None if told == UNTOLD else VERSIONS[told]
-            values = Late(partial(values_of, kind, did, payload, part, version))
+            values = LazyMapping(partial(values_of, kind, did, payload, part, version))
             events.append(Reply(message, values, cut.start + offset, size, arrivals[i]))
 
     @staticmethod

@@ -16,18 +16,18 @@ from protocols.embedded_protocols import STARTS, find
 from protocols.framing import ID, SIZE
 from protocols.isb.frames import DATA, FLAGS, TYPE_MASK, TYPES, scan
 from protocols.isb.messages import ROWS
-from protocols.stream_parser import Cut, Stream
+from protocols.stream_parser import ParseResult, StreamParser
 
 _OLD = re.compile(rb"\xff(?:[^\x0a\x24\xb5\xd3\xfd\xfe\xff]|\xfd[\xf5\xdb\x4a\x2c\x02\x01\x00]){7,2100}\xfe")
 _MOST = 1 << 16
 _OLD_SCORE = 0.25
 
 
-def likeness(data: bytes) -> tuple[float, str]:
+def detection_score(data: bytes) -> tuple[float, str]:
     """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"
-    stream = Stream(scan, find, STARTS)
+    stream = StreamParser(scan, find, STARTS)
     stream.feed(data, 0)
     cuts = [stream.drain()]
     waiting = stream.buffered
@@ -53,7 +53,7 @@ def likeness(data: bytes) -> tuple[float, str]:
     return 0.0, "no packet in them"
 
 
-def _names(cut: Cut) -> list[str]:
+def _names(cut: ParseResult) -> list[str]:
     kinds = cut.table[FLAGS] & TYPE_MASK
     numbers = zip(kinds.tolist(), cut.table[ID].tolist(), strict=True)
     return [ROWS[did].name if kind == DATA else TYPES[kind] for kind, did in numbers]

@@ -1,8 +1,8 @@
 """How is an Inertial Sense device asked and told, and what if it says no, or nothing?
 
-    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then SilentError
+    ask    GET_DATA, period 0    ──>   DATA: the value     NACK: refused      nothing: again, then NoReplyError
            (what streams already is not asked for, which would end its stream: protocols/isb/undisturbed.py)
-    tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then SilentError
+    tell   SET_DATA              ──>   ACK                 NACK: refused      nothing: again, then NoReplyError
            GET_DATA              ──>   DATA: the value that it has now, compared with what was asked
     do     system command: ACK; a reset may die before it is sent, so its silence is no failure
     text   $…                    ──>   a sentence where one is documented, else nothing
@@ -57,26 +57,26 @@ from protocols.isb.harm import harm
 from protocols.isb.kept import GPX_STREAM_FIELDS, PERSISTENT, STREAMS_SETTING, settings_of
 from protocols.isb.messages import COMMANDS, SET_PREFIX
 from protocols.isb.settings_diff import SAVED, differences
-from protocols.isb.stream_discovery import as_wire
+from protocols.isb.stream_discovery import to_wire
 from protocols.isb.streams import STREAMS
 from protocols.isb.undisturbed import undisturbed
 from protocols.json_values import jsonable
 from protocols.schema import Command, Setting
 from protocols.transactions import (
     NO_STATES,
-    Dialogue,
-    Expect,
+    BaudChange,
+    ByteRange,
+    DeviceContext,
+    DeviceRejectedError,
     Harm,
-    Known,
-    LineChange,
-    Load,
-    Pause,
-    RefusedError,
-    Relink,
+    LinkLoad,
+    NoReplyError,
+    ReopenLink,
     Send,
-    SilentError,
-    Span,
-    Written,
+    Sleep,
+    Transaction,
+    WaitFor,
+    WriteResult,
 )
 
 T = TypeVar("T")
@@ -89,7 +89,7 @@ NO = "the device refused it (NACK): it does not have it, does not let it be writ
 RATES = (921_600, 115_200, 460_800, 230_400, 3_000_000, 2_000_000, 1_000_000, 57_600, 38_400, 19_200, 9_600)
 
 
-def version_of(known: Known) -> str:
+def version_of(known: DeviceContext) -> str:
     """The newest firmware of tables.VERSIONS that is not newer than the device's."""
     words = known.firmware.split(".")[:3]
     if not all(word.isdigit() for word in words) or len(words) < 3:
@@ -103,12 +103,12 @@ def version_of(known: Known) -> str:
 
 
 def answer_of(did: int) -> Callable[[Event], Any]:
-    """What recognises the answer to a GET of `did`: its values; a NACK of a GET is a RefusedError, given as a value."""
+    """Match the answer to a GET of `did`: its values; a NACK gives a DeviceRejectedError as a value."""
 
     def match(event: Event) -> Any | None:
         if isinstance(event, Reply) and event.message is COMMANDS[NACK]:
             return NACK if event.values.get("pktInfo.flags", 0) & TYPE_MASK == GET_DATA else None
-        return as_wire(event, did)
+        return to_wire(event, did)
 
     return match
 
@@ -129,27 +129,27 @@ def ack_of(kind: int, did: int, offset: int) -> Callable[[Event], Any]:
     return match
 
 
-def ask(
+def read_dataset(
     did: int, *, size: int = 0, offset: int = 0, timeout_s: float = ANSWER_S, tries: int = TRIES
-) -> Dialogue[Values]:
+) -> Transaction[Values]:
     """A data set, or a part of it. One that streams must not be asked for so: see `IsbDriver.within`."""
     row = SETS[did]
     for _ in range(tries):
         yield Send(frames.get_data(did, size=size, offset=offset, period=0))
-        answer = yield Expect(answer_of(did), timeout_s, row.name)
+        answer = yield WaitFor(answer_of(did), timeout_s, row.name)
         if answer == NACK:
-            raise RefusedError(f"GET {row.name}", NO, NACK)
+            raise DeviceRejectedError(f"GET {row.name}", NO, NACK)
         if answer is not None:
-            return plainly(answer)
-    raise SilentError(f"GET {row.name}", tries, timeout_s)
+            return as_text(answer)
+    raise NoReplyError(f"GET {row.name}", tries, timeout_s)
 
 
-def plainly(values: Values) -> Values:
+def as_text(values: Values) -> Values:
     """Values that JSON can hold: bytes as hex."""
     return {name: jsonable(value) for name, value in values.items()}
 
 
-def tell(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> Dialogue[bool]:
+def write_dataset(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> Transaction[bool]:
     """Send what is acknowledged; whether it was.
 
     Args:
@@ -159,14 +159,14 @@ def tell(packet: bytes, what: str, *, tries: int = TRIES, must: bool = True) -> 
     offset = int.from_bytes(packet[6:8], "little") if packet[2] & frames.WITH_OFFSET else 0
     for _ in range(tries):
         yield Send(packet, what)
-        answer = yield Expect(ack_of(kind, did, offset), ANSWER_S, "ACK")
+        answer = yield WaitFor(ack_of(kind, did, offset), ANSWER_S, "ACK")
         if answer == NACK:
-            raise RefusedError(what, NO, NACK)
+            raise DeviceRejectedError(what, NO, NACK)
         if answer == ACK:
             return True
         if not must:
             return False
-    raise SilentError(what, tries, ANSWER_S)
+    raise NoReplyError(what, tries, ANSWER_S)
 
 
 class IsbDriver:
@@ -179,12 +179,12 @@ class IsbDriver:
 
     # -- tables --------------------------------------------------------------------------------------------------------
 
-    def commands(self, known: Known) -> Sequence[Command]:
+    def commands(self, known: DeviceContext) -> Sequence[Command]:
         if not _is_gpx(known):
             return list(COMMAND_ROWS.values())
         return [row for name, row in COMMAND_ROWS.items() if not name.startswith("DID_RMC.")]
 
-    def settings(self, known: Known) -> Sequence[Setting]:
+    def settings(self, known: DeviceContext) -> Sequence[Setting]:
         rows = settings_of(version_of(known)).values()
         if not _is_gpx(known):
             return list(rows)
@@ -193,29 +193,29 @@ class IsbDriver:
 
     # -- frames --------------------------------------------------------------------------------------------------------
 
-    def frame(self, command: str, values: Values, known: Known) -> bytes:
+    def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         return frame(command, values, version_of(known))
 
     def setting_frames(
-        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         if setting == STREAMS_SETTING:
             return streams_frames(values, old)
         return set_frames(did_of(setting), values, version_of(known), held=held)
 
-    def spans(self, frame: bytes) -> list[Span]:
-        return annotated.spans(frame)
+    def spans(self, frame: bytes) -> list[ByteRange]:
+        return annotated.annotate(frame)
 
     def name_of(self, frame: bytes) -> str:
         return annotated.name_of(frame)
 
     # -- dialogues -----------------------------------------------------------------------------------------------------
 
-    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+    def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
         """`body`, which may read whatever it likes: what streamed before streams afterwards."""
-        return (yield from undisturbed(body, lambda did: ask(did)))
+        return (yield from undisturbed(body, lambda did: read_dataset(did)))
 
-    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+    def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         packet = self.frame(command, values, known)
         name = command.removeprefix("$")
         if name in NMEA_NAMES:
@@ -224,28 +224,28 @@ class IsbDriver:
         if kind == GET_DATA:
             did, size, offset, period = (int.from_bytes(packet[at : at + 2], "little") for at in (6, 8, 10, 12))
             if did not in SETS:
-                raise RefusedError(command, "there is no such data set")
+                raise DeviceRejectedError(command, "there is no such data set")
             if not period:
-                return (yield from ask(did, size=size, offset=offset))
+                return (yield from read_dataset(did, size=size, offset=offset))
             return (yield from self._begin(packet, did))
         if kind == frames.STOP_DID:
             yield Send(packet, command)
             return {}
         resets = command == "DID_SYS_CMD.SOFTWARE_RESET" or ("RESET" in command and packet[3] == SYS_CMD)
-        yield from tell(packet, command, must=not resets)
+        yield from write_dataset(packet, command, must=not resets)
         return {}
 
     @staticmethod
-    def _begin(packet: bytes, did: int) -> Dialogue[Values]:
+    def _begin(packet: bytes, did: int) -> Transaction[Values]:
         """Ask for a stream: its first packet is the answer."""
         yield Send(packet)
-        answer = yield Expect(answer_of(did), 2.0, SETS[did].name)
+        answer = yield WaitFor(answer_of(did), 2.0, SETS[did].name)
         if answer == NACK:
-            raise RefusedError(f"GET {SETS[did].name}", NO, NACK)
-        return plainly(answer or {})
+            raise DeviceRejectedError(f"GET {SETS[did].name}", NO, NACK)
+        return as_text(answer or {})
 
     @staticmethod
-    def _speak(name: str, line: bytes) -> Dialogue[Values]:
+    def _speak(name: str, line: bytes) -> Transaction[Values]:
         reply = COMMAND_ROWS[name].reply
         if not reply or (name == "ASCE" and line.count(b",")):
             yield Send(line, name)
@@ -259,49 +259,51 @@ class IsbDriver:
 
         for _ in range(TRIES):
             yield Send(line, name)
-            answer = yield Expect(match, ANSWER_S, f"${reply}")
+            answer = yield WaitFor(match, ANSWER_S, f"${reply}")
             if answer is not None:
-                return plainly(answer)
-        raise SilentError(f"${name}", TRIES, ANSWER_S)
+                return as_text(answer)
+        raise NoReplyError(f"${name}", TRIES, ANSWER_S)
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return None
 
-    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+    def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         return alters(command, values, (row.name for row in self.settings(known)))
 
-    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+    def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         if setting == STREAMS_SETTING:
-            return (yield from stream_discovery.streams(lambda did: ask(did), gpx=_is_gpx(known)))
-        values = yield from ask(did_of(setting))
+            return (yield from stream_discovery.streams(lambda did: read_dataset(did), gpx=_is_gpx(known)))
+        values = yield from read_dataset(did_of(setting))
         return _trimmed(setting, values)
 
-    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+    def write(
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
+    ) -> Transaction[WriteResult]:
         if setting == STREAMS_SETTING:
             return (yield from self._write_streams(values, gpx=_is_gpx(known)))
         try:
             if did_of(setting) == NMEA_PERIODS:
                 values = yield from self._with_ended(values)
             for packet in self.setting_frames(setting, values, known, held=held):
-                yield from tell(packet, f"{SET_PREFIX}{setting}")
+                yield from write_dataset(packet, f"{SET_PREFIX}{setting}")
             got = yield from self.read(setting, known)
-        except RefusedError as error:
-            return Written(setting, values, None, error.why)
-        return Written(setting, values, got)
+        except DeviceRejectedError as error:
+            return WriteResult(setting, values, None, error.why)
+        return WriteResult(setting, values, got)
 
-    def _with_ended(self, values: Values) -> Dialogue[Values]:
+    def _with_ended(self, values: Values) -> Transaction[Values]:
         """The sentences asked for, and those that are sent now with a period of 0: a device keeps what is not named."""
-        now = yield from ask(NMEA_PERIODS)
+        now = yield from read_dataset(NMEA_PERIODS)
         wanted = [one for one in values.get("nmeaBroadcastMsgs", []) if one.get("msgID")]
         named = {one["msgID"] for one in wanted}
         on = [one for one in now.get("nmeaBroadcastMsgs", []) if one["msgID"] and one["msgPeriod"]]
         ended = [{"msgID": one["msgID"], "msgPeriod": 0} for one in on if one["msgID"] not in named]
         return {"options": 0, **values, "nmeaBroadcastMsgs": [*wanted, *ended]}
 
-    def _write_streams(self, values: Values, *, gpx: bool) -> Dialogue[Written]:
+    def _write_streams(self, values: Values, *, gpx: bool) -> Transaction[WriteResult]:
         """End what is not wanted, begin and change what is; look; once more what is not so."""
         chosen(values)
-        got = yield from stream_discovery.streams(lambda did: ask(did), gpx=gpx)
+        got = yield from stream_discovery.streams(lambda did: read_dataset(did), gpx=gpx)
         asked: dict[int, int] = {}
         refused = ""
         for _ in range(TRIES if "streams" in values else 0):
@@ -316,25 +318,25 @@ class IsbDriver:
                 asked[row["did"]] = row.get("period", 1)
                 if not (yield from self._stream(row["did"], asked[row["did"]])):
                     refused = f"{SETS[row['did']].name}: {NO}"
-            got = yield from stream_discovery.streams(lambda did: ask(did), also=asked, asked=asked, gpx=gpx)
+            got = yield from stream_discovery.streams(lambda did: read_dataset(did), also=asked, asked=asked, gpx=gpx)
         if kept(values) and not refused:
             try:
-                yield from tell(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
-            except RefusedError:
+                yield from write_dataset(system_command(SAVE_PERSISTENT), "DID_SYS_CMD.SAVE_PERSISTENT_MESSAGES")
+            except DeviceRejectedError:
                 refused = "these streams are on, but the device refused to save them"
-        return Written(STREAMS_SETTING, values, got, refused)
+        return WriteResult(STREAMS_SETTING, values, got, refused)
 
     @staticmethod
-    def _stream(did: int, period: int) -> Dialogue[bool]:
+    def _stream(did: int, period: int) -> Transaction[bool]:
         """Ask for a stream; a refusal (False) comes at once, so nothing else is waited for."""
 
         def refused(event: Event) -> bool | None:
             return True if answer_of(did)(event) == NACK else None
 
         yield Send(frames.get_data(did, period=period))
-        return not (yield Expect(refused, 0.03, "NACK"))
+        return not (yield WaitFor(refused, 0.03, "NACK"))
 
-    def identify(self, known: Known) -> Dialogue[Known]:
+    def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         told: dict[str, str] = {}
 
         def match(event: Event) -> Any | None:
@@ -345,21 +347,21 @@ class IsbDriver:
 
         for _ in range(TRIES):
             yield Send(frames.get_data(DEV_INFO, period=0))
-            if (yield Expect(match, ANSWER_S, "DID_DEV_INFO")):
-                return Known(**{**_as_dict(known), **told})
-        raise SilentError("GET DID_DEV_INFO", TRIES, ANSWER_S)
+            if (yield WaitFor(match, ANSWER_S, "DID_DEV_INFO")):
+                return DeviceContext(**{**_as_dict(known), **told})
+        raise NoReplyError("GET DID_DEV_INFO", TRIES, ANSWER_S)
 
     def formerly(self, serial_number: str) -> Sequence[str]:
         return ()
 
-    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         return line_change(setting, old, new, known)
 
-    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         return ()
 
     def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         """SET_DID_x of a setting is a change of that setting, of those fields that the device does not keep itself."""
         row = settings_of(version_of(known)).get(command.removeprefix(SET_PREFIX))
@@ -368,42 +370,42 @@ class IsbDriver:
         told = {field.name for field in row.fields if field.read_only}
         return row.name, {name: value for name, value in values.items() if name not in told} or values
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return harm(setting, old, new)
 
-    def store_and_restart(self, known: Known) -> Dialogue[None]:
+    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Streams are saved first: without that the device would come back silent."""
         for command, what in ((SAVE_PERSISTENT, "SAVE_PERSISTENT_MESSAGES"), (SAVE_FLASH, "SAVE_FLASH")):
             try:
-                yield from tell(system_command(command), f"DID_SYS_CMD.{what}")
-            except RefusedError:
+                yield from write_dataset(system_command(command), f"DID_SYS_CMD.{what}")
+            except DeviceRejectedError:
                 continue  # not every product has it; what was written is in flash already
-        yield from tell(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", must=False)
-        yield Pause(RESET_S)
+        yield from write_dataset(system_command(SOFTWARE_RESET), "DID_SYS_CMD.SOFTWARE_RESET", must=False)
+        yield Sleep(RESET_S)
 
-    def alive(self, known: Known) -> Dialogue[bool]:
+    def alive(self, known: DeviceContext) -> Transaction[bool]:
         for _ in range(ALIVE_TRIES):
             yield Send(frames.get_data(DEV_INFO, period=0))
-            if (yield Expect(answer_of(DEV_INFO), ALIVE_S, "DID_DEV_INFO")) is not None:
+            if (yield WaitFor(answer_of(DEV_INFO), ALIVE_S, "DID_DEV_INFO")) is not None:
                 return True
         return False
 
-    def restore_communication(self, known: Known) -> Dialogue[bool]:
+    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """The document has no procedure for a lost rate; all usual ones are tried while a person switches power."""
         for baud in dict.fromkeys((known.baud or RATES[0], *RATES)):
-            if (yield Relink(baud)) and (yield from self.alive(known)):
+            if (yield ReopenLink(baud)) and (yield from self.alive(known)):
                 return True
         return False
 
     # -- what it costs -------------------------------------------------------------------------------------------------
 
-    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+    def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return budget.load(settings)
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return budget.fit(settings, capacity)
 
-    def factory(self, known: Known) -> Mapping[str, Values]:
+    def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         """None are documented for the whole of a set."""
         return {}
 
@@ -411,7 +413,7 @@ class IsbDriver:
         return differences(setting, a, b)
 
 
-def _is_gpx(known: Known) -> bool:
+def _is_gpx(known: DeviceContext) -> bool:
     return known.product.startswith("GPX")
 
 
@@ -420,7 +422,7 @@ def _streams_of_gpx(row: Setting) -> Setting:
     return replace(row, fields=GPX_STREAM_FIELDS, read="GET_DID_GPX_RMC")
 
 
-def _as_dict(known: Known) -> dict[str, Any]:
+def _as_dict(known: DeviceContext) -> dict[str, Any]:
     return {name: getattr(known, name) for name in ("product", "serial_number", "firmware", "baud", "device", "key")}
 
 

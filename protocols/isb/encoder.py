@@ -23,7 +23,7 @@ from protocols.isb import frames
 from protocols.isb.commands import ASCE_FIELDS, COMMAND_ROWS, NMEA_PERIODS, RMC, SYS_CMD, SYSTEM_COMMANDS
 from protocols.isb.dataset_loader import CURRENT, SETS
 from protocols.isb.frames import STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID
-from protocols.isb.json_codec import packet_of
+from protocols.isb.json_codec import frame_from_json
 from protocols.isb.kept import GET_PREFIX, STREAM_FIELDS, STREAMS_SETTING, fields_of
 from protocols.isb.messages import BY_NAME, SET_PREFIX, places
 from protocols.isb.settings_diff import same_pace
@@ -90,7 +90,7 @@ def _get(name: str, values: Values) -> bytes:
     given = {"size": 0, "offset": 0, "period": 0, **values}
     if name != "GET_DATA":
         given["id"] = BY_NAME[name.removeprefix(GET_PREFIX)].id
-    return packet_of({"message": "GET_DATA", "fields": given})
+    return frame_from_json({"message": "GET_DATA", "fields": given})
 
 
 def _text(name: str, values: Values) -> bytes:
@@ -115,7 +115,7 @@ def set_frame(did: int, values: Values, version: str = CURRENT) -> bytes:
     """One SET of neighbouring fields of a data set (or of all of them), also of those that a device keeps itself."""
     if not values:
         raise EncodeError("give at least one field")
-    validation.check(fields_of(did, version), values, partial=True)
+    validation.require_valid(fields_of(did, version), values, partial=True)
     values = _padded(values) if did == NMEA_PERIODS else values
     runs = _runs(did, values, version)
     if len(runs) > 1:
@@ -138,7 +138,9 @@ def set_frames(did: int, values: Values, version: str = CURRENT, *, held: bool =
     fields = fields_of(did, version)
     told = {field.name for field in fields if field.read_only}
     if not held:
-        validation.check(fields, {name: value for name, value in values.items() if name not in told}, partial=True)
+        validation.require_valid(
+            fields, {name: value for name, value in values.items() if name not in told}, partial=True
+        )
     if did == NMEA_PERIODS:
         values = _padded(values)
     return _runs(did, {name: value for name, value in values.items() if name not in told}, version)

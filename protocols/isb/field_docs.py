@@ -1,6 +1,6 @@
 """What does each field of a setting mean, and what may it be? The words and ranges that datasets.txt does not have.
 
-A `Note` narrows and explains a field of a data set that a person may change; `noted` puts it on the field. A field
+A `FieldNote` narrows and explains a field of a data set that a person may change; `noted` puts it on the field. A field
 without a note is what its type and its words say. `told` fields are kept by the device itself (a size, a checksum, the
 place where it last was): they are shown and never sent, so that writing a whole set back cannot spoil them.
 
@@ -33,7 +33,7 @@ _FAR_M = 1e4
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class FieldNote:
     """What is known of a field beyond its type; see schema.Field."""
 
     doc: str
@@ -44,25 +44,25 @@ class Note:
     choices: Mapping[int, str] | None = None
 
 
-def _note(doc: str, low: float | None = None, high: float | None = None) -> Note:
+def _note(doc: str, low: float | None = None, high: float | None = None) -> FieldNote:
     """Of a field that most people look at."""
-    return Note(doc, low, high, simple=True)
+    return FieldNote(doc, low, high, simple=True)
 
 
-def _told(doc: str) -> Note:
-    return Note(doc, told=True)
+def _told(doc: str) -> FieldNote:
+    return FieldNote(doc, told=True)
 
 
-_GENERAL: Mapping[str, Note] = {
+_GENERAL: Mapping[str, FieldNote] = {
     "size": _told("Size of the set; the device's own."),
     "checksum": _told("Checksum over all behind it; the device computes it anew."),
     "key": _told("The maker's way to restore defaults; never written here."),
     "reserved": _told("Reserved."),
     "reserved1": _told("Reserved."),
     "reserved2": _told("Reserved."),
-    "ser0BaudRate": Note("Rate of serial port 0, in effect after a reset.", simple=True, choices=_BAUD),
-    "ser1BaudRate": Note("Rate of serial port 1, in effect after a reset.", simple=True, choices=_BAUD),
-    "ser2BaudRate": Note("Rate of serial port 2, in effect after a reset.", simple=True, choices=_BAUD),
+    "ser0BaudRate": FieldNote("Rate of serial port 0, in effect after a reset.", simple=True, choices=_BAUD),
+    "ser1BaudRate": FieldNote("Rate of serial port 1, in effect after a reset.", simple=True, choices=_BAUD),
+    "ser2BaudRate": FieldNote("Rate of serial port 2, in effect after a reset.", simple=True, choices=_BAUD),
     "startupGPSDtMs": _note("Period of GNSS solutions, in effect after a reset; 200 is 5 Hz, the fastest.", 200),
     "gps1AntOffset": _note("Where the first antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
     "gps2AntOffset": _note("Where the second antenna is, seen from the sensor.", -_FAR_M, _FAR_M),
@@ -72,15 +72,15 @@ _GENERAL: Mapping[str, Note] = {
     "sysCfgBits": _note("What the navigation filter uses and estimates."),
     "refLla": _note("Origin of north, east and down."),
     "gpsMinimumElevation": _note("Satellites lower than this are not used.", 0, math.pi / 2),
-    "gnssCn0Minimum": Note("Satellites weaker than this are not used."),
-    "gnssCn0DynMinOffset": Note("How far below the strongest satellites one may be; 0 switches this off."),
-    "gpsTimeSyncPeriodMs": Note("Period of the time synchronisation pulse, in effect after a reset."),
-    "gpsTimeUserDelay": Note("Added to the GNSS time, to make up for the delay of an antenna cable."),
-    "debug": Note("For the maker."),
-    "declination": Note("Magnetic declination as estimated; east is positive.", -_TURN, _TURN),
+    "gnssCn0Minimum": FieldNote("Satellites weaker than this are not used."),
+    "gnssCn0DynMinOffset": FieldNote("How far below the strongest satellites one may be; 0 switches this off."),
+    "gpsTimeSyncPeriodMs": FieldNote("Period of the time synchronisation pulse, in effect after a reset."),
+    "gpsTimeUserDelay": FieldNote("Added to the GNSS time, to make up for the delay of an antenna cable."),
+    "debug": FieldNote("For the maker."),
+    "declination": FieldNote("Magnetic declination as estimated; east is positive.", -_TURN, _TURN),
 }
 
-_OF_SET: Mapping[tuple[int, str], Note] = {
+_OF_SET: Mapping[tuple[int, str], FieldNote] = {
     (12, "startupImuDtMs"): _note(
         "Sampling period of the sensors, in effect after a reset; not above startupNavDtMs. 0 switches them off."
     ),
@@ -92,23 +92,23 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
     (12, "lastLla"): _told("Where it last was, kept for a faster start."),
     (12, "lastLlaTimeOfWeekMs"): _told("When that was."),
     (12, "lastLlaWeek"): _told("When that was."),
-    (12, "lastLlaUpdateDistance"): Note("How far it must move before the place is kept again.", 0, 1e6),
-    (12, "ioConfig"): Note("What the pins do, which receiver is on which port. A wrong one cuts the port off."),
-    (12, "ioConfig2"): Note("What further pins do."),
-    (12, "platformConfig"): Note("Which board the module is on; sets the pins."),
-    (12, "zeroVelRotation"): Note("From the sensor to the frame in which a vehicle cannot slip.", -_TURN, _TURN),
-    (12, "zeroVelOffset"): Note("To the point of the vehicle that cannot slip.", -_FAR_M, _FAR_M),
+    (12, "lastLlaUpdateDistance"): FieldNote("How far it must move before the place is kept again.", 0, 1e6),
+    (12, "ioConfig"): FieldNote("What the pins do, which receiver is on which port. A wrong one cuts the port off."),
+    (12, "ioConfig2"): FieldNote("What further pins do."),
+    (12, "platformConfig"): FieldNote("Which board the module is on; sets the pins."),
+    (12, "zeroVelRotation"): FieldNote("From the sensor to the frame in which a vehicle cannot slip.", -_TURN, _TURN),
+    (12, "zeroVelOffset"): FieldNote("To the point of the vehicle that cannot slip.", -_FAR_M, _FAR_M),
     (12, "magDeclination"): _note("Magnetic declination; east is positive.", -_TURN, _TURN),
-    (12, "sensorConfig"): Note("Ranges and filters of the sensors, in effect after a reset."),
-    (12, "wheelConfig.bits"): Note("Whether wheel encoders are used, and how they turn."),
-    (12, "wheelConfig.track_width"): Note("Between the left and the right wheel.", 0, 100),
-    (12, "wheelConfig.radius"): Note("Of a wheel.", 0, 10),
-    (12, "magInterferenceThreshold"): Note(
+    (12, "sensorConfig"): FieldNote("Ranges and filters of the sensors, in effect after a reset."),
+    (12, "wheelConfig.bits"): FieldNote("Whether wheel encoders are used, and how they turn."),
+    (12, "wheelConfig.track_width"): FieldNote("Between the left and the right wheel.", 0, 100),
+    (12, "wheelConfig.radius"): FieldNote("Of a wheel.", 0, 10),
+    (12, "magInterferenceThreshold"): FieldNote(
         "How much the field may differ from the expected: usually 2 to 10, 3 at the factory; 1000 switches this off.",
         0,
         1000,
     ),
-    (12, "magCalibrationQualityThreshold"): Note(
+    (12, "magCalibrationQualityThreshold"): FieldNote(
         "How good a magnetic calibration must be: usually 10 to 20, 10 at the factory; 1000 takes every one.", 0, 1000
     ),
     (19, "state"): _note("Starts or aborts a calibration of the magnetometers."),
@@ -131,9 +131,9 @@ _OF_SET: Mapping[tuple[int, str], Note] = {
     (90, "can_period_mult"): _note(
         "Period of each CAN message, a multiple of its source's; 0 switches it off.", 0, 65_535
     ),
-    (90, "can_transmit_address"): Note("CAN identifier of each message."),
-    (90, "can_baudrate_kbps"): Note("Rate of the CAN bus.", simple=True, choices=_CAN),
-    (90, "can_receive_address"): Note("CAN identifier that it listens to."),
+    (90, "can_transmit_address"): FieldNote("CAN identifier of each message."),
+    (90, "can_baudrate_kbps"): FieldNote("Rate of the CAN bus.", simple=True, choices=_CAN),
+    (90, "can_receive_address"): FieldNote("CAN identifier that it listens to."),
     (94, "state"): _note("Starts, samples and saves a calibration in the field."),
     (94, "status"): _told("What has been sampled."),
     (125, "results"): _told("What the test found."),

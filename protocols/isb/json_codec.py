@@ -76,7 +76,7 @@ def values_of(kind: int, did: int, payload: bytes, offset: int, version: str | N
     return {field.name: unpack((field,), payload, at)[field.name] for field, at in found}
 
 
-def plain(packet: bytes, version: str | None = None) -> Plain:
+def frame_to_json(packet: bytes, version: str | None = None) -> Plain:
     """The values of one valid packet: keys id, message, fields, and flags and wire where there are any.
 
     Args:
@@ -142,8 +142,8 @@ def _flags(field: Field, value: Any) -> Iterator[tuple[str, list[str]]]:
 # -- values → packet ---------------------------------------------------------------------------------------------------
 
 
-def packet_of(record: Mapping[str, Any]) -> bytes:
-    """The packet of what `plain` gave; keys other than id, message, fields and wire are not looked at.
+def frame_from_json(record: Mapping[str, Any]) -> bytes:
+    """The packet of what `frame_to_json` gave; keys other than id, message, fields and wire are not looked at.
 
     Raises:
         EncodeError: a name or value that the tables do not allow.

@@ -63,7 +63,7 @@ _UTC = f"Shown as UTC with the leap seconds known on {LEAP_SECONDS_AS_OF}; a wee
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class PayloadLayout:
     """What the payloads of one offset and size hold.
 
     Args:
@@ -261,7 +261,7 @@ def _raw(field: Field, at: int, offset: int, size: int, variant: int, count: int
     return replace(field, name="buf"), -1
 
 
-def form_of(did: int, found: tuple[Place, ...], size: int) -> Form:
+def form_of(did: int, found: tuple[Place, ...], size: int) -> PayloadLayout:
     """A row and a layout of places."""
     row = ROWS[did]
     fields = tuple(field for field, _ in found)
@@ -270,11 +270,11 @@ def form_of(did: int, found: tuple[Place, ...], size: int) -> Form:
     apart = tuple(field.name for field in fields if field.axes or field.bits or (field.fields and field.shape))
     message = replace(row, fields=fields, time=clock, tick_ns=row.tick_ns if clock else 0, apart=apart)
     layout = Layout([(field, ((at, size_of(field)),)) for field, at in found], size)
-    return Form(message, found, layout)
+    return PayloadLayout(message, found, layout)
 
 
 @lru_cache(maxsize=4096)
-def form_for_key(key: int) -> Form:
+def form_for_key(key: int) -> PayloadLayout:
     """The form that a key of classify.py stands for; one for all decoders, because making it takes 0.1 ms."""
     count, variant, size, offset = key & 0xFF, key >> 8 & 0xFF, key >> 16 & 0x7FF, key >> 27 & 0x7FF
     did, told = key >> 38 & 0xFF, key >> 46

@@ -34,10 +34,10 @@ from protocols.isb.kept import PERSISTENT
 from protocols.isb.messages import ROWS
 from protocols.isb.streams import DEFAULT_MS, EVENT, GNSS, IMU, NAV, STREAMS, dids_of
 from protocols.schema import Field
-from protocols.transactions import Dialogue, Expect, RefusedError
+from protocols.transactions import DeviceRejectedError, Transaction, WaitFor
 
 Values = Mapping[str, Any]
-Ask = Callable[[int], Dialogue[Values]]
+Ask = Callable[[int], Transaction[Values]]
 
 LISTEN_S, LEAST_S, QUICK_S = 3.0, 1.0, 0.4
 CLOSE = 0.04  # a share: so near a multiple is one
@@ -48,7 +48,7 @@ GPX_FLASH, GPX_RMC = 121, 126
 # -- an event as wire values -------------------------------------------------------------------------------------------
 
 
-def as_wire(event: Event, did: int) -> Values | None:
+def to_wire(event: Event, did: int) -> Values | None:
     """The wire values of a data set, of the last sample where there are several; None where the event is another."""
     if isinstance(event, Reply):
         if event.message is not ROWS[did]:
@@ -98,7 +98,7 @@ def _unshown(field: Field, shown: Any) -> Any:
 # -- streams -----------------------------------------------------------------------------------------------------------
 
 
-class Heard:
+class HeardStreams:
     """What came while listening: how often, how long, for each data set.
 
     Args:
@@ -176,7 +176,7 @@ def streams(
     also: Iterable[int] = (),
     asked: Mapping[int, int] = NOTHING,
     gpx: bool = False,
-) -> Dialogue[Values]:
+) -> Transaction[Values]:
     """The value of the setting `streams`.
 
     Args:
@@ -195,24 +195,24 @@ def streams(
         params = yield from _maybe(ask, SYS_PARAMS)
         flash = yield from _maybe(ask, FLASH)
         sources = sources_of(params, flash or (yield from _maybe(ask, GPX_FLASH)))
-    heard = Heard({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
-    yield Expect(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
+    heard = HeardStreams({did for did in {*listed, *also} if STREAMS[did].pace != EVENT})
+    yield WaitFor(heard.only, QUICK_S if quick else LEAST_S, "streams")  # what has no bit shows itself meanwhile
     if not quick and not heard.enough:
-        yield Expect(heard.take, LISTEN_S - LEAST_S, "streams")
+        yield WaitFor(heard.take, LISTEN_S - LEAST_S, "streams")
     rows = [_stream(did, heard, sources, asked.get(did)) for did in dict.fromkeys((*listed, *heard.streaming()))]
     order = {did: place for place, did in enumerate(STREAMS)}
     return {"streams": sorted(rows, key=lambda row: order[row["did"]]), "options": rmc.get("options", 0) & ~PERSISTENT}
 
 
-def _maybe(ask: Ask, did: int) -> Dialogue[Values]:
+def _maybe(ask: Ask, did: int) -> Transaction[Values]:
     """A data set; nothing where the device does not have it."""
     try:
         return (yield from ask(did))
-    except RefusedError:
+    except DeviceRejectedError:
         return {}
 
 
-def _stream(did: int, heard: Heard, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
+def _stream(did: int, heard: HeardStreams, sources: Mapping[str, float], asked: int | None) -> dict[str, Any]:
     row = STREAMS[did]
     interval, size = heard.interval_ms(did), heard.sizes.get(did, 0)
     bases = [sources[pace] for pace in row.paces]

@@ -9,7 +9,7 @@ carry one or the other:
     TOW       time of week alone: GNSS velocity, satellites, sigmas             timeOfWeek, timeOfWeekMs
     GTIME     seconds since 1970 in GPS time, and their fraction: raw GNSS      time.time
 
-`tell` is given the clocks in the order of the stream and keeps one time, in ns:
+`update_time` is given the clocks in the order of the stream and keeps one time, in ns:
 
     before the first fix   up-time. A week of 0 says that there was none; the time of week beside it is up-time then,
                            and never a date in 1980.
@@ -40,8 +40,8 @@ NONE, UP, WEEK_TOW, FIX, TOW, GTIME = range(6)
 
 # What is known of a device's clocks: shift, how well it is known, newest up-time, newest UTC, newest week, epoch. A
 # tuple, because compiled code keeps its numbers in registers; an array would be counted in and out of every function.
-State = tuple[int, int, int, int, int, int]
-Told = tuple[State, int, int, int, int]
+TimeState = tuple[int, int, int, int, int, int]
+TimeReport = tuple[TimeState, int, int, int, int]
 STATE = several(INT, INT, INT, INT, INT, INT)
 TOLD = several(STATE, INT, INT, INT, INT)
 NOT_SHIFTED, ROUGHLY, EXACTLY = range(3)
@@ -96,7 +96,7 @@ def utc_ns(week: int, tow_ns: int) -> int:
     return (start - leap) * S + tow_ns
 
 
-def remember() -> State:
+def store_offset() -> TimeState:
     """What is known of a device that has just been connected."""
     return 0, NOT_SHIFTED, -1, -1, -1, UNKNOWN
 
@@ -141,7 +141,7 @@ def spacing(every: int, before: int, up: int) -> int:
 
 
 @inlined
-def due(state: State, week: int, before: int, every: int) -> State:
+def due(state: TimeState, week: int, before: int, every: int) -> TimeState:
     """The newest up-time as that of a set which has just told its first date, by when it was due.
 
     Args:
@@ -155,15 +155,15 @@ def due(state: State, week: int, before: int, every: int) -> State:
 
 
 @compiled(TOLD, STATE, INT)
-def begin_again(state: State, up: int) -> Told:
-    """The device was switched off and on, and says this up-time; like `tell`."""
+def begin_again(state: TimeState, up: int) -> TimeReport:
+    """The device was switched off and on, and says this up-time; like `update_time`."""
     shift, _, last_up, last_utc, _, epoch = state
     by = up - (last_utc if epoch == FROM_1970 else last_up)
     return (shift, NOT_SHIFTED, up, -1, -1, FROM_START), up, 1, RESET, by
 
 
 @compiled(TOLD, STATE, INT)
-def _up(state: State, up: int) -> Told:
+def _up(state: TimeState, up: int) -> TimeReport:
     shift, shifted, last_up, last_utc, week, epoch = state
     if last_up >= 0 and up < last_up - LATE_NS:
         return begin_again(state, up)
@@ -180,7 +180,7 @@ def _up(state: State, up: int) -> Told:
 
 
 @compiled(TOLD, STATE, INT, INT)
-def _gps(state: State, utc: int, week: int) -> Told:
+def _gps(state: TimeState, utc: int, week: int) -> TimeReport:
     shift, shifted, last_up, last_utc, _, epoch = state
     step = NO_STEP
     by = 0
@@ -201,7 +201,7 @@ def _gps(state: State, utc: int, week: int) -> Told:
 
 
 @compiled(TOLD, STATE, INT, FLAG)
-def _time_of_week(state: State, tow: int, fixed: bool) -> Told:
+def _time_of_week(state: TimeState, tow: int, fixed: bool) -> TimeReport:
     """Without a week: the newest one's, or the one before or after it; up-time where there was no fix yet."""
     _, _, last_up, last_utc, week, epoch = state
     if fixed and epoch == FROM_1970 and week >= 0 and tow <= (WEEK_S + 1) * S:
@@ -217,11 +217,11 @@ def _time_of_week(state: State, tow: int, fixed: bool) -> Told:
 
 
 @compiled(TOLD, STATE, INT, INT, INT)
-def tell(state: State, kind: int, ns: int, week: int) -> Told:
+def update_time(state: TimeState, kind: int, ns: int, week: int) -> TimeReport:
     """The time of one message.
 
     Args:
-        state: what is known of the device's clocks; see `remember`.
+        state: what is known of the device's clocks; see `store_offset`.
         kind: UP, WEEK_TOW, FIX, TOW or GTIME.
         ns: the clock as ns: up-time, time of week, or since 1970; negative where it is no time.
         week: GPS week; ignored unless `kind` is WEEK_TOW or FIX.
@@ -244,11 +244,11 @@ def tell(state: State, kind: int, ns: int, week: int) -> Told:
 
 
 @compiled(TOLD, STATE, INT, INT)
-def exact(state: State, week: int, offset_ns: int) -> Told:
+def correct_offset(state: TimeState, week: int, offset_ns: int) -> TimeReport:
     """GPS position has told what up-time and time of week differ by (towOffset).
 
     Returns:
-        like `tell`, without a time; a step only where up-time moves by more than TOLD_NS.
+        like `update_time`, without a time; a step only where up-time moves by more than TOLD_NS.
     """
     old, shifted, last_up, last_utc, newest, epoch = state
     if epoch != FROM_1970 or shifted == NOT_SHIFTED or offset_ns <= 0:

@@ -28,9 +28,18 @@ from protocols.events import Event
 from protocols.isb import frames
 from protocols.isb.commands import RMC, SYS_CMD
 from protocols.isb.frames import GET_DATA, SET_DATA, STOP_ALL_PORTS, STOP_CURRENT_PORT, STOP_DID, TYPE_MASK
-from protocols.isb.stream_discovery import Ask, Heard
+from protocols.isb.stream_discovery import Ask, HeardStreams
 from protocols.isb.streams import DEFAULT_MS, STREAMS, dids_of
-from protocols.transactions import Act, Dialogue, Expect, RefusedError, Send, SilentError, StoppedError, T
+from protocols.transactions import (
+    Act,
+    DeviceRejectedError,
+    NoReplyError,
+    Send,
+    T,
+    Transaction,
+    TransactionCancelledError,
+    WaitFor,
+)
 
 PREAMBLE = bytes((frames.FIRST, frames.SECOND))
 LOOK_S = 0.25
@@ -39,7 +48,7 @@ ANSWER_S = 0.3
 BACK_TRIES = 2
 
 
-def undisturbed(body: Dialogue[T], ask: Ask) -> Dialogue[T]:
+def undisturbed(body: Transaction[T], ask: Ask) -> Transaction[T]:
     """`body`, and what it must not have ended.
 
     Args:
@@ -54,13 +63,13 @@ def undisturbed(body: Dialogue[T], ask: Ask) -> Dialogue[T]:
         except StopIteration as end:
             result: T = end.value
             break
-        except RefusedError:
+        except DeviceRejectedError:
             yield from watch.mend()
             raise
         answer, error = None, None
         try:
             answer = yield from watch.do(act)
-        except StoppedError as stopped:
+        except TransactionCancelledError as stopped:
             yield from watch.mend_blindly()
             error = stopped
         except Exception as thrown:
@@ -74,7 +83,7 @@ class _Watch:
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
-        self._heard = Heard(set())
+        self._heard = HeardStreams(set())
         self._looked = False
         self._listed: set[int] = set()  # by DID_RMC
         self._begun: dict[int, int] = {}  # by the body: data set → multiple
@@ -83,15 +92,15 @@ class _Watch:
         self._waiting = -1  # the data set whose stream is listened to instead of asking
         self._asked: set[int] = set()  # although they stream
 
-    def do(self, act: Act) -> Dialogue[Any]:
+    def do(self, act: Act) -> Transaction[Any]:
         """One act of the body, or what stands for it."""
         if isinstance(act, Send):
             return (yield from self._send(act))
-        if not isinstance(act, Expect):
+        if not isinstance(act, WaitFor):
             return (yield act)
         did, self._waiting = self._waiting, -1
         timeout_s = max(act.timeout_s, PASSIVE_S) if did >= 0 else act.timeout_s
-        answer = yield Expect(self._hearing(act.match), timeout_s, act.what)
+        answer = yield WaitFor(self._hearing(act.match), timeout_s, act.what)
         if did >= 0 and answer is None:
             self._mute.add(did)
         return answer
@@ -103,7 +112,7 @@ class _Watch:
 
         return both
 
-    def _send(self, act: Send) -> Dialogue[None]:
+    def _send(self, act: Send) -> Transaction[None]:
         did = _single(act.frame)
         if did is None:
             self._note(act.frame)
@@ -118,14 +127,14 @@ class _Watch:
         self._answers[did] += 1
         yield act
 
-    def _look(self) -> Dialogue[None]:
+    def _look(self) -> Transaction[None]:
         if self._looked:
             return
         self._looked = True
-        yield Expect(self._hearing(lambda _: None), LOOK_S, "streams")
+        yield WaitFor(self._hearing(lambda _: None), LOOK_S, "streams")
         try:
             self._listed = set(dids_of((yield from self._ask(RMC)).get("bits", 0)))
-        except (RefusedError, SilentError):  # a GPX has another; of one that is silent the body says so
+        except (DeviceRejectedError, NoReplyError):  # a GPX has another; of one that is silent the body says so
             return
 
     def _streams(self, did: int) -> bool:
@@ -156,7 +165,7 @@ class _Watch:
 
     # -- afterwards
 
-    def mend(self) -> Dialogue[None]:
+    def mend(self) -> Transaction[None]:
         """Begin again what was asked for, streamed, and does not any more; looked at once more."""
         for _ in range(BACK_TRIES if self._asked else 0):
             for did in sorted(self._asked):
@@ -165,20 +174,20 @@ class _Watch:
                     continue
                 yield Send(frames.get_data(did, period=self._period(did)))
 
-    def mend_blindly(self) -> Dialogue[None]:
+    def mend_blindly(self) -> Transaction[None]:
         """The same where nothing can be waited for any more: what was asked for although it streamed is begun."""
         for did in sorted(self._asked):
             yield Send(frames.get_data(did, period=self._period(did)))
 
-    def _ended(self, did: int) -> Dialogue[bool]:
+    def _ended(self, did: int) -> Transaction[bool]:
         """Does it not stream any more?"""
         if STREAMS[did].rmc_bit >= 0:
             try:
                 return did not in dids_of((yield from self._ask(RMC)).get("bits", 0))
-            except (RefusedError, SilentError):
+            except (DeviceRejectedError, NoReplyError):
                 return False
         wait_s = max(ANSWER_S, 3e-3 * (self._heard.interval_ms(did) or 0))
-        return not (yield Expect(lambda event: _is(event, did), wait_s, "streams"))
+        return not (yield WaitFor(lambda event: _is(event, did), wait_s, "streams"))
 
     def _period(self, did: int) -> int:
         """The multiple at which it came; 1 where that was never heard."""
@@ -189,7 +198,7 @@ class _Watch:
 
 
 def _is(event: Event, did: int) -> bool | None:
-    heard = Heard(set())
+    heard = HeardStreams(set())
     heard.only(event)
     return True if did in heard.sizes else None
 

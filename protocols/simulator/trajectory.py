@@ -20,9 +20,9 @@ gravity, (0, 0, +g) at rest. The Earth's own rotation (15°/h) is left out: it i
 
 ## Sensor errors
 
-`Errors` adds what a good MEMS unit adds, in orders of magnitude from public data sheets: noise of a given density,
-white within the sampled band, and a bias that wanders slowly. All is a function of seed and sample number, so that
-a run can be repeated exactly, however it is cut into pieces.
+`SensorErrors` adds what a good MEMS unit adds, in orders of magnitude from public data sheets: noise of a given
+density, white within the sampled band, and a bias that wanders slowly. All is a function of seed and sample number, so
+that a run can be repeated exactly, however it is cut into pieces.
 
 Rules for editing: nothing here knows a protocol or a product; ranges, rates and units of the wire belong to the twins.
 """
@@ -67,7 +67,7 @@ _STEP_S = 1e-4  # differences of angles: error below 1e-6 rad/s
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class MotionState:
     """The truth at n moments.
 
     Args:
@@ -91,7 +91,7 @@ class Motion:
     field: Floats
 
 
-def drive(t: Array) -> Motion:
+def vehicle_motion(t: Array) -> MotionState:
     """Where the vehicle is and how it moves at times `t`, (n,) s. Time 0 is the start of a lap; any time is allowed."""
     t = np.asarray(t, dtype=np.float64)
     position, velocity, acceleration = _path(t)
@@ -102,12 +102,12 @@ def drive(t: Array) -> Motion:
     rate = _body_rate(euler, turn / (2 * _STEP_S))
     q = quaternion(euler)
     force = to_body(q, acceleration + np.array([0.0, 0.0, GRAVITY]))
-    return Motion(
+    return MotionState(
         t, position, velocity, acceleration, euler, q, rate, force, to_body(q, np.broadcast_to(FIELD_ENU, (len(t), 3)))
     )
 
 
-def speed(motion: Motion) -> Floats:
+def speed(motion: MotionState) -> Floats:
     """Over the ground, (n,) m/s."""
     return np.hypot(motion.velocity[:, 0], motion.velocity[:, 1])
 
@@ -284,29 +284,29 @@ def pressure(height: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Grade:
+class SensorGrade:
     """How good a triad is: noise density in unit/√Hz, and the size of its slow bias in the same unit."""
 
     density: float
     bias: float
 
 
-GYRO = Grade(density=np.radians(0.007), bias=np.radians(8.0 / 3600))  # rad/s: 0.007 °/s/√Hz, 8 °/h
-ACCELEROMETER = Grade(density=60e-6 * GRAVITY, bias=15e-6 * GRAVITY)  # 60 µg/√Hz, 15 µg
-MAGNETOMETER = Grade(density=1e-4, bias=1e-3)  # of the Earth's field: 0.5 mG in a 100 Hz stream
-ATTITUDE = Grade(density=np.radians(0.003), bias=np.radians(0.2))  # rad, of a filter's solution
-POSITION = Grade(density=0.02, bias=0.6)  # m, of a satellite receiver without corrections
-VELOCITY = Grade(density=0.01, bias=0.03)
+GYRO = SensorGrade(density=np.radians(0.007), bias=np.radians(8.0 / 3600))  # rad/s: 0.007 °/s/√Hz, 8 °/h
+ACCELEROMETER = SensorGrade(density=60e-6 * GRAVITY, bias=15e-6 * GRAVITY)  # 60 µg/√Hz, 15 µg
+MAGNETOMETER = SensorGrade(density=1e-4, bias=1e-3)  # of the Earth's field: 0.5 mG in a 100 Hz stream
+ATTITUDE = SensorGrade(density=np.radians(0.003), bias=np.radians(0.2))  # rad, of a filter's solution
+POSITION = SensorGrade(density=0.02, bias=0.6)  # m, of a satellite receiver without corrections
+VELOCITY = SensorGrade(density=0.01, bias=0.03)
 
 # What a rigidly mounted sensor feels of engine and road at full speed, as a density like a sensor's noise. On tarmac a
 # car's floor shakes by some tenths of m/s² and °/s; a tenth of that stays at standstill, from the idling engine.
-SHAKING_FORCE = Grade(density=0.035, bias=0.0)
-SHAKING_TURN = Grade(density=np.radians(0.06), bias=0.0)
+SHAKING_FORCE = SensorGrade(density=0.035, bias=0.0)
+SHAKING_TURN = SensorGrade(density=np.radians(0.06), bias=0.0)
 IDLING = 0.08
 FULL_SPEED = 12.0  # m/s
 
 
-def shaking(motion: Motion) -> Floats:
+def vibration(motion: MotionState) -> Floats:
     """How much of the full shaking there is at each time of a drive, (n,)."""
     return IDLING + (1 - IDLING) * np.minimum(speed(motion) / FULL_SPEED, 1.0)
 
@@ -315,7 +315,7 @@ _BLOCK = 256
 _WAVES_S = (37.0, 101.0, 283.0, 811.0)  # periods of the slow bias: no two in step
 
 
-class Errors:
+class SensorErrors:
     """The errors of one triad.
 
     Args:
@@ -324,7 +324,7 @@ class Errors:
         rate: samples/s, which sets the band that noise fills.
     """
 
-    def __init__(self, grade: Grade, seed: int, rate: float) -> None:
+    def __init__(self, grade: SensorGrade, seed: int, rate: float) -> None:
         self._seed = seed
         self._sigma = grade.density * np.sqrt(rate / 2)
         random = np.random.default_rng([seed, 0])

@@ -21,7 +21,7 @@ from typing import Any
 
 from protocols.layouts import size_of, unpack
 from protocols.schema import Bits, Field
-from protocols.transactions import Span
+from protocols.transactions import ByteRange
 from protocols.xbus.data_identifiers import COORDINATES, item
 from protocols.xbus.frames import EXTENDED, MTDATA2, items
 from protocols.xbus.messages import form_of
@@ -53,21 +53,21 @@ def _payload(frame: bytes) -> bytes:
     return frame[6 if frame[3] == EXTENDED else 4 : -1]
 
 
-def spans(data: bytes) -> list[Span]:
+def annotate(data: bytes) -> list[ByteRange]:
     """The bytes of a frame and what they mean."""
     if not is_frame(data):
-        return [Span(0, len(data), name_of(data))] if data else []
+        return [ByteRange(0, len(data), name_of(data))] if data else []
     payload = _payload(data)
     body = len(data) - len(payload) - 1
     bus = "bus: master" if data[1] == 0xFF else f"bus {data[1]}"
-    found = [Span(0, 1, "preamble"), Span(1, 1, bus), Span(2, 1, name_of(data))]
-    found.append(Span(3, body - 3, f"{len(payload)} byte" + "s" * (len(payload) != 1) + " of data"))
+    found = [ByteRange(0, 1, "preamble"), ByteRange(1, 1, bus), ByteRange(2, 1, name_of(data))]
+    found.append(ByteRange(3, body - 3, f"{len(payload)} byte" + "s" * (len(payload) != 1) + " of data"))
     parts = _of_items(payload, body) if data[2] == MTDATA2 else _of_fields(data[2], payload, body)
     found += parts
-    return [*found, Span(len(data) - 1, 1, "checksum")]
+    return [*found, ByteRange(len(data) - 1, 1, "checksum")]
 
 
-def _of_fields(mid: int, payload: bytes, at: int) -> Iterator[Span]:
+def _of_fields(mid: int, payload: bytes, at: int) -> Iterator[ByteRange]:
     message, covered = form_of(mid, payload)
     values = unpack(message.fields, payload)
     end = at + covered
@@ -76,33 +76,33 @@ def _of_fields(mid: int, payload: bytes, at: int) -> Iterator[Span]:
             yield span
             at = span.offset + span.size
     if covered < len(payload):
-        yield Span(end, len(payload) - covered, "not in the document")
+        yield ByteRange(end, len(payload) - covered, "not in the document")
 
 
-def _of_items(payload: bytes, at: int) -> Iterator[Span]:
+def _of_items(payload: bytes, at: int) -> Iterator[ByteRange]:
     found, covered = items(payload)
     for identifier, place, size in found:
-        yield Span(at + place - 3, 2, identifier_words(identifier))
-        yield Span(at + place - 1, 1, f"{size} bytes")
+        yield ByteRange(at + place - 3, 2, identifier_words(identifier))
+        yield ByteRange(at + place - 1, 1, f"{size} bytes")
         field = item(identifier, size)
         if size:
-            yield Span(at + place, size, _words(field, unpack((field,), payload[place:])[field.name]), field.name)
+            yield ByteRange(at + place, size, _words(field, unpack((field,), payload[place:])[field.name]), field.name)
     if covered < len(payload):
-        yield Span(at + covered, len(payload) - covered, "not an item")
+        yield ByteRange(at + covered, len(payload) - covered, "not an item")
 
 
-def _of_field(field: Field, value: Any, at: int, path: str) -> Iterator[Span]:
+def _of_field(field: Field, value: Any, at: int, path: str) -> Iterator[ByteRange]:
     """One field; each element of a list, and each field of a record, by itself."""
     if field.dtype in ("bytes", "ascii") or (field.shape and not field.fields and not isinstance(value, list)):
         if size := size_of(field):
-            yield Span(at, size, _words(field, value), path)
+            yield ByteRange(at, size, _words(field, value), path)
         return
     elements = value if field.shape else [value]
     step = size_of(field) // max(len(elements), 1)
     for place, one in enumerate(elements):
         here = f"{path}.{place}" if field.shape else path
         if not field.fields:
-            yield Span(at, step, _words(field, one), here)
+            yield ByteRange(at, step, _words(field, one), here)
             at += step
             continue
         for part in field.fields:

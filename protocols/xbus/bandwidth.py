@@ -21,11 +21,20 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocols.transactions import Load, Part
+from protocols.transactions import LinkLoad, OutputLoad
 from protocols.xbus.annotate import identifier_words
 from protocols.xbus.enums import STRING_TYPES
 from protocols.xbus.frames import MAX_SENT, MAX_STANDARD
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, Stream, allowed, granted, greatest, output_of, streams
+from protocols.xbus.output_configuration import (
+    ALWAYS,
+    OUTPUTS,
+    OutputStream,
+    accepted_rates,
+    allowed,
+    max_rate,
+    output_of,
+    streams,
+)
 from protocols.xbus.products import Model, as_built
 
 MOST_ENTRIES = 32
@@ -46,11 +55,11 @@ def pairs_of(values: Setting, model: Model | None) -> list[Pair]:
     for entry in values.get("outputs", ()):
         identifier, wish = int(entry["data_identifier"]), int(entry["output_frequency"])
         output = output_of(identifier, model)
-        found.append((identifier, granted(wish, greatest(output, model)) if output else -1))
+        found.append((identifier, accepted_rates(wish, max_rate(output, model)) if output else -1))
     return found
 
 
-def load(settings: Mapping[str, Setting], model: Model | None) -> Load:
+def load(settings: Mapping[str, Setting], model: Model | None) -> LinkLoad:
     """What these settings make the device send."""
     model = as_built(model, settings.get("HardwareVersion", {}))
     strings = settings.get("StringOutputType", {})
@@ -59,7 +68,7 @@ def load(settings: Mapping[str, Setting], model: Model | None) -> Load:
     return _of_outputs(settings.get("OutputConfiguration", {}), model)
 
 
-def _of_outputs(values: Setting, model: Model | None) -> Load:
+def _of_outputs(values: Setting, model: Model | None) -> LinkLoad:
     entries = list(values.get("outputs", ()))
     pairs = pairs_of(values, model)
     sent = [pair for pair in pairs if pair[1] > 0]
@@ -74,12 +83,12 @@ def _of_outputs(values: Setting, model: Model | None) -> Load:
             if size > MAX_SENT:
                 limits.append(f"A message of the {stream.kind} stream has {size} bytes; the limit is {MAX_SENT}.")
     parts = [_part(f"outputs.{place}", pair, cost.pop(pair, 0)) for place, pair in enumerate(pairs)]
-    parts.append(Part("", "Header and checksum", float(envelope)))
-    return Load(tuple(parts), sum(part.bytes_per_s for part in parts), (*_limits(entries), *dict.fromkeys(limits)))
+    parts.append(OutputLoad("", "Header and checksum", float(envelope)))
+    return LinkLoad(tuple(parts), sum(part.bytes_per_s for part in parts), (*_limits(entries), *dict.fromkeys(limits)))
 
 
-def _part(path: str, pair: Pair, bytes_per_s: int) -> Part:
-    return Part(path, identifier_words(pair[0]), float(bytes_per_s))
+def _part(path: str, pair: Pair, bytes_per_s: int) -> OutputLoad:
+    return OutputLoad(path, identifier_words(pair[0]), float(bytes_per_s))
 
 
 def _limits(entries: Sequence[Setting]) -> list[str]:
@@ -96,7 +105,7 @@ def size_of(pair: Pair) -> int:
     return OUTPUTS[pair[0] & 0xFFF0].size(pair[0])
 
 
-def messages_of(stream: Stream) -> list[tuple[tuple[Pair, ...], int]]:
+def messages_of(stream: OutputStream) -> list[tuple[tuple[Pair, ...], int]]:
     """The messages of one second: what is in them, and how many are like that."""
     timed = [pair for pair in stream.items if pair[1] != ALWAYS]
     due: Counter[tuple[Pair, ...]] = Counter()
@@ -119,10 +128,10 @@ def _string_rate(settings: Mapping[str, Setting]) -> float:
     return 0.0 if skip == 0xFFFF else 115_200 / (period * (skip + 1))
 
 
-def _of_strings(types: int, rate: float) -> Load:
+def _of_strings(types: int, rate: float) -> LinkLoad:
     chosen = [bits.name for bits in STRING_TYPES if bits.of(types) and bits.name in _SENTENCES]
-    parts = tuple(Part("string_types", f"{name}, at most", _SENTENCES[name] * rate) for name in chosen)
-    return Load(parts, sum(part.bytes_per_s for part in parts))
+    parts = tuple(OutputLoad("string_types", f"{name}, at most", _SENTENCES[name] * rate) for name in chosen)
+    return LinkLoad(parts, sum(part.bytes_per_s for part in parts))
 
 
 def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -> dict[str, Setting]:
@@ -142,7 +151,7 @@ def fit(settings: Mapping[str, Setting], capacity: float, model: Model | None) -
 
 def _ladder(pair: Pair, model: Model | None) -> tuple[int, ...]:
     """The rates that an item can have, from its present one down."""
-    return tuple(rate for rate in allowed(greatest(OUTPUTS[pair[0] & 0xFFF0], model)) if rate <= pair[1])
+    return tuple(rate for rate in allowed(max_rate(OUTPUTS[pair[0] & 0xFFF0], model)) if rate <= pair[1])
 
 
 def _lowered(entry: Setting, pair: Pair, ceiling: int, model: Model | None) -> Setting:

@@ -22,7 +22,7 @@ import re
 import struct
 from bisect import bisect_right
 
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 
 TSS2 = re.compile(
     rb":(?P<heading>[0-3]\d{4}) (?P<heave>[ -]\d{4})(?P<status>[A-Za-z])"
@@ -39,7 +39,7 @@ WINDOW = 600  # strings of several kinds alternate: two more records must come w
 _MORE = 2
 
 
-def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> tuple[list[Found], int]:
+def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> tuple[list[ParsedMessage], int]:
     """The binary strings in `data`, a stretch that held no frame of another protocol.
 
     Args:
@@ -57,14 +57,16 @@ def find(data: bytes | memoryview, *, final: bool, since: int | None = None) -> 
     return [one for one in found if one.offset < keep], keep
 
 
-def _find_tss2(data: bytes, final: bool) -> tuple[list[Found], int]:
-    found: list[Found] = []
+def _find_tss2(data: bytes, final: bool) -> tuple[list[ParsedMessage], int]:
+    found: list[ParsedMessage] = []
     at = 0
     while (at := data.find(b":", at)) >= 0:
         match = TSS2.match(data, at)
         whole = final or data[at + _TSS2_SIZE : at + _TSS2_SIZE + 2] not in (b"", b"\r")
         if match and whole and int(match["heading"]) < 36000:
-            found.append(Found(at, len(match.group()), "tss2", "TSS2", match.group().decode().rstrip(), _tss2(match)))
+            found.append(
+                ParsedMessage(at, len(match.group()), "tss2", "TSS2", match.group().decode().rstrip(), _tss2(match))
+            )
             at = match.end()
         elif not final and _may_become_tss2(data[at : at + 27]):
             return found, at
@@ -94,9 +96,11 @@ def _tss2(match: re.Match[bytes]) -> dict[str, float | str]:
     }
 
 
-def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], decided: int) -> tuple[list[Found], int]:
+def _find_em1000(
+    data: bytes, final: bool, since: int | None, tss2: list[int], decided: int
+) -> tuple[list[ParsedMessage], int]:
     """Records, but for those that end where a TSS2 string begins; `tss2` are all of these before `decided`."""
-    found: list[Found] = []
+    found: list[ParsedMessage] = []
     last_end = None if since is None or since < 0 else -since  # end of the last record believed
     at = 0
     while start := _EM1000_START.search(data, at):
@@ -124,7 +128,7 @@ def _find_em1000(data: bytes, final: bool, since: int | None, tss2: list[int], d
         record = data[at : at + EM1000.size]
         roll, pitch, heave, heading = EM1000.unpack(record)
         fields = {"roll": roll / 100, "pitch": pitch / 100, "heave": heave / 100, "heading": heading / 100}
-        found.append(Found(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
+        found.append(ParsedMessage(at, EM1000.size, "em1000", "EM1000", record.hex(" "), fields))
         at += EM1000.size
         last_end = at
     return found, len(data)

@@ -7,7 +7,7 @@
 Names, fields and sections come from messages.py; a name with two forms (string output, filter profile) has the one that
 the product takes, and both, told apart by the form's title, while the product is not known.
 
-A command of the table says in which state the device must be (`State`); most are valid in the config state only.
+A command of the table says in which state the device must be (`CommandState`); most are valid in the config state only.
 
 Rules for editing: a row holds no code; a field's range belongs to messages.py, what depends on the product to `fitted`.
 
@@ -26,7 +26,7 @@ from protocols.xbus.messages import BY_NAME, ROWS, answers
 from protocols.xbus.product_options import fitted
 from protocols.xbus.products import ALL, CLASSIC, FILTER, NOBODY, ONE, RTK, SIX, Model, has, model_of
 
-State = Literal["config", "measuring", "any"]
+CommandState = Literal["config", "measuring", "any"]
 
 OUTPUT, FRAME, PROFILE, SYNC, PORT, RECEIVER, HEADING, IDENTITY, COMMANDS = GROUPS = (
     "Output configuration",
@@ -51,7 +51,7 @@ _CALIBRATION = {
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class CommandRow:
     """One message to the device.
 
     Args:
@@ -69,7 +69,7 @@ class Row:
     title: str
     on: frozenset[int] = ALL
     form: int = 0
-    state: State = "config"
+    state: CommandState = "config"
     timeout_s: float = 0.5
     caution: Caution = ""
     consequence: str = ""
@@ -82,23 +82,23 @@ class Row:
         return BY_NAME[self.message][self.form]
 
 
-def _ask(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
-    return Row(message, "ask", group, title, on, simple=False, **more)
+def _ask(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
+    return CommandRow(message, "ask", group, title, on, simple=False, **more)
 
 
-def _set(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
-    return Row(message, "set", group, title, on, **more)
+def _set(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
+    return CommandRow(message, "set", group, title, on, **more)
 
 
-def _do(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> Row:
-    return Row(message, "do", group, title, on, **more)
+def _do(message: str, group: str, title: str, on: frozenset[int] = ALL, **more: Any) -> CommandRow:
+    return CommandRow(message, "do", group, title, on, **more)
 
 
 _CUTS = "From the next reset the device speaks as set here; a cable or a program that does not is cut off."
 _GNSS_HEADING = frozenset({710, 670, 680})
 _PLATFORM = frozenset({7, 710})
 
-_ROWS: tuple[Row, ...] = (
+_ROWS: tuple[CommandRow, ...] = (
     _ask("ReqOutputConfiguration", OUTPUT, "Read what is sent"),
     _set("SetOutputConfiguration", OUTPUT, "Choose what is sent"),
     _ask("ReqStringOutputType", OUTPUT, "Read which sentences are sent", ALL - ONE),
@@ -203,7 +203,7 @@ _ROWS: tuple[Row, ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredSetting:
     """One setting.
 
     Args:
@@ -230,43 +230,45 @@ class Kept:
 
 _Q = ("q0", "q1", "q2", "q3")
 
-_KEPT: tuple[Kept, ...] = (
-    Kept("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT, "Output configuration",
-         editor="outputs", after="measurement"),
-    Kept("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT, "Sentences instead of data",
-         ALL - ONE, after="measurement", simple=False),
-    Kept("Period", "ReqPeriod", "SetPeriod", OUTPUT, "Period of the sentences", CLASSIC, after="measurement",
-         simple=False),
-    Kept("OutputSkipFactor", "ReqOutputSkipFactor", "SetOutputSkipFactor", OUTPUT, "Sentences that are skipped",
-         CLASSIC, after="measurement", simple=False),
-    Kept("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "CAN output configuration", SIX,
-         after="measurement", simple=False),
-    Kept("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
-         "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),
-    Kept("AlignmentRotation.RotLocal", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
-         "Local frame alignment", after="measurement", only=_Q, fixed={"parameter": 1}),
-    Kept("LatLonAlt", "ReqLatLonAlt", "SetLatLonAlt", FRAME, "Place, for gravity and declination"),
-    Kept("FilterProfile", "ReqFilterProfile", "SetFilterProfile", PROFILE, "Filter profile", FILTER,
-         after="measurement", told=("version",)),
-    Kept("AvailableFilterProfiles", "ReqAvailableFilterProfiles", "", PROFILE, "Filter profiles that there are",
-         FILTER, simple=False),
-    Kept("OptionFlags", "ReqOptionFlags", "SetOptionFlags", PROFILE, "Option flags"),
-    Kept("SyncSettings", "ReqSyncSettings", "SetSyncSettings", SYNC, "Sync in and out", after="measurement"),
-    Kept("Baudrate", "ReqBaudrate", "SetBaudrate", PORT, "Baud rate", ALL - SIX, after="reset"),
-    Kept("PortConfig", "ReqPortConfig", "SetPortConfig", PORT, "Ports", SIX, after="reset"),
-    Kept("CanConfig", "ReqCanConfig", "SetCanConfig", PORT, "CAN transceiver", SIX, after="reset", simple=False),
-    Kept("ExtOutputMode", "ReqExtOutputMode", "SetExtOutputMode", PORT, "Extended output mode", CLASSIC,
-         after="reset", simple=False),
-    Kept("TransmitDelay", "ReqTransmitDelay", "SetTransmitDelay", PORT, "RS-485 delay", CLASSIC, simple=False),
-    Kept("GnssPlatform", "ReqGnssPlatform", "SetGnssPlatform", RECEIVER, "Expected motion", _PLATFORM, simple=False),
-    Kept("GnssLeverArm", "ReqGnssLeverArm", "SetGnssLeverArm", RECEIVER, "Lever arm to the antenna", RTK),
-    Kept("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier"),
-    Kept("DeviceID", "ReqDID", "", IDENTITY, "Serial number"),
-    Kept("ProductCode", "ReqProductCode", "", IDENTITY, "Product code"),
-    Kept("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
-    Kept("FirmwareRev", "ReqFWRev", "", IDENTITY, "Firmware revision"),
-    Kept("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log", simple=False,
-         momentary=("date", "time")),
+_KEPT: tuple[StoredSetting, ...] = (
+    StoredSetting("OutputConfiguration", "ReqOutputConfiguration", "SetOutputConfiguration", OUTPUT,
+                  "Output configuration", editor="outputs", after="measurement"),
+    StoredSetting("StringOutputType", "ReqStringOutputType", "SetStringOutputType", OUTPUT,
+                  "Sentences instead of data", ALL - ONE, after="measurement", simple=False),
+    StoredSetting("Period", "ReqPeriod", "SetPeriod", OUTPUT, "Period of the sentences", CLASSIC, after="measurement",
+                  simple=False),
+    StoredSetting("OutputSkipFactor", "ReqOutputSkipFactor", "SetOutputSkipFactor", OUTPUT,
+                  "Sentences that are skipped", CLASSIC, after="measurement", simple=False),
+    StoredSetting("CanOutputConfig", "ReqCanOutputConfig", "SetCanOutputConfig", OUTPUT, "CAN output configuration",
+                  SIX, after="measurement", simple=False),
+    StoredSetting("AlignmentRotation.RotSensor", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
+                  "Sensor frame to object frame", after="measurement", only=_Q, fixed={"parameter": 0}),
+    StoredSetting("AlignmentRotation.RotLocal", "ReqAlignmentRotation", "SetAlignmentRotation", FRAME,
+                  "Local frame alignment", after="measurement", only=_Q, fixed={"parameter": 1}),
+    StoredSetting("LatLonAlt", "ReqLatLonAlt", "SetLatLonAlt", FRAME, "Place, for gravity and declination"),
+    StoredSetting("FilterProfile", "ReqFilterProfile", "SetFilterProfile", PROFILE, "Filter profile", FILTER,
+                  after="measurement", told=("version",)),
+    StoredSetting("AvailableFilterProfiles", "ReqAvailableFilterProfiles", "", PROFILE,
+                  "Filter profiles that there are", FILTER, simple=False),
+    StoredSetting("OptionFlags", "ReqOptionFlags", "SetOptionFlags", PROFILE, "Option flags"),
+    StoredSetting("SyncSettings", "ReqSyncSettings", "SetSyncSettings", SYNC, "Sync in and out", after="measurement"),
+    StoredSetting("Baudrate", "ReqBaudrate", "SetBaudrate", PORT, "Baud rate", ALL - SIX, after="reset"),
+    StoredSetting("PortConfig", "ReqPortConfig", "SetPortConfig", PORT, "Ports", SIX, after="reset"),
+    StoredSetting("CanConfig", "ReqCanConfig", "SetCanConfig", PORT, "CAN transceiver", SIX, after="reset",
+                  simple=False),
+    StoredSetting("ExtOutputMode", "ReqExtOutputMode", "SetExtOutputMode", PORT, "Extended output mode", CLASSIC,
+                  after="reset", simple=False),
+    StoredSetting("TransmitDelay", "ReqTransmitDelay", "SetTransmitDelay", PORT, "RS-485 delay", CLASSIC, simple=False),
+    StoredSetting("GnssPlatform", "ReqGnssPlatform", "SetGnssPlatform", RECEIVER, "Expected motion", _PLATFORM,
+                  simple=False),
+    StoredSetting("GnssLeverArm", "ReqGnssLeverArm", "SetGnssLeverArm", RECEIVER, "Lever arm to the antenna", RTK),
+    StoredSetting("LocationID", "ReqLocationID", "SetLocationID", IDENTITY, "Location identifier"),
+    StoredSetting("DeviceID", "ReqDID", "", IDENTITY, "Serial number"),
+    StoredSetting("ProductCode", "ReqProductCode", "", IDENTITY, "Product code"),
+    StoredSetting("HardwareVersion", "ReqHardwareVersion", "", IDENTITY, "Hardware version"),
+    StoredSetting("FirmwareRev", "ReqFWRev", "", IDENTITY, "Firmware revision"),
+    StoredSetting("Configuration", "ReqConfiguration", "", IDENTITY, "Configuration, for the head of a log",
+                  simple=False, momentary=("date", "time")),
 )  # fmt: skip
 
 
@@ -274,9 +276,9 @@ _KEPT: tuple[Kept, ...] = (
 
 
 @lru_cache(maxsize=64)
-def rows(model: Model | None) -> Mapping[str, Row]:
+def rows(model: Model | None) -> Mapping[str, CommandRow]:
     """The commands of a product by name, in the order of the table; of all products while it is not known."""
-    found: dict[str, Row] = {}
+    found: dict[str, CommandRow] = {}
     for row in _ROWS:
         if has(model, row.on):
             name = row.name or row.message
@@ -285,7 +287,7 @@ def rows(model: Model | None) -> Mapping[str, Row]:
 
 
 @lru_cache(maxsize=64)
-def kept(model: Model | None) -> Mapping[str, Kept]:
+def kept(model: Model | None) -> Mapping[str, StoredSetting]:
     """The settings of a product by name, in the order of the table."""
     return {one.name: one for one in _KEPT if has(model, one.on)}
 
@@ -297,7 +299,7 @@ def commands(product: str) -> tuple[Command, ...]:
     return tuple(_command(name, row, model) for name, row in rows(model).items())
 
 
-def _command(name: str, row: Row, model: Model | None) -> Command:
+def _command(name: str, row: CommandRow, model: Model | None) -> Command:
     return Command(
         name,
         arguments(row, model),
@@ -315,12 +317,12 @@ def _command(name: str, row: Row, model: Model | None) -> Command:
     )
 
 
-def arguments(row: Row, model: Model | None) -> tuple[Field, ...]:
+def arguments(row: CommandRow, model: Model | None) -> tuple[Field, ...]:
     """What a person fills in, as the product has it."""
     return tuple(fitted(row.name or row.message, field, model) for field in row.row.fields)
 
 
-def reply_name(row: Row) -> str:
+def reply_name(row: CommandRow) -> str:
     """The message that acknowledges it; "" where nothing does."""
     forms = ROWS.get(answers(row.row.id), ())
     if row.kind == "set":
@@ -347,7 +349,7 @@ def settings(product: str) -> tuple[Setting, ...]:
     return tuple(_setting(one, model) for one in kept(model).values())
 
 
-def _setting(one: Kept, model: Model | None) -> Setting:
+def _setting(one: StoredSetting, model: Model | None) -> Setting:
     answer = reply_form(one.read, model)
     fields = answer.fields
     writer = write_row(one, model)
@@ -379,13 +381,13 @@ def _setting(one: Kept, model: Model | None) -> Setting:
     )
 
 
-def write_row(one: Kept, model: Model | None) -> Row | None:
+def write_row(one: StoredSetting, model: Model | None) -> CommandRow | None:
     """The command that writes a setting, in the product's form (the 600-series' while it is not known)."""
     found = [row for row in _ROWS if row.message == one.write and has(model, row.on)]
     return found[-1] if found else None
 
 
-def continues(row: Row) -> bool:
+def continues(row: CommandRow) -> bool:
     """Does it take up, or begin, what a change of state throws away (an orientation reset, a calibration)?
 
     What is valid while the device measures begins there or goes on there: nothing that it needs is known in the config
@@ -415,7 +417,7 @@ def alters(command: str, values: Mapping[str, Any], model: Model | None) -> tupl
     return ()
 
 
-def state_of(row: Row, values: Mapping[str, Any]) -> State:
+def state_of(row: CommandRow, values: Mapping[str, Any]) -> CommandState:
     """The state in which a command is valid with these arguments."""
     if row.message == "ResetOrientation" and values.get("code") == 0:
         return "config"  # stores what was reset

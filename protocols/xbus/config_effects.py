@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from protocols.transactions import Known, LineChange, Values
+from protocols.transactions import BaudChange, DeviceContext, Values
 from protocols.xbus.output_configuration import ALWAYS
 from protocols.xbus.product_options import SEND_LATEST
 from protocols.xbus.products import Model, model_of
@@ -26,7 +26,7 @@ _ALTERNATIVE_UART = 1 << 4
 _DISABLE_AUTO_MEASUREMENT = 1 << 1
 
 
-def line_change(setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+def line_change(setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
     """Would this write cut the line?"""
     if old is not None and not differing(setting, old, new):
         return None
@@ -35,31 +35,31 @@ def line_change(setting: str, old: Values | None, new: Values, known: Known) -> 
     if setting == "PortConfig":
         return _port_change([int(word) for word in (old or {}).get("words", ())], new["words"], known)
     if setting == "OutputConfiguration" and not _sends(new):
-        return LineChange("silent", "The device sends nothing any more until something is chosen again.")
+        return BaudChange("silent", "The device sends nothing any more until something is chosen again.")
     if setting == "SyncSettings" and _sends_latest(new) and not _sends_latest(old or {"settings": []}):
-        return LineChange("silent", "The device sends data only when it is triggered (SendLatest); else it is silent.")
+        return BaudChange("silent", "The device sends data only when it is triggered (SendLatest); else it is silent.")
     if setting == "StringOutputType" and new["string_types"]:
-        return LineChange("protocol", "The device sends text lines instead of MTData2.")
+        return BaudChange("protocol", "The device sends text lines instead of MTData2.")
     if setting == "OutputSkipFactor" and new["skip_factor"] == 0xFFFF:
-        return LineChange("silent", "The device sends sentences only when it is asked.")
+        return BaudChange("silent", "The device sends sentences only when it is asked.")
     if setting == "ExtOutputMode" and (int(new["mode"]) ^ int((old or {"mode": 0})["mode"])) & _ALTERNATIVE_UART:
-        return LineChange("port", "The device speaks on another UART after the reset.")
+        return BaudChange("port", "The device speaks on another UART after the reset.")
     if (
         setting == "OptionFlags"
         and int(new["flags"]) & ~int((old or {"flags": 0})["flags"]) & _DISABLE_AUTO_MEASUREMENT
     ):
-        return LineChange("silent", "The device no longer measures by itself when it starts.")
+        return BaudChange("silent", "The device no longer measures by itself when it starts.")
     return None
 
 
-def _baud_change(code: int, known: Known, who: str) -> LineChange | None:
+def _baud_change(code: int, known: DeviceContext, who: str) -> BaudChange | None:
     rate = BAUD_RATES.get(code)
     if rate is None or rate == known.baud:
         return None
-    return LineChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", " "), rate)
+    return BaudChange("baud", f"{who} speaks at {rate:_} Bd after the reset.".replace("_", " "), rate)
 
 
-def _port_change(old: list[int], new: list[int], known: Known) -> LineChange | None:
+def _port_change(old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
     """Which of the two host ports is ours is not told: any that speaks Xbus at our rate may be.
 
     Where one of two such ports changes, the device may be found at the old rate or at the new one.
@@ -75,29 +75,29 @@ def _port_change(old: list[int], new: list[int], known: Known) -> LineChange | N
     words = " ".join(dict.fromkeys(change.words for change in found))
     if None in changed.values():
         words += " Which port this line is connected to is not known."
-    return LineChange(worst.kind, words, worst.baud, others)
+    return BaudChange(worst.kind, words, worst.baud, others)
 
 
-def own_ports(words: list[int], known: Known) -> list[int]:
+def own_ports(words: list[int], known: DeviceContext) -> list[int]:
     """The host ports that this line may be connected to: those that speak Xbus at its rate; where none does, both."""
     hosts = [place for place, word in enumerate(words[:2]) if word >> 16 & 0xF == _XBUS]
     at_rate = [place for place in hosts if BAUD_RATES.get(words[place] & 0xFF) == known.baud]
     return at_rate or hosts or [0, 1]
 
 
-def _one_port(place: int, old: list[int], new: list[int], known: Known) -> LineChange | None:
+def _one_port(place: int, old: list[int], new: list[int], known: DeviceContext) -> BaudChange | None:
     """What the change of one port's word does to a line that is connected to it."""
     word, before = int(new[place]), old[place] if place < len(old) else None
     if word >> 16 & 0xF != _XBUS:
         off = not word >> 16 & 0xF
         kind, does = ("port", "is switched off") if off else ("protocol", "speaks NMEA")
-        return LineChange(kind, f"The {_PORTS[place]} {does} after the reset.")  # type: ignore[arg-type]
+        return BaudChange(kind, f"The {_PORTS[place]} {does} after the reset.")  # type: ignore[arg-type]
     if before is not None and (word ^ before) & 0xFF == 0 and word != before:
-        return LineChange("port", f"The {_PORTS[place]} works otherwise after the reset (flow control, frame).")
+        return BaudChange("port", f"The {_PORTS[place]} works otherwise after the reset (flow control, frame).")
     return _baud_change(word & 0xFF, known, f"The {_PORTS[place]}")
 
 
-def rates(values: Mapping[str, Values], known: Known) -> tuple[int, ...]:
+def rates(values: Mapping[str, Values], known: DeviceContext) -> tuple[int, ...]:
     """See protocols.transactions.Driver.rates."""
     codes = [int(values["Baudrate"]["baudrate_code"])] if "Baudrate" in values else []
     codes += [int(word) & 0xFF for word in values.get("PortConfig", {}).get("words", ())[:2]]
@@ -105,7 +105,9 @@ def rates(values: Mapping[str, Values], known: Known) -> tuple[int, ...]:
     return tuple(dict.fromkeys(rate for rate in found if rate is not None))
 
 
-def instead(command: str, values: Values, present: Mapping[str, Values], known: Known) -> tuple[str, Values] | None:
+def instead(
+    command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
+) -> tuple[str, Values] | None:
     """See protocols.transactions.Driver.instead: the 600-series gets SetPortConfig, its SetBaudrate is deprecated."""
     model = model_of(known.product)
     if command != "SetBaudrate" or model is None or model.series != 600:

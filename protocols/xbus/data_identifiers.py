@@ -24,7 +24,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
-from protocols.layouts import fit
+from protocols.layouts import form_for_size
 from protocols.schema import Field
 from protocols.xbus.enums import (
     GNSS_FIXES,
@@ -491,10 +491,10 @@ def item(identifier: int, size: int) -> Field:
         for row in _ROWS.get(identifier & 0xFFF0, ()):
             dtype = PRECISIONS[identifier & 3] if row.dtype == "real" else row.dtype
             frame = row.frame.replace("local", COORDINATES[local])
-            fields = fit(row.fields, size) if row.fields else ()
+            fields = form_for_size(row.fields, size) if row.fields else ()
             if fields is None:
                 continue
-            whole = fit((replace(row, dtype=dtype, frame=frame, id=identifier, fields=fields),), size)
+            whole = form_for_size((replace(row, dtype=dtype, frame=frame, id=identifier, fields=fields),), size)
             if whole is not None:
                 return whole[0]
     return Field(f"0x{identifier:04X}", "bytes", (size,), id=identifier, doc="Unknown data.")

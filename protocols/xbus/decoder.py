@@ -2,13 +2,14 @@
 
     chunks ──> Stream ──> frames ──┬─ MTData2 ──> walk ──> one Batch for each layout (sequence of items)
                   │                └─ others ───> form ──> Reply
-                  ├─> Text, Reject
-                  └─ counters and clocks of the MTData2 frames, in stream order over all layouts ──> Gap, Step, times
+                  ├─> Text, RejectedFrame
+                  └─ counters and clocks of the MTData2 frames, in stream order over all layouts ──> SampleGap,
+                  ClockStep, times
 
 ## Time
 
 A message may carry SampleTimeFine (0.1 ms), SampleTimeCoarse (s) or UtcTime. The best that the stream has shown so far,
-in this order, is its clock; from the first message with a better one on that is the clock (a Step of kind "sync"
+in this order, is its clock; from the first message with a better one on that is the clock (a ClockStep of kind "sync"
 says so), and a message without it has no device time. UtcTime counts only while its flags call UTC valid.
 
 SampleTimeFine wraps at 2^32 or after a day (864 000 000 ticks), which the product decides: the rule is taken from the
@@ -18,7 +19,7 @@ first solution has told whether there is a fix.
 
 ## Loss
 
-PacketCounter counts every MTData2 message of a device, whatever it carries; numbers that are missing are a Gap.
+PacketCounter counts every MTData2 message of a device, whatever it carries; numbers that are missing are a SampleGap.
 
 ## Several devices
 
@@ -40,9 +41,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.counters import Counter, Unwrap
+from protocols.counters import SequenceCounter, TickUnwrapper
 from protocols.dates import utc_ns
-from protocols.events import Batch, Count, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, ClockStep, Count, Event, RejectedFrame, Reply, SampleGap
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SENDER, SIZE, Bytes, Ints
 from protocols.layouts import Layout, Place, unpack
 from protocols.schema import Direction, Message
@@ -69,7 +70,7 @@ from protocols.xbus.frames import (
     walk,
 )
 from protocols.xbus.messages import MTDATA2_ROW, form_of
-from protocols.xbus.stream_parser import Cut, Stream
+from protocols.xbus.stream_parser import ParseResult, Stream
 
 TICK_NS = 100_000
 WRAP = 2**32
@@ -134,9 +135,9 @@ class _Clocks:
     """Where the counter and the clocks of one device are, and what its receiver said last."""
 
     def __init__(self) -> None:
-        self.counter = Counter(1 << 16)
-        self.fine = Unwrap(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
-        self.coarse = Unwrap(WRAP, tick_ns=1_000_000_000)
+        self.counter = SequenceCounter(1 << 16)
+        self.fine = TickUnwrapper(WRAP, auto=(WRAP_DAY,), tick_ns=TICK_NS)
+        self.coarse = TickUnwrapper(WRAP, tick_ns=1_000_000_000)
         self.clock = 0  # the best clock shown so far
         self.fix = FIX_NOT_SAID  # by the last GNSS solution
 
@@ -183,7 +184,7 @@ class XbusDecoder(StreamDecoder[Stream]):
 
     # -- replies -------------------------------------------------------------------------------------------------------
 
-    def _replies(self, cut: Cut, which: NDArray[np.intp]) -> list[Reply]:
+    def _replies(self, cut: ParseResult, which: NDArray[np.intp]) -> list[Reply]:
         replies = []
         for i in which.tolist():
             offset, size, body, length, mid = cut.table[:5, i].tolist()
@@ -238,7 +239,7 @@ class XbusDecoder(StreamDecoder[Stream]):
 
     # -- several devices -----------------------------------------------------------------------------------------------
 
-    def _by_sender(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
+    def _by_sender(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Data of the line's first device, and of each further one under its bus identifier."""
         senders = table[SENDER]
         if (senders == self.addresses.get("", -1)).all():
@@ -262,7 +263,9 @@ class XbusDecoder(StreamDecoder[Stream]):
             self._clocks = self._further(bid)
             found = self._data(cut, *part, [])
             self._clocks = own
-            events += [replace(one, device=name) if isinstance(one, Batch | Gap | Step) else one for one in found]
+            events += [
+                replace(one, device=name) if isinstance(one, Batch | SampleGap | ClockStep) else one for one in found
+            ]
         return events
 
     def count_of(self, device: str = "") -> Count | None:
@@ -276,7 +279,7 @@ class XbusDecoder(StreamDecoder[Stream]):
 
     # -- data ----------------------------------------------------------------------------------------------------------
 
-    def _single(self, cut: Cut, events: list[Event]) -> bool:
+    def _single(self, cut: ParseResult, events: list[Event]) -> bool:
         """One frame of a live stream: what `_data` does, with plain numbers. False, with nothing done, if it is not a
         usual one: an MTData2 of a layout that has passed by, with the counter and the clock that most have."""
         offset, size, body, length, mid = cut.table[:5, 0].tolist()
@@ -293,18 +296,18 @@ class XbusDecoder(StreamDecoder[Stream]):
         fine, counter = layout.fine_at, layout.counter_at
         time = self._clocks.fine.tick(int.from_bytes(payload[fine : fine + 4], "big")) * TICK_NS
         for _, kind, by in self._clocks.fine.steps:
-            events.append(Step(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
+            events.append(ClockStep(offset, kind, by * TICK_NS, int(cut.arrival_ns[0])))
         number = int.from_bytes(payload[counter : counter + 2], "big")
         if not self._clocks.counter.follows(number) and (
             missing := int(self._clocks.counter.missing(np.array((number,)))[0])
         ):
-            events.append(Gap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
+            events.append(SampleGap(offset, missing, "PacketCounter", int(cut.arrival_ns[0]), time))
         columns = layout.layout.columns(np.ndarray((1, length), np.uint8, payload))
         offsets, times = np.array((offset,)), np.array((time,))
         events.append(Batch(layout.message, "", cut.arrival_ns, offsets, times, columns, size=size))
         return True
 
-    def _data(self, cut: Cut, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
+    def _data(self, cut: ParseResult, table: Ints, arrivals: Ints, replies: list[Reply]) -> list[Event]:
         """Batches, gaps and steps of MTData2 frames."""
         n = table.shape[1]
         walked = np.empty((WALKED, n), np.int64)
@@ -335,7 +338,7 @@ class XbusDecoder(StreamDecoder[Stream]):
             events += some
             for at, size in layout.bad:
                 places = zip((starts + (cut.start + at)).tolist(), arrivals[which].tolist(), strict=True)
-                events += [Reject(place, size, "bad_item", arrival) for place, arrival in places]
+                events += [RejectedFrame(place, size, "bad_item", arrival) for place, arrival in places]
         return events
 
     def _layout(self, data: bytes, start: int, size: int) -> DataLayout:
@@ -358,12 +361,12 @@ class XbusDecoder(StreamDecoder[Stream]):
         """The item that did not fit in its payload, and with it the rest of the payload."""
         for i in np.flatnonzero(good < table[LENGTH]).tolist():
             at = int(table[BODY, i] + good[i])
-            events.append(Reject(start + at, int(table[LENGTH, i] - good[i]), "bad_item", int(arrivals[i])))
+            events.append(RejectedFrame(start + at, int(table[LENGTH, i] - good[i]), "bad_item", int(arrivals[i])))
 
     # -- time and loss -------------------------------------------------------------------------------------------------
 
     def _times(
-        self, cut: Cut, walked: Ints, offsets: Ints, arrivals: Ints, replies: list[Reply], events: list[Event]
+        self, cut: ParseResult, walked: Ints, offsets: Ints, arrivals: Ints, replies: list[Reply], events: list[Event]
     ) -> tuple[Ints, Flags]:
         """Device time of each frame, ns, and whether it has one."""
         fine = walked[FINE]
@@ -373,7 +376,7 @@ class XbusDecoder(StreamDecoder[Stream]):
         used = np.maximum.accumulate(np.maximum(has, self._clocks.clock))
         before = np.concatenate(([self._clocks.clock], used[:-1]))
         for i in np.flatnonzero((used > before) & (before > 0)).tolist():
-            events.append(Step(int(offsets[i]), "sync", 0, int(arrivals[i])))
+            events.append(ClockStep(int(offsets[i]), "sync", 0, int(arrivals[i])))
         self._clocks.clock = int(used[-1])
         timed = (has == used) & (used > 0)
         times = np.where(utc >= 0, utc, 0)
@@ -395,10 +398,12 @@ class XbusDecoder(StreamDecoder[Stream]):
         return np.asarray((gnss == NO_GNSS) | (known == FIX))
 
     @staticmethod
-    def _unwrap(unwrap: Unwrap, tick_ns: int, raw: Ints, offsets: Ints, arrivals: Ints, events: list[Event]) -> Ints:
+    def _unwrap(
+        unwrap: TickUnwrapper, tick_ns: int, raw: Ints, offsets: Ints, arrivals: Ints, events: list[Event]
+    ) -> Ints:
         ticks = unwrap.ticks(raw)
         for i, kind, by in unwrap.steps:
-            events.append(Step(int(offsets[i]), kind, by * tick_ns, int(arrivals[i])))
+            events.append(ClockStep(int(offsets[i]), kind, by * tick_ns, int(arrivals[i])))
         return ticks * tick_ns
 
     def _gaps(
@@ -419,7 +424,7 @@ class XbusDecoder(StreamDecoder[Stream]):
         for k in np.flatnonzero(missing).tolist():
             i = k if rows is None else int(rows[k])
             time = int(times[i]) if timed is None or timed[i] else None
-            events.append(Gap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
+            events.append(SampleGap(int(offsets[i]), int(missing[k]), "PacketCounter", int(arrivals[i]), time))
 
 
 def _batches(

@@ -13,7 +13,7 @@ from protocols.xbus.messages import ROWS
 from protocols.xbus.stream_parser import Stream
 
 
-def likeness(data: bytes) -> tuple[float, str]:
+def detection_score(data: bytes) -> tuple[float, str]:
     """(score 0..1, words)."""
     if not data:
         return 0.0, "no bytes"

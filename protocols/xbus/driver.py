@@ -9,7 +9,8 @@ Values are wire values by field name. Two settings are not what their message ca
 wanted, sent as the flags to set and those to clear; AlignmentRotation is two settings, the parameter being part of the
 name. An empty list of outputs, or of sync settings, is sent as one entry that means "none".
 
-A device that shares its line is addressed by its bus identifier (`Known.device`), in everything that is sent here.
+A device that shares its line is addressed by its bus identifier (`DeviceContext.device`), in everything that is sent
+here.
 
 Source: MT0101P 2020.A; the entry that means no CAN outputs from the vendor's public code.
 """
@@ -27,28 +28,28 @@ from protocols.layouts import EncodeError
 from protocols.schema import Command, Setting
 from protocols.transactions import (
     AT_REST,
-    Dialogue,
-    Expect,
+    BaudChange,
+    ByteRange,
+    DeviceContext,
+    DeviceRejectedError,
     Harm,
-    InState,
-    Known,
-    LineChange,
-    Load,
-    RefusedError,
-    Relink,
+    LinkLoad,
+    NoReplyError,
+    ReopenLink,
+    RequiresState,
     Send,
-    SilentError,
-    Span,
-    StoppedError,
+    Transaction,
+    TransactionCancelledError,
     Values,
-    Written,
+    WaitFor,
+    WriteResult,
 )
 from protocols.xbus import annotate, commands, config_effects, frames, requests
 from protocols.xbus.bandwidth import fit, load
-from protocols.xbus.commands import Kept, Row
+from protocols.xbus.commands import CommandRow, StoredSetting
 from protocols.xbus.device_info import formerly, identity
 from protocols.xbus.enums import OPTION_FLAGS
-from protocols.xbus.json_codec import frame_of
+from protocols.xbus.json_codec import frame_from_json
 from protocols.xbus.product_options import problems_beyond
 from protocols.xbus.products import Model, model_of
 
@@ -80,50 +81,50 @@ class XbusDriver:
 
     # -- tables
 
-    def commands(self, known: Known) -> Sequence[Command]:
+    def commands(self, known: DeviceContext) -> Sequence[Command]:
         return commands.commands(known.product)
 
-    def settings(self, known: Known) -> Sequence[Setting]:
+    def settings(self, known: DeviceContext) -> Sequence[Setting]:
         return commands.settings(known.product)
 
     # -- frames
 
-    def frame(self, command: str, values: Values, known: Known) -> bytes:
+    def frame(self, command: str, values: Values, known: DeviceContext) -> bytes:
         model = model_of(known.product)
         row = _row(command, values, model)
         return frames.to_bus(_frame(row, values, model), _bus(known))
 
     def setting_frames(
-        self, setting: str, values: Values, known: Known, *, held: bool = False, old: Values | None = None
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False, old: Values | None = None
     ) -> list[bytes]:
         model = model_of(known.product)
         return [frames.to_bus(_write_frame(_kept(setting, model), values, model, held=held), _bus(known))]
 
-    def spans(self, frame: bytes) -> list[Span]:
-        return annotate.spans(frame)
+    def spans(self, frame: bytes) -> list[ByteRange]:
+        return annotate.annotate(frame)
 
     def name_of(self, frame: bytes) -> str:
         return annotate.name_of(frame)
 
     # -- dialogues
 
-    def within(self, body: Dialogue[T], known: Known) -> Dialogue[T]:
+    def within(self, body: Transaction[T], known: DeviceContext) -> Transaction[T]:
         return requests.addressed(self._within(body, at_rest=known.at_rest), _bus(known))
 
-    def _within(self, body: Dialogue[T], *, at_rest: bool = False) -> Dialogue[T]:
-        """`body` in the config state, or in the state that it says it needs (InState), and measuring afterwards, unless
+    def _within(self, body: Transaction[T], *, at_rest: bool = False) -> Transaction[T]:
+        """`body` in the config state, or in the state that it needs (RequiresState), and measuring afterwards, unless
         the device was at rest."""
-        state = body.state if isinstance(body, InState) else "config"
+        state = body.state if isinstance(body, RequiresState) else "config"
         if state == "any":
             return (yield from body)
         if state == "measuring":
-            if not (yield Expect(_sample, requests.SEEN_S)):  # what streams measures; telling it to is an error
+            if not (yield WaitFor(_sample, requests.SEEN_S)):  # what streams measures; telling it to is an error
                 yield from requests.to_measurement()
             return (yield from body)
         try:
-            yield from requests.to_config(restart=not (isinstance(body, InState) and body.continues))
+            yield from requests.to_config(restart=not (isinstance(body, RequiresState) and body.continues))
             result = yield from body
-        except StoppedError:  # also on the way there: the device may have heard GoToConfig already
+        except TransactionCancelledError:  # also on the way there: the device may have heard GoToConfig already
             if not at_rest:
                 yield Send(frames.build(requests.GO_TO_MEASUREMENT), "GoToMeasurement")
             raise
@@ -135,53 +136,57 @@ class XbusDriver:
             yield from requests.to_measurement()
         return result
 
-    def run(self, command: str, values: Values, known: Known) -> Dialogue[Values]:
+    def run(self, command: str, values: Values, known: DeviceContext) -> Transaction[Values]:
         """One command; what may not be done twice is not asked again. Says in which state it runs."""
         model = model_of(known.product)
         row = _row(command, values, model)
         frame = _frame(row, values, model)
         body = self._reset_and_store(frame) if row.name == commands.RESET_AND_STORE else _run(row, frame)
-        return InState(
+        return RequiresState(
             requests.addressed(body, _bus(known)), commands.state_of(row, values), continues=commands.continues(row)
         )
 
-    def _reset_and_store(self, frame: bytes) -> Dialogue[Values]:
+    def _reset_and_store(self, frame: bytes) -> Transaction[Values]:
         """While it measures: the reset, the config state, the code that stores, measurement. Nothing between them."""
-        yield from requests.ask(frame, "ResetOrientation", 0.5, 1)
-        store = requests.ask(frame_of({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5)
-        return (yield from self._within(InState(store, "config", continues=True)))
+        yield from requests.send_request(frame, "ResetOrientation", 0.5, 1)
+        store = requests.send_request(
+            frame_from_json({"message": "ResetOrientation", "fields": {"code": 0}}), "ResetOrientation", 0.5
+        )
+        return (yield from self._within(RequiresState(store, "config", continues=True)))
 
     def unfinished(self, command: str, values: Values) -> str | None:
         return commands.unfinished(command, values)
 
-    def alters(self, command: str, values: Values, known: Known) -> Collection[str]:
+    def alters(self, command: str, values: Values, known: DeviceContext) -> Collection[str]:
         return commands.alters(command, values, model_of(known.product))
 
-    def read(self, setting: str, known: Known) -> Dialogue[Values]:
+    def read(self, setting: str, known: DeviceContext) -> Transaction[Values]:
         return (yield from requests.addressed(_read(_kept(setting, model_of(known.product))), _bus(known)))
 
-    def write(self, setting: str, values: Values, known: Known, *, held: bool = False) -> Dialogue[Written]:
+    def write(
+        self, setting: str, values: Values, known: DeviceContext, *, held: bool = False
+    ) -> Transaction[WriteResult]:
         return requests.addressed(self._write(setting, values, known, held), _bus(known))
 
-    def _write(self, setting: str, values: Values, known: Known, held: bool) -> Dialogue[Written]:
+    def _write(self, setting: str, values: Values, known: DeviceContext, held: bool) -> Transaction[WriteResult]:
         model = model_of(known.product)
         one = _kept(setting, model)
         row = commands.write_row(one, model)
         assert row is not None  # _write_frame says so in words
         try:
-            yield from requests.ask(_write_frame(one, values, model, held=held), row.message, row.timeout_s)
-        except RefusedError as refused:
-            return Written(setting, values, refused=refused.why)
-        return Written(setting, values, (yield from _read(one)))
+            yield from requests.send_request(_write_frame(one, values, model, held=held), row.message, row.timeout_s)
+        except DeviceRejectedError as refused:
+            return WriteResult(setting, values, refused=refused.why)
+        return WriteResult(setting, values, (yield from _read(one)))
 
-    def identify(self, known: Known) -> Dialogue[Known]:
+    def identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         return requests.addressed(self._identify(known), _bus(known))
 
-    def _identify(self, known: Known) -> Dialogue[Known]:
+    def _identify(self, known: DeviceContext) -> Transaction[DeviceContext]:
         """Product, serial number and firmware; goes to the config state by itself where it is not in it."""
         try:
             first = yield from _identity("ReqDID")
-        except RefusedError:
+        except DeviceRejectedError:
             return (yield from self._within(self._identify(known), at_rest=known.at_rest))
         told = dict(first)
         for request in ("ReqProductCode", "ReqFWRev"):
@@ -196,53 +201,53 @@ class XbusDriver:
     def formerly(self, serial_number: str) -> Sequence[str]:
         return formerly(serial_number)
 
-    def line_change(self, setting: str, old: Values | None, new: Values, known: Known) -> LineChange | None:
+    def line_change(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> BaudChange | None:
         return config_effects.line_change(setting, old, new, known)
 
-    def rates(self, values: Mapping[str, Values], known: Known) -> Sequence[int]:
+    def rates(self, values: Mapping[str, Values], known: DeviceContext) -> Sequence[int]:
         return config_effects.rates(values, known)
 
     def instead(
-        self, command: str, values: Values, present: Mapping[str, Values], known: Known
+        self, command: str, values: Values, present: Mapping[str, Values], known: DeviceContext
     ) -> tuple[str, Values] | None:
         return config_effects.instead(command, values, present, known)
 
-    def harm(self, setting: str, old: Values | None, new: Values, known: Known) -> list[Harm]:
+    def harm(self, setting: str, old: Values | None, new: Values, known: DeviceContext) -> list[Harm]:
         return []
 
-    def store_and_restart(self, known: Known) -> Dialogue[None]:
+    def store_and_restart(self, known: DeviceContext) -> Transaction[None]:
         """Reset: what was written is stored already. Not inside `within`: the device then measures by itself."""
-        reset = requests.ask(frames.build(requests.RESET), "Reset", 0.5)
+        reset = requests.send_request(frames.build(requests.RESET), "Reset", 0.5)
         yield from requests.addressed(reset, _bus(known))
 
-    def alive(self, known: Known) -> Dialogue[bool]:
-        return (yield from requests.addressed(requests.alive(), _bus(known)))
+    def alive(self, known: DeviceContext) -> Transaction[bool]:
+        return (yield from requests.addressed(requests.is_alive(), _bus(known)))
 
-    def restore_communication(self, known: Known) -> Dialogue[bool]:
+    def restore_communication(self, known: DeviceContext) -> Transaction[bool]:
         """Section 7.2, at 115 200 Bd. True: the device has the factory's communication settings, and measures."""
-        if not (yield Relink(requests.RESTORE_BAUD)):
+        if not (yield ReopenLink(requests.RESTORE_BAUD)):
             return False
-        if not (yield from requests.addressed(requests.awaken(), _bus(known))):
+        if not (yield from requests.addressed(requests.restore_communication(), _bus(known))):
             return False
         yield from requests.addressed(_measure_again(), _bus(known))
         return True
 
     # -- what follows from settings
 
-    def load(self, settings: Mapping[str, Values], known: Known) -> Load:
+    def load(self, settings: Mapping[str, Values], known: DeviceContext) -> LinkLoad:
         return load(settings, model_of(known.product))
 
-    def fit(self, settings: Mapping[str, Values], capacity: float, known: Known) -> Mapping[str, Values]:
+    def fit(self, settings: Mapping[str, Values], capacity: float, known: DeviceContext) -> Mapping[str, Values]:
         return fit(settings, capacity, model_of(known.product))
 
-    def factory(self, known: Known) -> Mapping[str, Values]:
+    def factory(self, known: DeviceContext) -> Mapping[str, Values]:
         return config_effects.factory(model_of(known.product))
 
     def same(self, setting: str, a: Values, b: Values) -> list[str]:
         return config_effects.differing(setting, a, b)
 
 
-def _bus(known: Known) -> int:
+def _bus(known: DeviceContext) -> int:
     """The bus identifier to which its messages go: 255, which every device hears that has its line to itself."""
     return int(known.device) if known.device else frames.MASTER
 
@@ -250,18 +255,18 @@ def _bus(known: Known) -> int:
 # -- rows by name ------------------------------------------------------------------------------------------------------
 
 
-def _row(command: str, values: Values, model: Model | None) -> Row:
+def _row(command: str, values: Values, model: Model | None) -> CommandRow:
     """The row of a command; of a name with two forms the one that these values fit, while the product is not known."""
     rows = commands.rows(model)
     if command not in rows:
         whose = f"{model.name} has no command" if model else "no command is called"
         raise EncodeError(f"{whose} {command!r}")
     forms = [row for row in rows.values() if (row.name or row.message) == command]
-    fits = (row for row in forms if not any(validation.problems(commands.arguments(row, model), values)))
+    fits = (row for row in forms if not any(validation.find_problems(commands.arguments(row, model), values)))
     return next(fits, rows[command])
 
 
-def _kept(setting: str, model: Model | None) -> Kept:
+def _kept(setting: str, model: Model | None) -> StoredSetting:
     found = commands.kept(model).get(setting)
     if found is None:
         whose = f"{model.name} has no setting" if model else "no setting is called"
@@ -272,7 +277,7 @@ def _kept(setting: str, model: Model | None) -> Kept:
 # -- values → frames ---------------------------------------------------------------------------------------------------
 
 
-def _frame(row: Row, values: Values, model: Model | None, *, held: bool = False) -> bytes:
+def _frame(row: CommandRow, values: Values, model: Model | None, *, held: bool = False) -> bytes:
     """The frame of a command.
 
     Args:
@@ -281,16 +286,16 @@ def _frame(row: Row, values: Values, model: Model | None, *, held: bool = False)
         EncodeError: a value is missing, unknown, out of its range, or does not go with the others.
     """
     if not held:
-        validation.check(commands.arguments(row, model), values)
+        validation.require_valid(commands.arguments(row, model), values)
         for problem in problems_beyond(row.message, values, model):
             raise EncodeError(problem.message, problem.path)
     if row.message in _NONE and not values[_NONE[row.message][0]]:
         name, nothing = _NONE[row.message]
         values = {name: [nothing]}
-    return frame_of({"message": row.message, "fields": dict(values)})
+    return frame_from_json({"message": row.message, "fields": dict(values)})
 
 
-def _write_frame(one: Kept, values: Values, model: Model | None, *, held: bool = False) -> bytes:
+def _write_frame(one: StoredSetting, values: Values, model: Model | None, *, held: bool = False) -> bytes:
     """The frame that writes a setting."""
     row = commands.write_row(one, model)
     if row is None:
@@ -298,21 +303,21 @@ def _write_frame(one: Kept, values: Values, model: Model | None, *, held: bool =
     wanted = {name: value for name, value in values.items() if name not in one.told}
     if one.name == "OptionFlags":
         if not held:
-            validation.check(commands.reply_form(one.read, model).fields, wanted)
+            validation.require_valid(commands.reply_form(one.read, model).fields, wanted)
         flags = int(wanted["flags"])
         wanted = {"set_flags": flags, "clear_flags": _OPTION_MASK & ~flags}
     return _frame(_row(row.message, {**wanted, **one.fixed}, model), {**wanted, **one.fixed}, model, held=held)
 
 
-def read_frame(one: Kept) -> bytes:
+def read_frame(one: StoredSetting) -> bytes:
     """The frame that asks for a setting."""
-    return frame_of({"message": one.read, "fields": dict(one.fixed)})
+    return frame_from_json({"message": one.read, "fields": dict(one.fixed)})
 
 
 # -- dialogues ---------------------------------------------------------------------------------------------------------
 
 
-def _run(row: Row, frame: bytes) -> Dialogue[Values]:
+def _run(row: CommandRow, frame: bytes) -> Transaction[Values]:
     if row.message == "WakeUpAck":
         yield Send(frame, row.message)
         return {}
@@ -325,17 +330,17 @@ def _run(row: Row, frame: bytes) -> Dialogue[Values]:
         yield from requests.to_config()
         return {}
     tries = 1 if row.kind == "do" else requests.TRIES
-    return (yield from requests.ask(frame, row.message, row.timeout_s, tries))
+    return (yield from requests.send_request(frame, row.message, row.timeout_s, tries))
 
 
-def _one_sample(frame: bytes, row: Row) -> Dialogue[Values]:
+def _one_sample(frame: bytes, row: CommandRow) -> Transaction[Values]:
     """A device that streams sends samples anyway: that it has refused is said by an Error a moment later."""
     yield Send(frame, row.message)
-    came = yield Expect(_sample_or_error, row.timeout_s, "MTData2")
+    came = yield WaitFor(_sample_or_error, row.timeout_s, "MTData2")
     if came is None:
-        raise SilentError(row.message, 1, row.timeout_s)
+        raise NoReplyError(row.message, 1, row.timeout_s)
     if came is True:
-        came = yield Expect(_error, requests.REFUSED_S)
+        came = yield WaitFor(_error, requests.REFUSED_S)
     if isinstance(came, Reply):
         raise requests.refusal(row.message, came)
     return {}
@@ -353,7 +358,7 @@ def _sample(event: Event) -> bool | None:
     return True if isinstance(event, Batch) and event.message.name == "MTData2" else None
 
 
-def _read(one: Kept) -> Dialogue[Values]:
+def _read(one: StoredSetting) -> Transaction[Values]:
     """The values of one setting."""
 
     def accept(reply: Reply) -> bool:
@@ -362,7 +367,7 @@ def _read(one: Kept) -> Dialogue[Values]:
         return bool(reply.values) or one.name in ("SyncSettings", "CanOutputConfig", "OutputConfiguration")
 
     row = next(row for row in commands.rows(None).values() if row.message == one.read)
-    values = yield from requests.ask(read_frame(one), one.read, row.timeout_s, accept=accept)
+    values = yield from requests.send_request(read_frame(one), one.read, row.timeout_s, accept=accept)
     if one.only:
         return {name: values[name] for name in one.only}
     if not values:  # an empty list
@@ -372,7 +377,7 @@ def _read(one: Kept) -> Dialogue[Values]:
     return values
 
 
-def _identity(request: str) -> Dialogue[dict[str, str]]:
+def _identity(request: str) -> Transaction[dict[str, str]]:
     """What one answer tells of the device."""
     number = {"ReqDID": 0x00, "ReqProductCode": 0x1C, "ReqFWRev": 0x12}[request]
     heard: list[Reply] = []
@@ -381,11 +386,11 @@ def _identity(request: str) -> Dialogue[dict[str, str]]:
         heard.append(reply)
         return True
 
-    yield from requests.ask(frames.build(number), request, 0.5, accept=accept)
+    yield from requests.send_request(frames.build(number), request, 0.5, accept=accept)
     return dict(identity(heard[-1]))
 
 
-def _measure_again() -> Dialogue[None]:
+def _measure_again() -> Transaction[None]:
     """After a failure: try to measure, and let the first failure be the one that is told."""
-    with suppress(RefusedError, SilentError):
+    with suppress(DeviceRejectedError, NoReplyError):
         yield from requests.to_measurement()

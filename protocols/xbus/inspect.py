@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocols.events import Reject, Text
+from protocols.events import RejectedFrame, Text
 from protocols.framing import BODY, ID, LENGTH, OFFSET, SIZE
 from protocols.xbus.data_identifiers import RAW_BLOB, is_known, item
 from protocols.xbus.frames import MTDATA2, items
-from protocols.xbus.json_codec import plain
+from protocols.xbus.json_codec import frame_to_json
 from protocols.xbus.stream_parser import Stream
 
-Line = dict[str, Any]
+XbusFrameLine = dict[str, Any]
 
 
-class XbusListing:
+class XbusFrameLister:
     """Chunks in, lines out."""
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class XbusListing:
         """Append a chunk."""
         self._stream.feed(data, 0)
 
-    def drain(self, *, stalled: bool = False) -> list[Line]:
+    def drain(self, *, stalled: bool = False) -> list[XbusFrameLine]:
         """Lines of everything complete; see events.Decoder.drain."""
         cut = self._stream.drain(stalled=stalled)
         lines = [_of_text(text) for text in cut.texts]
@@ -37,29 +37,35 @@ class XbusListing:
         for k in range(cut.table.shape[1]):
             offset, size, body, length, mid = (int(cut.table[row, k]) for row in (OFFSET, SIZE, BODY, LENGTH, ID))
             frame = cut.data[offset : offset + size]
-            lines.append({"offset": cut.start + offset, "size": size, "protocol": "xbus", **plain(frame)})
+            lines.append({"offset": cut.start + offset, "size": size, "protocol": "xbus", **frame_to_json(frame)})
             if mid == MTDATA2:
                 rejects += _bad_items(cut.data[body : body + length], cut.start + body)
         lines += [{"offset": reject.offset, "size": reject.size, "reject": reject.reason} for reject in rejects]
         return sorted(lines, key=lambda line: int(line["offset"]))
 
 
-def _of_text(text: Text) -> Line:
-    line: Line = {"offset": text.offset, "size": text.size, "protocol": text.protocol, "id": None, "message": text.name}
+def _of_text(text: Text) -> XbusFrameLine:
+    line: XbusFrameLine = {
+        "offset": text.offset,
+        "size": text.size,
+        "protocol": text.protocol,
+        "id": None,
+        "message": text.name,
+    }
     line["fields"] = dict(text.fields)
     if text.protocol != "em1000":  # whose fields say it all
         line["wire"] = {"line": text.line}
     return line
 
 
-def _bad_items(payload: bytes, start: int) -> list[Reject]:
+def _bad_items(payload: bytes, start: int) -> list[RejectedFrame]:
     """Items of a known identifier but a wrong size, and what follows the last whole item."""
     found, covered = items(payload)
     bad = [
-        Reject(start + at - 3, size + 3, "bad_item")
+        RejectedFrame(start + at - 3, size + 3, "bad_item")
         for identifier, at, size in found
         if identifier != RAW_BLOB and is_known(identifier) and item(identifier, size).dtype == "bytes"
     ]
     if covered < len(payload):
-        bad.append(Reject(start + covered, len(payload) - covered, "bad_item"))
+        bad.append(RejectedFrame(start + covered, len(payload) - covered, "bad_item"))
     return bad

@@ -45,7 +45,7 @@ _HEX_NAME = re.compile(r"0x[0-9A-Fa-f]{4}")
 # -- frame → values ----------------------------------------------------------------------------------------------------
 
 
-def plain(frame: bytes) -> Plain:
+def frame_to_json(frame: bytes) -> Plain:
     """The values of one valid frame: keys id, message, fields, and flags and wire where there are any."""
     bid, mid = frame[1], frame[2]
     body = 6 if frame[3] == EXTENDED else 4
@@ -156,8 +156,8 @@ def _usual(name: str, size: int) -> tuple[int, int]:
 # -- values → frame ----------------------------------------------------------------------------------------------------
 
 
-def frame_of(record: Mapping[str, Any]) -> bytes:
-    """The frame of what `plain` gave; keys other than message, id, fields and wire are not looked at.
+def frame_from_json(record: Mapping[str, Any]) -> bytes:
+    """The frame of what `frame_to_json` gave; keys other than message, id, fields and wire are not looked at.
 
     Raises:
         EncodeError: a name or value that the tables do not allow.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from protocols.transactions import Dialogue, RefusedError, SilentError
+from protocols.transactions import DeviceRejectedError, NoReplyError, Transaction
 from protocols.xbus import frames, requests
 
 REQ_CONFIGURATION, CONFIGURATION = 0x0C, 0x0D
@@ -20,12 +20,12 @@ REQ_EMTS, EMTS_DATA = 0x90, 0x91
 _TIMEOUT_S = 1.0
 
 
-def head() -> Dialogue[None]:
+def head() -> Transaction[None]:
     """Ask for both.
 
     Raises:
-        RefusedError, SilentError: it does not give its Configuration.
+        DeviceRejectedError, NoReplyError: it does not give its Configuration.
     """
-    yield from requests.ask(frames.build(REQ_CONFIGURATION), "ReqConfiguration", _TIMEOUT_S)
-    with suppress(RefusedError, SilentError):  # most devices have none
-        yield from requests.ask(frames.build(REQ_EMTS), "ReqEmts", _TIMEOUT_S, 1)
+    yield from requests.send_request(frames.build(REQ_CONFIGURATION), "ReqConfiguration", _TIMEOUT_S)
+    with suppress(DeviceRejectedError, NoReplyError):  # most devices have none
+        yield from requests.send_request(frames.build(REQ_EMTS), "ReqEmts", _TIMEOUT_S, 1)

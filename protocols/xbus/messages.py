@@ -28,7 +28,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from protocols.layouts import fit, is_open, size_of
+from protocols.layouts import form_for_size, is_open, size_of
 from protocols.schema import Field, Message
 from protocols.xbus.data_identifiers import UTC_FIELDS
 from protocols.xbus.enums import (
@@ -490,7 +490,7 @@ def answers(mid: int) -> int:
 def form(mid: int, size: int) -> tuple[Message, int]:
     """The row for a payload of `size` bytes under `mid`, its open field closed, and how many bytes its fields cover."""
     rows = ROWS.get(mid, ())
-    fits = [(row, fields) for row in rows if (fields := fit(row.fields, size)) is not None]
+    fits = [(row, fields) for row in rows if (fields := form_for_size(row.fields, size)) is not None]
     if fits:
         row, fields = next((pair for pair in fits if not (pair[0].fields and is_open(pair[0].fields[-1]))), fits[0])
         return replace(row, fields=fields), size

@@ -130,7 +130,7 @@ def output_of(identifier: int, model: Model | None = None) -> Output | None:
     return output
 
 
-def greatest(output: Output, model: Model | None = None) -> int:
+def max_rate(output: Output, model: Model | None = None) -> int:
     """The greatest rate of an item in a product, Hz; ALWAYS for what accompanies."""
     if model is None or output.hertz == ALWAYS:
         return output.hertz
@@ -139,7 +139,7 @@ def greatest(output: Output, model: Model | None = None) -> int:
     return min(output.hertz, 100) if model.series == 1 and output.hertz == 400 else output.hertz
 
 
-def granted(wish: int, most: int) -> int:
+def accepted_rates(wish: int, most: int) -> int:
     """The rate that a device makes of `wish` Hz: the greatest that divides `most` and is not above the wish."""
     if most == ALWAYS or wish in (0, ALWAYS) or wish >= most:
         return most
@@ -153,7 +153,7 @@ def allowed(most: int) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class OutputStream:
     """What is sent together.
 
     Args:
@@ -166,7 +166,7 @@ class Stream:
     rate: int
 
 
-def streams(configuration: Sequence[tuple[int, int]]) -> list[Stream]:
+def streams(configuration: Sequence[tuple[int, int]]) -> list[OutputStream]:
     """The streams of an output configuration whose rates are granted ones: main, then GNSS, then the others."""
     always = tuple(pair for pair in configuration if pair[1] == ALWAYS)
     time = tuple(pair for pair in always if pair[0] >> 8 == TIME)
@@ -184,5 +184,5 @@ def streams(configuration: Sequence[tuple[int, int]]) -> list[Stream]:
         ordered = tuple(pair for pair in configuration if pair in items or pair in keep)
         if kind == "gnss":
             ordered = (*items, *reversed(time))
-        found.append(Stream(kind, ordered, math.lcm(*(rate for _, rate in items)) if items else IDLE_HZ))
+        found.append(OutputStream(kind, ordered, math.lcm(*(rate for _, rate in items)) if items else IDLE_HZ))
     return found

@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 from protocols.schema import Field
-from protocols.validation import Problem
+from protocols.validation import ValueProblem
 from protocols.xbus.enums import (
     BAUD_CODES,
     FILTER_PROFILES,
@@ -158,7 +158,7 @@ def _profile(field: Field, model: Model | None) -> Field:
 # -- what goes together ------------------------------------------------------------------------------------------------
 
 
-def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None) -> Iterator[Problem]:
+def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None) -> Iterator[ValueProblem]:
     """What is wrong with values that are each within their range."""
     if message == "SetOutputConfiguration":
         yield from _of_outputs(values["outputs"], model)
@@ -168,12 +168,12 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
     elif message == "SetAlignmentRotation":
         norm = math.hypot(*(values[name] for name in ("q0", "q1", "q2", "q3")))
         if not abs(norm - 1) <= 0.01:
-            yield Problem("q0", f"q0 to q3 make a unit quaternion, given one of length {norm:.4g} (0.99 to 1.01)")
+            yield ValueProblem("q0", f"q0 to q3 make a unit quaternion, given one of length {norm:.4g} (0.99 to 1.01)")
     elif message == "AdjustUTCTime" and values["correction"] == 0:
-        yield Problem("correction", "correction lies between -10000 and 10000 and is not 0, given 0")
+        yield ValueProblem("correction", "correction lies between -10000 and 10000 and is not 0, given 0")
     elif message == "SetPeriod" and values["period"] > LONGEST_PERIOD and values["period"] % LONGEST_PERIOD:
         allowed = "225 to 1152, or a multiple of 1152 (10 ms), of which the device skips"
-        yield Problem("period", f"period is {allowed}, given {values['period']}")
+        yield ValueProblem("period", f"period is {allowed}, given {values['period']}")
     elif message == "SetPortConfig":
         yield from _of_ports(values["words"])
     elif message == "SetOptionFlags":
@@ -182,20 +182,20 @@ def problems_beyond(message: str, values: Mapping[str, Any], model: Model | None
         yield from _of_date(values)
 
 
-def _of_options(word: int, model: Model | None) -> Iterator[Problem]:
+def _of_options(word: int, model: Model | None) -> Iterator[ValueProblem]:
     for bit in OPTION_FLAGS:
         if model and word >> bit.low & 1 and bit.name in _OPTIONS and model.number not in _OPTIONS[bit.name]:
-            yield Problem("set_flags", f"{model.name} has no option flag {bit.name} (0x{1 << bit.low:X})")
+            yield ValueProblem("set_flags", f"{model.name} has no option flag {bit.name} (0x{1 << bit.low:X})")
 
 
-def _of_date(values: Mapping[str, Any]) -> Iterator[Problem]:
+def _of_date(values: Mapping[str, Any]) -> Iterator[ValueProblem]:
     year, month = values["year"], values["month"]
     last = monthrange(year, month)[1]
     if values["day"] > last:
-        yield Problem("day", f"day lies between 1 and {last} in {year}-{month:02}, given {values['day']}")
+        yield ValueProblem("day", f"day lies between 1 and {last} in {year}-{month:02}, given {values['day']}")
 
 
-def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[Problem]:
+def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterator[ValueProblem]:
     if [(entry["data_identifier"], entry["output_frequency"]) for entry in outputs] == [(0, 0)]:
         return  # how an empty list is sent
     seen: set[int] = set()
@@ -206,37 +206,41 @@ def _of_outputs(outputs: list[Mapping[str, Any]], model: Model | None) -> Iterat
             why = "has no such form" if output_of(plain, model) else "has no such data"
             if not output_of(plain, model) and plain in OUTPUTS and model:
                 why = f"has no {OUTPUTS[plain].name}"
-            yield Problem(path, f"data_identifier 0x{identifier:04X}: {model.name if model else 'an MTi'} {why}")
+            yield ValueProblem(path, f"data_identifier 0x{identifier:04X}: {model.name if model else 'an MTi'} {why}")
         elif identifier in seen:
-            yield Problem(path, f"data_identifier 0x{identifier:04X} is asked for twice; once is enough")
+            yield ValueProblem(path, f"data_identifier 0x{identifier:04X} is asked for twice; once is enough")
         seen.add(identifier)
 
 
-def _of_sync(entry: Mapping[str, Any], path: str) -> Iterator[Problem]:
+def _of_sync(entry: Mapping[str, Any], path: str) -> Iterator[ValueProblem]:
     function, line, delay = entry["function"], entry["line"], entry["delay_offset_or_clock_period"]
     if not entry["polarity"]:
         return  # disabled
     if line == SOFTWARE and function != SEND_LATEST:
-        yield Problem(f"{path}.line", f"line 6 (Software) goes with SendLatest (8) only, given function {function}")
+        yield ValueProblem(
+            f"{path}.line", f"line 6 (Software) goes with SendLatest (8) only, given function {function}"
+        )
     if not is_wired(function, line):
         way = "an output" if function in SYNC_OUT else "an input"
-        yield Problem(
+        yield ValueProblem(
             f"{path}.line", f"{SYNC_FUNCTIONS[function]} goes with {way}, given line {line} ({SYNC_LINES[line]})"
         )
     name = "delay_offset_or_clock_period"
     if function in SYNC_OUT and 30_000 < delay < 65_536 - 30_000:
         allowed = "0 to 30000, or 35536 to 65535 for -30000 to -1"
-        yield Problem(f"{path}.{name}", f"{name} of a sync out is an offset of {allowed}, given {delay}")
+        yield ValueProblem(f"{path}.{name}", f"{name} of a sync out is an offset of {allowed}, given {delay}")
     elif function not in (*SYNC_OUT, CLOCK_BIAS) and delay > 60_000:
-        yield Problem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 60000, given {delay}")
+        yield ValueProblem(f"{path}.{name}", f"{name} of a sync in is a delay of 0 to 60000, given {delay}")
 
 
-def _of_ports(words: list[int]) -> Iterator[Problem]:
+def _of_ports(words: list[int]) -> Iterator[ValueProblem]:
     for place, word in enumerate(words):
         if word & 0xFF not in BAUD_CODES or word & 0xFF == 0xFF:
-            yield Problem(
+            yield ValueProblem(
                 f"words.{place}", f"{PORT_NAMES[place]}: choose one of the baud rates, given code {word & 0xFF}"
             )
         elif place < 2 and word >> 16 & 0xF not in (0, 1, 5):
             allowed = "0 (none), 1 (Xbus) or 5 (NMEA)"
-            yield Problem(f"words.{place}", f"{PORT_NAMES[place]}: the protocol is {allowed}, given {word >> 16 & 0xF}")
+            yield ValueProblem(
+                f"words.{place}", f"{PORT_NAMES[place]}: the protocol is {allowed}, given {word >> 16 & 0xF}"
+            )

@@ -1,6 +1,6 @@
 """How is an MTi brought to a state, and how is one request asked until it is answered?
 
-    ask            request ──> acknowledgement, number plus one; Error ──> RefusedError in the document's words, and so
+    ask      request ──> acknowledgement, number plus one; Error ──> DeviceRejectedError in the document's words, and so
                    WakeUp, which says that the device has restarted meanwhile (only Reset is answered by it too);
                    no answer within the time-out ──> again, where asking twice does no harm
     to_config      GoToConfig every 100 ms; a device that ignores it is Reset, then GoToConfig every 100 ms up to 3 s,
@@ -22,7 +22,7 @@ from typing import Any
 
 from protocols.events import Batch, Event, Reply, Text
 from protocols.json_values import jsonable
-from protocols.transactions import Dialogue, Expect, Note, Pause, RefusedError, Send, SilentError, T
+from protocols.transactions import DeviceRejectedError, NoReplyError, Note, Send, Sleep, T, Transaction, WaitFor
 from protocols.xbus import frames
 from protocols.xbus.messages import answers
 
@@ -41,7 +41,7 @@ RESTORE_BYTE, RESTORE_BAUD, RESTORE_GAP_S, RESTORE_S = b"\xde", 115_200, 0.0003,
 Plain = Mapping[str, Any]
 
 
-def addressed(dialogue: Dialogue[T], bid: int) -> Dialogue[T]:
+def addressed(dialogue: Transaction[T], bid: int) -> Transaction[T]:
     """A dialogue whose frames all go to this bus identifier."""
     if bid == frames.MASTER:
         return (yield from dialogue)
@@ -61,16 +61,16 @@ def addressed(dialogue: Dialogue[T], bid: int) -> Dialogue[T]:
         return result
 
 
-def ask(
+def send_request(
     frame: bytes, what: str, timeout_s: float, tries: int = TRIES, accept: Callable[[Reply], bool] = lambda reply: True
-) -> Dialogue[Plain]:
+) -> Transaction[Plain]:
     """Send a request until it is acknowledged.
 
     Returns:
         The acknowledgement's fields, wire values.
     Raises:
-        RefusedError: Error came instead, or the device restarted.
-        SilentError: nothing came.
+        DeviceRejectedError: Error came instead, or the device restarted.
+        NoReplyError: nothing came.
     """
     number = answers(frame[2])
 
@@ -83,14 +83,14 @@ def ask(
 
     for _ in range(tries):
         yield Send(frame, what)
-        reply = yield Expect(match, timeout_s, what)
+        reply = yield WaitFor(match, timeout_s, what)
         if reply is not None:
             if reply.message.id == ERROR:
                 raise refusal(what, reply)
             if reply.message.id == WAKE_UP and frame[2] != RESET:
-                raise RefusedError(what, "the device restarted before it answered")
+                raise DeviceRejectedError(what, "the device restarted before it answered")
             return values_of(reply)
-    raise SilentError(what, tries, timeout_s)
+    raise NoReplyError(what, tries, timeout_s)
 
 
 def values_of(reply: Reply) -> Plain:
@@ -99,7 +99,7 @@ def values_of(reply: Reply) -> Plain:
     return values
 
 
-def refusal(what: str, error: Reply) -> RefusedError:
+def refusal(what: str, error: Reply) -> DeviceRejectedError:
     """An Error message in words."""
     code = int(error.values["code"])
     field = error.message.fields[0]
@@ -107,37 +107,37 @@ def refusal(what: str, error: Reply) -> RefusedError:
     if "device_error" in error.values:
         detail = int(error.values["device_error"])
         why += f" ({error.message.fields[1].choices.get(detail, detail)})"
-    return RefusedError(what, why, code)
+    return DeviceRejectedError(what, why, code)
 
 
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def to_config(*, restart: bool = True) -> Dialogue[None]:
+def to_config(*, restart: bool = True) -> Transaction[None]:
     """Bring the device to the config state.
 
     Args:
         restart: it may be Reset when it does not answer; False where that would discard what is to be stored.
     Raises:
-        SilentError: it does not answer, not even after Reset.
+        NoReplyError: it does not answer, not even after Reset.
     """
     if (yield from _insist(PATIENCE_S)):
         return
     if not restart:
-        raise SilentError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
+        raise NoReplyError("GoToConfig", round(PATIENCE_S / STEP_S), STEP_S)
     yield Note("The device does not answer GoToConfig: it is restarted (Reset).")
     yield Send(frames.build(RESET), "Reset")
     if (yield from _insist(AFTER_RESET_S)):
         return
     tries = round((PATIENCE_S + AFTER_RESET_S) / STEP_S)
-    raise SilentError("GoToConfig, after a Reset (restart) neither", tries, STEP_S)
+    raise NoReplyError("GoToConfig, after a Reset (restart) neither", tries, STEP_S)
 
 
-def _insist(patience_s: float) -> Dialogue[bool]:
+def _insist(patience_s: float) -> Transaction[bool]:
     """GoToConfig every 100 ms; a device that wakes up meanwhile is told to stay."""
     for _ in range(round(patience_s / STEP_S)):
         yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
-        heard = yield Expect(_config_or_awake, STEP_S, "GoToConfig")
+        heard = yield WaitFor(_config_or_awake, STEP_S, "GoToConfig")
         if heard == GO_TO_CONFIG + 1:
             return True
         if heard == WAKE_UP:
@@ -150,32 +150,32 @@ def _config_or_awake(event: Event) -> int | None:
     return event.message.id if isinstance(event, Reply) and event.message.id in wanted else None
 
 
-def to_measurement() -> Dialogue[None]:
+def to_measurement() -> Transaction[None]:
     """Bring the device to the measurement state.
 
     Raises:
-        RefusedError, SilentError: it does not.
+        DeviceRejectedError, NoReplyError: it does not.
     """
     try:
-        yield from ask(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5)
-    except RefusedError as refused:
+        yield from send_request(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement", 0.5)
+    except DeviceRejectedError as refused:
         if refused.code != ERROR_MESSAGE:
             raise
 
 
-def alive() -> Dialogue[bool]:
+def is_alive() -> Transaction[bool]:
     """Is there a device that speaks, at the present rate? At most three seconds, two of them while it may restart."""
-    if (yield Expect(_speaks, 1.0)):
+    if (yield WaitFor(_speaks, 1.0)):
         return True
     for _ in range(4):
         yield Send(frames.build(0x00), "ReqDID")  # refused while measuring, which is an answer too
-        if (yield Expect(_speaks, 0.4)):
+        if (yield WaitFor(_speaks, 0.4)):
             return True
     yield Send(frames.build(GO_TO_CONFIG), "GoToConfig")
-    if not (yield Expect(_speaks, 0.4)):
+    if not (yield WaitFor(_speaks, 0.4)):
         return False
     yield Send(frames.build(GO_TO_MEASUREMENT), "GoToMeasurement")
-    yield Expect(_speaks, 0.4)
+    yield WaitFor(_speaks, 0.4)
     return True
 
 
@@ -184,14 +184,14 @@ def _speaks(event: Event) -> bool | None:
     return True if isinstance(event, (Batch, Reply, Text)) else None
 
 
-def awaken(patience_s: float = RESTORE_S) -> Dialogue[bool]:
+def restore_communication(patience_s: float = RESTORE_S) -> Transaction[bool]:
     """Section 7.2: 0xDE again and again, with gaps, until a device that gets power now says WakeUp."""
     sent = 0.0
     while sent < patience_s:
         yield Send(RESTORE_BYTE, "restore communication")
-        if (yield Expect(_awake, RESTORE_GAP_S, "WakeUp")):
+        if (yield WaitFor(_awake, RESTORE_GAP_S, "WakeUp")):
             yield Send(frames.build(WAKE_UP_ACK), "WakeUpAck")
-            yield Pause(STEP_S)
+            yield Sleep(STEP_S)
             return (yield from _insist(PATIENCE_S))
         sent += RESTORE_GAP_S
     return False

@@ -17,16 +17,16 @@ from bisect import bisect_right
 
 import numpy as np
 
-from protocols.events import Reject, Text
+from protocols.events import RejectedFrame, Text
 from protocols.framing import OFFSET, SIZE, Ints
-from protocols.nmea import STARTS, Found
-from protocols.nmea import find as find_sentences
-from protocols.stream_parser import Cut
-from protocols.stream_parser import Stream as AnyStream
+from protocols.nmea import STARTS, ParsedMessage
+from protocols.nmea import find_nmea as find_sentences
+from protocols.stream_parser import ParseResult
+from protocols.stream_parser import StreamParser as AnyStream
 from protocols.xbus.binary_strings import find as find_strings
 from protocols.xbus.frames import scan
 
-__all__ = ["Cut", "Stream"]
+__all__ = ["ParseResult", "Stream"]
 
 
 class Stream(AnyStream):
@@ -37,11 +37,13 @@ class Stream(AnyStream):
         self._nmea_at = 0  # positions in the stream: from where to look for sentences …
         self._strings_at = 0  # … and for binary strings
         self._em1000_end: int | None = None
-        self._pending: list[tuple[int, Found]] = []  # strings with their positions, until the sentences are decided
+        self._pending: list[
+            tuple[int, ParsedMessage]
+        ] = []  # strings with their positions, until the sentences are decided
         self._sentences: list[tuple[int, int]] = []  # begin and end of those that a string yet to be found may touch
 
     def _stretches(
-        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[Reject], stalled: bool
+        self, data: bytes, start: int, table: Ints, texts: list[Text], rejects: list[RejectedFrame], stalled: bool
     ) -> None:
         """Look through the stretches between the frames."""
         begins = np.concatenate(([self._find_at], table[OFFSET] + table[SIZE] + start))
@@ -55,7 +57,14 @@ class Stream(AnyStream):
         texts.sort(key=lambda text: text.offset)
 
     def _stretch(
-        self, data: bytes, start: int, begin: int, stop: int, final: bool, texts: list[Text], rejects: list[Reject]
+        self,
+        data: bytes,
+        start: int,
+        begin: int,
+        stop: int,
+        final: bool,
+        texts: list[Text],
+        rejects: list[RejectedFrame],
     ) -> None:
         self._nmea_at = at = max(begin, self._nmea_at)
         if at < stop:
@@ -75,9 +84,9 @@ class Stream(AnyStream):
             self._strings_at = at + kept
         self._believe(texts, rejects)
 
-    def _believe(self, texts: list[Text], rejects: list[Reject]) -> None:
+    def _believe(self, texts: list[Text], rejects: list[RejectedFrame]) -> None:
         """Report the strings before which all sentences are decided, but for those that a sentence covers."""
-        waiting: list[tuple[int, Found]] = []
+        waiting: list[tuple[int, ParsedMessage]] = []
         lasts = [last for _, last in self._sentences]  # ascending: sentences share no byte
         for at, one in self._pending:
             end = at + one.size

@@ -7,9 +7,9 @@
     rrd          rerun.py      for the Rerun viewer: see recordings/rrd
     mtb raw bytes  raw_bytes.py the bytes of one device as they came
 
-A writer gets a Wish, a path and a `step` that is told the progress; it returns the files that it wrote. It holds some
-thousand rows at a time, whatever the length. `export` runs one so that nothing is left where it does not come to its
-end: what is written has another name until all of it is whole.
+A writer gets a ExportRequest, a path and a `step` that is told the progress; it returns the files that it wrote. It
+holds some thousand rows at a time, whatever the length. `export` runs one so that nothing is left where it does not
+come to its end: what is written has another name until all of it is whole.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from importlib import import_module
 from pathlib import Path
 
 from recordings.exporters import raw_bytes, rerun
-from recordings.exporters.request import ExportError, Step, Wish
-from recordings.mcap_writer import RecordingError, problem
+from recordings.exporters.request import ExportError, ExportRequest, ExportStep
+from recordings.mcap_writer import RecordingError, disk_error
 
-__all__ = ["FORMATS", "ExportError", "Format", "Wish", "by_suffix", "export"]
+__all__ = ["FORMATS", "ExportError", "ExportRequest", "Format", "by_suffix", "export"]
 
-Write = Callable[[Wish, Path, Step], list[Path]]
+Write = Callable[[ExportRequest, Path, ExportStep], list[Path]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Format:
 def _by(module: str) -> Write:
     """The writer of a module that needs Arrow: imported when it is asked for, so that a server starts sooner."""
 
-    def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+    def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
         made: list[Path] = import_module(f"{__name__}.{module}").write(wish, out, step)
         return made
 
@@ -60,10 +60,10 @@ def _by(module: str) -> Write:
 
 
 FORMATS: Mapping[str, Format] = {
-    "csv": Format("CSV", ".csv", _by("comma")),
-    "csv-aligned": Format("CSV, aligned", ".csv", _by("aligned")),
+    "csv": Format("CSV", ".csv", _by("csv_tables")),
+    "csv-aligned": Format("CSV, aligned", ".csv", _by("csv_aligned")),
     "parquet": Format("Parquet", ".parquet", _by("parquet")),
-    "mcap": Format("MCAP, decoded", ".mcap", _by("plottable")),
+    "mcap": Format("MCAP, decoded", ".mcap", _by("mcap_decoded")),
     "rrd": Format("Rerun", ".rrd", rerun.write),
     "mtb": Format("MT Manager", ".mtb", raw_bytes.write_mtb, needs_source=True),
     "raw": Format("Inertial Sense log", ".raw", raw_bytes.write_raw, needs_source=True),
@@ -76,7 +76,7 @@ def by_suffix(suffix: str) -> str | None:
     return next((name for name, one in FORMATS.items() if one.suffix == suffix.lower()), None)
 
 
-def export(format: str, wish: Wish, out: Path, step: Step = lambda share: None) -> list[Path]:
+def export(format: str, wish: ExportRequest, out: Path, step: ExportStep = lambda share: None) -> list[Path]:
     """Write what is wished for.
 
     Args:
@@ -103,7 +103,7 @@ def export(format: str, wish: Wish, out: Path, step: Step = lambda share: None) 
 
 
 def _told(error: OSError, out: Path) -> RecordingError:
-    said = problem(error, out)
+    said = disk_error(error, out)
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RecordingError(said.message, "Free some space, or export a shorter stretch.")
     return said

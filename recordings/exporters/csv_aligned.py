@@ -25,7 +25,7 @@ import pyarrow as pa
 from recordings.exporters.csv_tables import heading, lines
 from recordings.exporters.message_table import WINDOW, cells, clocks_of, known, of_their_moment, spoken
 from recordings.exporters.message_table import heading as named
-from recordings.exporters.request import ExportError, Step, Wish, usual_interval, with_unit
+from recordings.exporters.request import ExportError, ExportRequest, ExportStep, usual_interval, with_unit
 
 AGES = 2  # usual intervals that a value is held for
 
@@ -39,7 +39,7 @@ class _Held:
     oldest_s: float
 
 
-def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file."""
     infos = [info for info in (*wish.infos, *wish.payloads) if info["kind"] != "rows"]
     sizes = {info["id"]: wish.rows(info["id"]) for info in infos}
@@ -71,7 +71,12 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
 
 
 def _batch(
-    wish: Wish, leader: Mapping[str, Any], clocks: list[Mapping[str, Any]], others: list[_Held], lo: int, hi: int
+    wish: ExportRequest,
+    leader: Mapping[str, Any],
+    clocks: list[Mapping[str, Any]],
+    others: list[_Held],
+    lo: int,
+    hi: int,
 ) -> pa.RecordBatch:
     columns = wish.columns
     rows = wish.exact(leader, lo, hi)
@@ -94,7 +99,7 @@ def _batch(
     return pa.RecordBatch.from_arrays(arrays, names=[str(n) for n in range(len(arrays))])
 
 
-def _names(wish: Wish, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
+def _names(wish: ExportRequest, info: Mapping[str, Any], clocks: list[Mapping[str, Any]]) -> list[str]:
     """Headings that are unique among all: with the device where there are several, the message where it does not say
     so itself, the number where a quantity's layout changed."""
     own = [named(info, column) for column in info["columns"]]
@@ -110,7 +115,7 @@ def _names(wish: Wish, info: Mapping[str, Any], clocks: list[Mapping[str, Any]])
     return [f"{wish.device_name(info['device'])}.{name}" for name in own] if wish.has_several_devices else own
 
 
-def _rule(wish: Wish, leader: Mapping[str, Any], others: list[_Held]) -> str:
+def _rule(wish: ExportRequest, leader: Mapping[str, Any], others: list[_Held]) -> str:
     of = f" of {wish.device_name(leader['device'])}" if wish.has_several_devices else ""
     words = f"A line for each sample of {leader['title'] or leader['name']}{of}."
     if not others:

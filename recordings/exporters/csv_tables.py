@@ -21,12 +21,12 @@ import pyarrow.csv
 
 from recordings.exporters.file_names import table_paths
 from recordings.exporters.message_table import batches, headings, tables
-from recordings.exporters.request import Step, Wish
+from recordings.exporters.request import ExportRequest, ExportStep
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")  # begins one in a spreadsheet. Source: OWASP, "CSV Injection"
 
 
-def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
     found = tables(wish)
     paths = table_paths(wish, out, found)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from recordings.exporters.message_table import Table
-from recordings.exporters.request import Wish
+from recordings.exporters.request import ExportRequest
 
 
-def table_paths(wish: Wish, out: Path, found: Sequence[Table]) -> list[Path]:
+def table_paths(wish: ExportRequest, out: Path, found: Sequence[Table]) -> list[Path]:
     """A path for each table: run_MTData2.csv, run_MTi-630_MTData2.csv."""
     several = wish.has_several_devices
     taken: set[str] = set()

@@ -33,11 +33,11 @@ from numpy.typing import NDArray
 from protocols.framing import Ints
 from recordings import well_known
 from recordings.chunked import HEAD, ChunkedFile, chunk_bytes, cut
-from recordings.column_store import Exact
+from recordings.column_store import ExactRows
 from recordings.exporters.message_table import windows
-from recordings.exporters.request import Step, Wish
+from recordings.exporters.request import ExportRequest, ExportStep
 from recordings.file_names import device_names
-from recordings.mcap_reader import Topic
+from recordings.mcap_reader import McapChannel
 from recordings.rrd.entities import Device, devices_of
 from recordings.topics import EVENTS, bodies, named, schema_of, stamps, tables, topic_of
 
@@ -68,12 +68,12 @@ class Messages:
 class Stream:
     """A topic, and how rows of a channel become its messages."""
 
-    topic: Topic
+    topic: McapChannel
     channel: int
-    made: Callable[[Exact], Messages]
+    made: Callable[[ExactRows], Messages]
 
 
-def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file."""
     streams = _streams(wish)
     ranges = {stream.channel: wish.rows(stream.channel) for stream in streams}
@@ -121,7 +121,7 @@ def _put(target: ChunkedFile, parts: Iterable[Messages], largest: int) -> None:
         target.chunk(data, rows[:, first:past])
 
 
-def _streams(wish: Wish) -> list[Stream]:
+def _streams(wish: ExportRequest) -> list[Stream]:
     """Topics of what is wished for. They are named among all that the recording has, so the choice changes no name."""
     manifest = wish.columns.manifest
     names = device_names(manifest["devices"])
@@ -132,7 +132,7 @@ def _streams(wish: Wish) -> list[Stream]:
     def stream(topic: str, info: Info, about: Mapping[str, Any], body: Callable[..., Messages]) -> None:
         taken.add(topic)
         if info["id"] in chosen:
-            told = Topic(len(found) + 1, topic, **about)
+            told = McapChannel(len(found) + 1, topic, **about)
             found.append(Stream(told, info["id"], partial(body, told.id)))
 
     devices = {device.id: device for device in devices_of(manifest["devices"], manifest["channels"])}
@@ -188,11 +188,11 @@ def _protobuf(message: Any) -> Mapping[str, Any]:
     }
 
 
-def _times(wish: Wish, rows: Exact) -> Ints:
+def _times(wish: ExportRequest, rows: ExactRows) -> Ints:
     return stamps(rows.arrival, rows.arrival if wish.base == "arrival" else rows.time)
 
 
-def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
+def _plain(wish: ExportRequest, info: Info, topic: int, rows: ExactRows) -> Messages:
     """Every quantity as JSON."""
     body = bodies(info, rows.columns)
     log = _times(wish, rows)
@@ -202,28 +202,28 @@ def _plain(wish: Wish, info: Info, topic: int, rows: Exact) -> Messages:
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
-def _arrivals(wish: Wish, topic: int, rows: Exact) -> Messages:
+def _arrivals(wish: ExportRequest, topic: int, rows: ExactRows) -> Messages:
     first = np.flatnonzero(np.diff(rows.arrival, prepend=rows.arrival[:1] - 1))  # of a table one a moment
     log = _times(wish, rows)[first]
     body = bodies(_ARRIVAL, [rows.arrival[first]])
     return Messages(np.full(len(log), topic, np.uint16), log, body.cast(pa.large_binary()))
 
 
-def _bytes(wish: Wish, topic: int, rows: Exact) -> Messages:
+def _bytes(wish: ExportRequest, topic: int, rows: ExactRows) -> Messages:
     """Payloads as JSON."""
     (found,) = rows.columns
     body = pa.array([b'{"data":"%s"}' % base64.b64encode(one) for one in found], pa.large_binary())
     return Messages(np.full(len(rows), topic, np.uint16), _times(wish, rows), body)
 
 
-def _transforms(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+def _transforms(wish: ExportRequest, device: Device, topic: int, rows: ExactRows) -> Messages:
     assert device.attitude is not None
     times = _times(wish, rows)
     made = well_known.transforms(device.name, device.attitude, rows.columns, times)
     return _of(topic, times, made)
 
 
-def _fixes(wish: Wish, device: Device, topic: int, rows: Exact) -> Messages:
+def _fixes(wish: ExportRequest, device: Device, topic: int, rows: ExactRows) -> Messages:
     place = device.position
     assert place is not None
     times = _times(wish, rows)
@@ -244,7 +244,7 @@ def _of(topic: int, times: Ints, made: Iterable[tuple[int, bytes]]) -> Messages:
     return Messages(np.full(len(found), topic, np.uint16), times[at], body)
 
 
-def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
+def _events(wish: ExportRequest, topic: int, target: ChunkedFile) -> None:
     """What happened to the devices of the export, before all else in the file: there are few."""
     manifest = wish.columns.manifest
     names = device_names(manifest["devices"])
@@ -253,7 +253,7 @@ def _events(wish: Wish, topic: int, target: ChunkedFile) -> None:
         for event in manifest.get("events", [])
         if "text" in event and wish.t0 <= event["time"] <= wish.t1 and wish.device in ("", event["device"])
     ]
-    target.tell({topic: Topic(topic, EVENTS, **_protobuf(well_known.Log))})
+    target.tell({topic: McapChannel(topic, EVENTS, **_protobuf(well_known.Log))})
     if inside:
         made = [well_known.logged(event, names.get(event["device"], "")) for event in inside]
         log = np.array([time for time, _ in made], np.int64)

@@ -24,14 +24,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from recordings.column_store import Columns, Exact
-from recordings.exporters.request import Step, Wish, with_unit
+from recordings.column_store import ColumnStore, ExactRows
+from recordings.exporters.request import ExportRequest, ExportStep, with_unit
 from recordings.payloads import BYTES
 from recordings.topics import frame_of
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]
-Rows = tuple[int, int]
+JoinedRows = tuple[int, int]
 
 WINDOW = 1 << 16  # rows
 
@@ -71,12 +71,12 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Joined:
+class JoinedTable:
     """Rows of a table: `at[i]` says which row of `parts[i]` stands in each of them, −1 for none."""
 
     time: Array
     arrival: Array
-    parts: list[Exact]
+    parts: list[ExactRows]
     at: list[Ints | None]  # None: each in its place
 
     def columns(self) -> Iterator[tuple[Array, Array | None]]:
@@ -91,7 +91,7 @@ class Joined:
                     yield np.zeros(len(at), column.dtype), np.ones(len(at), bool)
 
 
-def tables(wish: Wish) -> list[Table]:
+def tables(wish: ExportRequest) -> list[Table]:
     """The tables of an export, in the order in which their messages came first."""
     found: dict[tuple[Any, ...], Table] = {}
     for info in (*wish.infos, *wish.payloads):
@@ -107,7 +107,7 @@ def tables(wish: Wish) -> list[Table]:
     return list(found.values())
 
 
-def clocks_of(wish: Wish, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def clocks_of(wish: ExportRequest, info: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """What is known of the device's clock for the message of a channel."""
     of = info["device"], info["message"], info["verified"]
     return [one for one in wish.clocks if (one["device"], one["message"], one["verified"]) == of]
@@ -145,7 +145,7 @@ def heading(info: Mapping[str, Any], column: Mapping[str, Any], frame: str = "")
     return f"{info['message']}.{name}" if name in ("time", "arrival") else f"{name}{f'[{frame}]' if frame else ''}"
 
 
-def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
+def batches(wish: ExportRequest, table: Table, step: ExportStep) -> Iterator[pa.RecordBatch]:
     """The rows of a table; columns are time, arrival, then those of the table. A missing cell is null.
 
     Args:
@@ -172,7 +172,9 @@ def batches(wish: Wish, table: Table, step: Step) -> Iterator[pa.RecordBatch]:
         step(done / total)
 
 
-def of_their_moment(columns: Columns, clock: Mapping[str, Any], rows: Joined | Exact) -> Iterator[pa.Array]:
+def of_their_moment(
+    columns: ColumnStore, clock: Mapping[str, Any], rows: JoinedTable | ExactRows
+) -> Iterator[pa.Array]:
     """What a clock said of each row; rows that share a moment share it."""
     key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
     lo, hi = columns.between(clock["id"], float(key.min()), float(key.max())) if len(key) else (0, 0)
@@ -238,7 +240,9 @@ def spoken(frame: str) -> str:
     return "" if frame == "body" else frame
 
 
-def windows(columns: Columns, ranges: Mapping[int, Rows], rows: int = WINDOW) -> Iterator[dict[int, Rows]]:
+def windows(
+    columns: ColumnStore, ranges: Mapping[int, JoinedRows], rows: int = WINDOW
+) -> Iterator[dict[int, JoinedRows]]:
     """Cut channels at common times: every window has about `rows` rows of the busiest and those of the others between
     the same two times. Rows of one time are never parted."""
     at = {number: lo for number, (lo, _) in ranges.items()}
@@ -261,11 +265,11 @@ def windows(columns: Columns, ranges: Mapping[int, Rows], rows: int = WINDOW) ->
         at = {number: stop for number, (_, stop) in window.items()}
 
 
-def join(parts: Sequence[Exact]) -> Joined:
+def join(parts: Sequence[ExactRows]) -> JoinedTable:
     """The rows of some channels as rows of one table."""
     first = parts[0]
     if all(_alike(first, other) for other in parts[1:]):
-        return Joined(first.time, first.arrival, list(parts), [None] * len(parts))
+        return JoinedTable(first.time, first.arrival, list(parts), [None] * len(parts))
     moments = [np.where(np.isnan(part.time), part.arrival, part.time) for part in parts]
     key = np.concatenate(moments)
     arrival = np.concatenate([part.arrival for part in parts])
@@ -286,10 +290,10 @@ def join(parts: Sequence[Exact]) -> Joined:
         mine[row[start : start + len(part)]] = np.arange(len(part))
         at.append(mine)
         start += len(part)
-    return Joined(time[order][new], arrival[order][new], list(parts), at)
+    return JoinedTable(time[order][new], arrival[order][new], list(parts), at)
 
 
-def _alike(a: Exact, b: Exact) -> bool:
+def _alike(a: ExactRows, b: ExactRows) -> bool:
     return np.array_equal(a.arrival, b.arrival) and np.array_equal(a.time, b.time, equal_nan=True)
 
 

@@ -17,10 +17,10 @@ import pyarrow.parquet as pq
 
 from recordings.exporters.file_names import table_paths
 from recordings.exporters.message_table import Table, batches, schema, tables
-from recordings.exporters.request import Step, Wish
+from recordings.exporters.request import ExportRequest, ExportStep
 
 
-def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """One file per message beside `out`."""
     found = tables(wish)
     paths = table_paths(wish, out, found)
@@ -33,7 +33,7 @@ def write(wish: Wish, out: Path, step: Step) -> list[Path]:
     return paths
 
 
-def _table(wish: Wish, table: Table, path: Path, step: Step) -> None:
+def _table(wish: ExportRequest, table: Table, path: Path, step: ExportStep) -> None:
     heads = schema(table)
     told = {"recording": wish.title, "device": wish.device_name(table.device), "message": table.name}
     with pq.ParquetWriter(path, heads.with_metadata(told), compression="zstd") as writer:

@@ -16,26 +16,26 @@ from pathlib import Path
 
 import numpy as np
 
-from protocols.framing import FRAME, OFFSET, SIZE, STATUS, Ints, Scanned, scan_all
+from protocols.framing import FRAME, OFFSET, SIZE, STATUS, Ints, ScanResult, scan_all
 from protocols.xbus.frames import scan
-from recordings.exporters.request import ExportError, Step, Wish
+from recordings.exporters.request import ExportError, ExportRequest, ExportStep
 from recordings.importers import open_file
-from recordings.sources import Part
+from recordings.sources import ChunkBlock
 
 CONFIGURATION, EMTS = 0x0D, 0x91  # ids of the answers that describe the device
 
 
-def write_bytes(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write_bytes(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """The bytes of one device of any kind."""
     return _bytes(wish, "", out, step)
 
 
-def write_raw(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write_raw(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """The bytes of an Inertial Sense device."""
     return _bytes(wish, "isb", out, step)
 
 
-def _bytes(wish: Wish, protocol: str, out: Path, step: Step) -> list[Path]:
+def _bytes(wish: ExportRequest, protocol: str, out: Path, step: ExportStep) -> list[Path]:
     device = _chosen(wish, protocol)
     with out.open("wb") as file:
         for part in _parts(wish, device, step):
@@ -44,7 +44,7 @@ def _bytes(wish: Wish, protocol: str, out: Path, step: Step) -> list[Path]:
     return [out]
 
 
-def write_mtb(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write_mtb(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """The frames of an Xsens device, its Configuration first."""
     device = _chosen(wish, "xbus")
     head = _described(wish, device)
@@ -56,7 +56,7 @@ def write_mtb(wish: Wish, out: Path, step: Step) -> list[Path]:
     return [out]
 
 
-def _chosen(wish: Wish, protocol: str) -> str:
+def _chosen(wish: ExportRequest, protocol: str) -> str:
     """The device, by the id that its bytes have in the file."""
     told = {one["id"]: one for one in wish.columns.manifest["devices"]}
     fits = {one["id"].partition(".")[0]: one for one in told.values() if protocol in ("", one["protocol"])}
@@ -74,7 +74,7 @@ def _chosen(wish: Wish, protocol: str) -> str:
     return str(next(iter(fits)))
 
 
-def _parts(wish: Wish, device: str, step: Step) -> Iterator[Part]:
+def _parts(wish: ExportRequest, device: str, step: ExportStep) -> Iterator[ChunkBlock]:
     """What came from the device in blocks that reach into the stretch."""
     assert wish.source is not None
     start = None if wish.t0 == -np.inf else int(wish.t0 * 1e9) - 1000
@@ -85,24 +85,24 @@ def _parts(wish: Wish, device: str, step: Step) -> Iterator[Part]:
         step(min(part.done, 1.0))
 
 
-def _inside(part: Part, wish: Wish) -> tuple[int, int]:
+def _inside(part: ChunkBlock, wish: ExportRequest) -> tuple[int, int]:
     """Chunks of a part that arrived in the stretch: the first, and the one past the last. Times do not descend."""
     times = part.times / 1e9
     return int(np.searchsorted(times, wish.t0, "left")), int(np.searchsorted(times, wish.t1, "right"))
 
 
-def _end(part: Part, chunks: int) -> int:
+def _end(part: ChunkBlock, chunks: int) -> int:
     return int(part.ends[chunks - 1]) if chunks else 0
 
 
-def _is_in(time_ns: int, wish: Wish) -> bool:
+def _is_in(time_ns: int, wish: ExportRequest) -> bool:
     return wish.t0 <= time_ns / 1e9 <= wish.t1
 
 
-def _described(wish: Wish, device: str) -> list[bytes]:
+def _described(wish: ExportRequest, device: str) -> list[bytes]:
     """The last Configuration and eMTS that came before the stretch; else the first of the file."""
     found: dict[int, bytes] = {}
-    whole = Wish(wish.columns, wish.source)
+    whole = ExportRequest(wish.columns, wish.source)
     for frames, times in _frames(_parts(whole, device, lambda share: None)):
         for frame, time in zip(frames, times, strict=True):
             if frame[2] in (CONFIGURATION, EMTS) and (frame[2] not in found or time / 1e9 <= wish.t0):
@@ -112,7 +112,7 @@ def _described(wish: Wish, device: str) -> list[bytes]:
     return [found[number] for number in (CONFIGURATION, EMTS) if number in found]
 
 
-def _frames(parts: Iterator[Part]) -> Iterator[tuple[list[bytes], list[int]]]:
+def _frames(parts: Iterator[ChunkBlock]) -> Iterator[tuple[list[bytes], list[int]]]:
     """Whole Xbus frames, and when the last byte of each arrived, ns."""
     held, late = b"", 0
     for part in parts:
@@ -126,7 +126,7 @@ def _frames(parts: Iterator[Part]) -> Iterator[tuple[list[bytes], list[int]]]:
     yield frames, [late] * len(frames)
 
 
-def _cut(data: bytes, found: Scanned) -> tuple[list[bytes], Ints]:
+def _cut(data: bytes, found: ScanResult) -> tuple[list[bytes], Ints]:
     good = found.table[:, found.table[STATUS] == FRAME]
     ends = good[OFFSET] + good[SIZE]
     return [data[a:b] for a, b in zip(good[OFFSET].tolist(), ends.tolist(), strict=True)], ends

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import Base, Columns, Exact
+from recordings.column_store import Base, ColumnStore, ExactRows
 from recordings.file_names import device_names
 from recordings.mcap_writer import RecordingError
 from recordings.payloads import BYTES, payloads_of
 
-Step = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
+ExportStep = Callable[[float], None]  # told 0..1 as it goes on; what it raises ends the export
 
 
 class ExportError(RecordingError):
@@ -23,7 +23,7 @@ class ExportError(RecordingError):
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ExportRequest:
     """What is to be exported.
 
     Args:
@@ -36,7 +36,7 @@ class Wish:
         base: which time t0 and t1 are, and rows go by.
     """
 
-    columns: Columns
+    columns: ColumnStore
     source: Path | None = None
     title: str = ""
     t0: float = -math.inf
@@ -72,7 +72,7 @@ class Wish:
             and (self._is_chosen(info) or (info["device"], info["message"], info["verified"]) in chosen)
         ]
 
-    def exact(self, info: Mapping[str, Any], lo: int, hi: int) -> Exact:
+    def exact(self, info: Mapping[str, Any], lo: int, hi: int) -> ExactRows:
         """Rows of a channel as they are; of payloads their bytes."""
         rows = self.columns.exact(info["id"], lo, hi)
         return payloads_of(self.columns.folder, rows) if info["kind"] == BYTES else rows
@@ -94,7 +94,7 @@ class Wish:
         return len({info["device"] for info in self.columns.manifest["channels"]}) > 1
 
 
-def usual_interval(columns: Columns, channel: int) -> float:
+def usual_interval(columns: ColumnStore, channel: int) -> float:
     """The usual time between two samples of a channel, s; 0 where it has fewer than two times."""
     steps = np.diff(columns.clock(channel, 0, 4096))
     return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0

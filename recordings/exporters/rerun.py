@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recordings.exporters.request import Step, Wish
+from recordings.exporters.request import ExportRequest, ExportStep
 
 
-def write(wish: Wish, out: Path, step: Step) -> list[Path]:
+def write(wish: ExportRequest, out: Path, step: ExportStep) -> list[Path]:
     """Write the file; returns it."""
     from recordings.rrd.writer import write_rrd
 

@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from recordings.column_store import Exact
+from recordings.column_store import ExactRows
 from recordings.euler import quaternion_columns
 from recordings.rrd.entities import Attitude, Curve, Path, Position
 from recordings.rrd.enu import Origin, enu_of, is_place
@@ -52,7 +52,7 @@ class Times:
         return len(self.sample)
 
 
-def times_of(rows: Exact, first: int) -> Times:
+def times_of(rows: ExactRows, first: int) -> Times:
     """The timelines of rows.
 
     Args:

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recordings.column_store import Columns
+from recordings.column_store import ColumnStore
 
 WHOLE = 1_000_000
 MOST = 4_000_000
@@ -39,7 +39,7 @@ class Amount:
     every: int
 
 
-def amount_of(columns: Columns, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False) -> Amount:
+def amount_of(columns: ColumnStore, t0: float = -math.inf, t1: float = math.inf, *, as_much: bool = False) -> Amount:
     """Of an opened recording, or a stretch of it.
 
     Args:

@@ -25,7 +25,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from recordings.column_store import BLOCK_ROWS, Base, Buckets, Columns, Exact
+from recordings.column_store import BLOCK_ROWS, Base, ColumnStore, ExactRows, MinMaxBuckets
 from recordings.file_names import device_names
 from recordings.payloads import payloads_of
 from recordings.rrd import chunks, static
@@ -51,7 +51,7 @@ class Work:
         payloads: kinds of bytes that nobody has described.
     """
 
-    columns: Columns
+    columns: ColumnStore
     t0: float = -math.inf
     t1: float = math.inf
     wanted: Collection[int] | None = None
@@ -82,7 +82,7 @@ class Work:
     def curves(self, channel: int) -> Iterator[tuple[Times, list[Array]]]:
         """Values: a block at a time, or the least and the greatest of every stretch."""
         found = self.columns.query(channel, *self._span(channel), self.most // 2) if self.is_thinned(channel) else None
-        if not isinstance(found, Buckets):
+        if not isinstance(found, MinMaxBuckets):
             yield from ((times_of(rows, first), rows.columns) for first, rows in self.blocks(channel))
             return
         lo, _ = self.rows(channel)
@@ -100,7 +100,7 @@ class Work:
         whole = self.columns.span(channel) or (0.0, 0.0)
         return max(whole[0], self.t0), min(whole[1], self.t1)
 
-    def blocks(self, channel: int) -> Iterator[tuple[int, Exact]]:
+    def blocks(self, channel: int) -> Iterator[tuple[int, ExactRows]]:
         """The rows, a block at a time, each with the number of its first."""
         lo, hi = self.rows(channel)
         while lo < hi:
@@ -119,7 +119,7 @@ class Work:
 
 
 def write_rrd(
-    columns: Columns,
+    columns: ColumnStore,
     out: Path,
     *,
     t0: float = -math.inf,
@@ -301,7 +301,7 @@ class _Flags:
         self._before: dict[int, int] = {}
         self._told = 0
 
-    def take(self, times: Times, rows: Exact) -> None:
+    def take(self, times: Times, rows: ExactRows) -> None:
         for curve in self._curves:
             for i in curve.columns:
                 self._take(i, (*curve.path, "changes"), times, rows.columns[i])

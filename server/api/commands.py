@@ -7,12 +7,12 @@ from functools import lru_cache
 
 from fastapi import APIRouter
 
-from server.commands.commands import every_form
+from server.commands.commands import all_forms
 from server.configuration.api_models import Forms
 
 router = APIRouter(prefix="/api", tags=["forms"])
 
-_tables = lru_cache(maxsize=1)(every_form)
+_tables = lru_cache(maxsize=1)(all_forms)
 
 
 @router.get("/commands")

@@ -15,11 +15,11 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from server import wire
 from server.api.errors import ApiError, responses
 from server.configuration.api_models import Apply, Raw, ReadWish, Run
-from server.configuration.controllers import Desks
-from server.configuration.dangers import Danger
-from server.configuration.device_controller import Desk
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.dangers import Risk
+from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
-from server.configuration.risk_check import Wish, changes_of, command_of, discarded
+from server.configuration.risk_check import ChangeRequest, discarded, plan_changes, plan_command
 from server.configuration.value_format import numbers
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
@@ -27,12 +27,12 @@ router = APIRouter(prefix="/api/devices/{device}", tags=["control"])
 MOST_RAW = 4096
 
 
-def desks_of(request: Request) -> Desks:
-    desks: Desks = request.app.state.desks
+def desks_of(request: Request) -> ControllerRegistry:
+    desks: ControllerRegistry = request.app.state.desks
     return desks
 
 
-def desk_of(device: str, desks: Annotated[Desks, Depends(desks_of)]) -> Desk:
+def desk_of(device: str, desks: Annotated[ControllerRegistry, Depends(desks_of)]) -> DeviceController:
     try:
         return desks.get(device)
     except KeyError:
@@ -41,11 +41,11 @@ def desk_of(device: str, desks: Annotated[Desks, Depends(desks_of)]) -> Desk:
         ) from None
 
 
-AllDesks = Annotated[Desks, Depends(desks_of)]
-OneDesk = Annotated[Desk, Depends(desk_of)]
+AllDesks = Annotated[ControllerRegistry, Depends(desks_of)]
+OneDesk = Annotated[DeviceController, Depends(desk_of)]
 
 
-def confirmed(dangers: list[Danger], given: bool) -> None:
+def confirmed(dangers: list[Risk], given: bool) -> None:
     """ApiError 409 with what would be lost or cut, unless the person has read it."""
     if dangers and not given:
         words = " ".join(dict.fromkeys(danger.consequence for danger in dangers))
@@ -89,7 +89,7 @@ async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
         raise ApiError(422, "bad-request", "`changes` holds nothing to write.", "Name a setting and its values.")
     wishes = [await _wish(one, desks, body.changes) for one in targets]
     product = body.product or (desk.known.product if len(targets) > 1 else "")
-    others = [Danger("loses-settings", words) for one in targets if (words := mismatch(product, one.known.product))]
+    others = [Risk("loses-settings", words) for one in targets if (words := mismatch(product, one.known.product))]
     confirmed([*others, *(danger for wish in wishes for danger in wish.dangers)], body.confirmed)
     base = {name: numbers(row.fields, body.base[name]) for name, row in desk.rows.items() if name in body.base}
     tasks = [
@@ -99,16 +99,18 @@ async def apply(body: Apply, desk: OneDesk, desks: AllDesks) -> wire.Job:
     return tasks[0].job
 
 
-async def _wish(desk: Desk, desks: Desks, changes: Mapping[str, Mapping[str, Any]]) -> Wish:
+async def _wish(
+    desk: DeviceController, desks: ControllerRegistry, changes: Mapping[str, Mapping[str, Any]]
+) -> ChangeRequest:
     """Settings to write; what the device has told once, according to its snapshots, may go back."""
     who = desk.session.info.protocol, desk.known.serial_number
-    return await asyncio.to_thread(changes_of, desk, changes, lambda: desks.snapshots.told(*who))
+    return await asyncio.to_thread(plan_changes, desk, changes, lambda: desks.snapshots.told(*who))
 
 
 @router.post("/run", status_code=202, responses=responses(404, 409, 422))
 async def run(body: Run, desk: OneDesk, desks: AllDesks) -> wire.Job:
     """One command. One that writes a setting is applied like any change, with snapshot and way back."""
-    wish = command_of(desk, body.command, body.values)
+    wish = plan_command(desk, body.command, body.values)
     confirmed(wish.dangers, body.confirmed)
     if wish.setting:
         return desk.add(wish.title, desks.jobs.apply(desk, wish.values, "")).job
@@ -127,7 +129,7 @@ async def send_raw(body: Raw, desk: OneDesk, desks: AllDesks) -> wire.Job:
     if not 0 < len(data) <= MOST_RAW:
         raise ApiError(422, "bad-request", f"1 to {MOST_RAW} bytes can be sent, not {len(data)}.", "Send it in pieces.")
     words = "Bytes that nobody has checked are sent to the device; they may change anything in it."
-    confirmed([Danger("", words)], body.confirmed)
+    confirmed([Risk("", words)], body.confirmed)
     return desk.add(f"Send {len(data)} bytes", desks.jobs.raw(desk, data)).job
 
 

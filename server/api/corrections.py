@@ -13,7 +13,7 @@ from server.api.configure import OneDesk
 from server.api.devices import check_path
 from server.api.errors import ApiError, responses
 from server.configuration.api_models import Corrections
-from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.correction_manager import CorrectionManager
 from server.configuration.correction_stream import file_of
 from server.configuration.ntrip import CorrectionError
 
@@ -33,12 +33,12 @@ class SetCorrections(BaseModel):
     )
 
 
-def desk_of(request: Request) -> CorrectionDesk:
-    desk: CorrectionDesk = request.app.state.corrections
+def desk_of(request: Request) -> CorrectionManager:
+    desk: CorrectionManager = request.app.state.corrections
     return desk
 
 
-TheDesk = Annotated[CorrectionDesk, Depends(desk_of)]
+TheDesk = Annotated[CorrectionManager, Depends(desk_of)]
 
 
 @router.get("/corrections", responses=responses(404, 422))

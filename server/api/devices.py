@@ -12,19 +12,19 @@ from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from server import wire
 from server.api.errors import ApiError, responses
-from server.devices.decode_options import Reading, ReadingError, changed, taken_from
+from server.devices.decode_options import DecodeOptions, ReadingError, changed, parse_source_options
 from server.devices.decode_options import reading as read_as
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError
-from server.links.source_url import Source
+from server.links.source_url import SourceUrl
 
 router = APIRouter(prefix="/api/devices", tags=["devices"])
 
 SETTINGS_HINT = "What a source can be told is listed at /openapi.json, AddDevice."
 
 
-class HowToRead(BaseModel):
+class DecodeOptionsBody(BaseModel):
     """How the bytes of a source are to be read."""
 
     model_config = ConfigDict(extra="forbid")
@@ -47,7 +47,7 @@ class HowToRead(BaseModel):
         "", alias="schema", max_length=100_000, description="TOML that describes a vendor's own payload types of IDTP"
     )
 
-    def reading(self) -> Reading:
+    def reading(self) -> DecodeOptions:
         """The same, checked. ApiError where something cannot be used."""
         try:
             key = self.key.get_secret_value()
@@ -64,7 +64,7 @@ class HowToRead(BaseModel):
             raise bad_setting(error) from None
 
 
-class AddDevice(HowToRead):
+class AddDevice(DecodeOptionsBody):
     """A source to open."""
 
     source: str = Field(min_length=1, max_length=1000, description="as on the command line", examples=["/dev/ttyUSB0"])
@@ -84,7 +84,7 @@ def check_protocol(name: str, request: Request) -> None:
 def check_file(source: str, folders: Sequence[Path]) -> None:
     """ApiError for a file outside of these: who may control devices may not read what else this server's user may."""
     try:
-        parsed = Source.parse(source)
+        parsed = SourceUrl.parse(source)
     except LinkError:
         return  # said when it is opened
     if parsed.kind != "file":
@@ -131,11 +131,11 @@ async def add_device(body: AddDevice, request: Request, sessions: AllSessions) -
     """Open a source. The answer comes at once; how it goes on is told over the WebSocket."""
     reading = body.reading()
     try:
-        named = taken_from(body.source, reading)[1].protocol
+        named = parse_source_options(body.source, reading)[1].protocol
     except ReadingError as error:
         raise bad_setting(error) from None
     check_protocol(named, request)
-    await asyncio.to_thread(check_file, taken_from(body.source, reading)[0], request.app.state.source_folders)
+    await asyncio.to_thread(check_file, parse_source_options(body.source, reading)[0], request.app.state.source_folders)
     return sessions.add_all(body.source, reading)[0].info
 
 
@@ -158,7 +158,7 @@ async def retry_device(session: OneSession) -> wire.DeviceInfo:
 
 
 @router.post("/{device}/reading", responses=responses(400, 404, 422))
-async def read_device(body: HowToRead, request: Request, session: OneSession) -> wire.DeviceInfo:
+async def read_device(body: DecodeOptionsBody, request: Request, session: OneSession) -> wire.DeviceInfo:
     """Read what comes from now on in another way: what is given here changes, the rest stays, and so does the device.
     A `schema` is added to the descriptions that there are."""
     check_protocol(body.protocol, request)

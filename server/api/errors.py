@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from server.configuration.device_controller import DeskError
+from server.configuration.device_controller import ControlError
 from server.error_kinds import status_of
 from server.links.base import LinkError
 
@@ -75,8 +75,8 @@ def install(app: FastAPI) -> None:
     async def _(_: Request, error: LinkError) -> Response:
         return problem(status_of(error.kind), error.kind, error.message, error.hint)
 
-    @app.exception_handler(DeskError)
-    async def _(_: Request, error: DeskError) -> Response:
+    @app.exception_handler(ControlError)
+    async def _(_: Request, error: ControlError) -> Response:
         return problem(status_of(error.kind), error.kind, error.message, error.hint)
 
     @app.exception_handler(HTTPException)

@@ -12,7 +12,7 @@ from protocols.layouts import EncodeError
 from server.api.configure import OneDesk
 from server.api.errors import ApiError, responses
 from server.configuration.api_models import Fit, FitAnswer, Forms, Preview, PreviewAnswer
-from server.configuration.device_controller import Desk
+from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
 from server.configuration.preview import fit, preview_command, preview_setting
 
@@ -54,7 +54,7 @@ async def make_it_fit(body: Fit, desk: OneDesk) -> FitAnswer:
         raise ApiError(409, "no-rate", str(error), "A network or a file carries what it carries.") from None
 
 
-def _unknown(desk: Desk, name: str) -> ApiError:
+def _unknown(desk: DeviceController, name: str) -> ApiError:
     return ApiError(
         404,
         "not-found",

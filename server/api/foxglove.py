@@ -6,7 +6,7 @@ from fastapi import APIRouter, WebSocket
 
 from server.integrations.foxglove import Foxglove
 from server.integrations.foxglove_server import MOST_UP, SUBPROTOCOLS
-from server.integrations.proxy import ViewError, relay, turn_away
+from server.integrations.proxy import ViewError, reject, relay
 
 router = APIRouter()
 
@@ -21,6 +21,6 @@ async def foxglove(socket: WebSocket) -> None:
     try:
         door = await bridge.door()
     except ViewError as error:
-        await turn_away(socket, error)
+        await reject(socket, error)
         return
     await relay(socket, door, speaks=lambda name: name in SUBPROTOCOLS, most_up=MOST_UP, most_down=MOST_DOWN)

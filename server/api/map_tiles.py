@@ -44,7 +44,7 @@ class MapInfo(BaseModel):
     attribution: str
 
 
-class _Stay(urllib.request.HTTPRedirectHandler):
+class NoRedirect(urllib.request.HTTPRedirectHandler):
     """A tile server that points elsewhere is not followed there."""
 
     def redirect_request(self, *args: Any, **kwargs: Any) -> None:
@@ -63,7 +63,7 @@ class TileSource:
         self._kept: OrderedDict[tuple[int, int, int], Tile] = OrderedDict()
         self._kept_bytes = 0
         self._turns = asyncio.Semaphore(AT_ONCE)
-        self._opener = urllib.request.build_opener(_Stay)
+        self._opener = urllib.request.build_opener(NoRedirect)
 
     async def tile(self, z: int, x: int, y: int) -> Tile:
         """One tile.

@@ -14,17 +14,17 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import JSONResponse, Response, StreamingResponse
 
-from recordings.column_store import Base, Columns
-from recordings.health_history import Fared, fared
+from recordings.column_store import Base, ColumnStore
+from recordings.health_history import HealthHistory, fared
 from recordings.mcap_writer import RecordingError
 from server import wire
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.api_models import OpeningState, RecordedSettings, RecordingDetail
 from server.library.catalogue import Catalogue
-from server.library.column_cache import Opening, Shelf
+from server.library.column_cache import ColumnCache, DecodeJob
 from server.library.range_query import (
-    Answer,
     ColumnStatistics,
+    QueryResult,
     arrow_of,
     frame_of,
     held,
@@ -59,12 +59,12 @@ Format = Annotated[Literal["arrow", "json"], Query()]
 Partial = Annotated[bool, Query(description="while it is decoded for the first time: of what is there so far")]
 
 
-def shelf_of(request: Request) -> Shelf:
-    shelf: Shelf = request.app.state.shelf
+def shelf_of(request: Request) -> ColumnCache:
+    shelf: ColumnCache = request.app.state.shelf
     return shelf
 
 
-OneShelf = Annotated[Shelf, Depends(shelf_of)]
+OneShelf = Annotated[ColumnCache, Depends(shelf_of)]
 
 
 def unknown(recording: str) -> ApiError:
@@ -74,7 +74,7 @@ def unknown(recording: str) -> ApiError:
     )
 
 
-async def columns_of(recording: str, shelf: OneShelf) -> Columns:
+async def columns_of(recording: str, shelf: OneShelf) -> ColumnStore:
     """The columns of a recording, waited for."""
     try:
         return await shelf.opened(recording)
@@ -84,7 +84,7 @@ async def columns_of(recording: str, shelf: OneShelf) -> Columns:
         raise ApiError(422, "cannot-open", error.message, error.hint) from None
 
 
-async def columns_so_far(recording: str, shelf: OneShelf, partial: Partial = False) -> Columns:
+async def columns_so_far(recording: str, shelf: OneShelf, partial: Partial = False) -> ColumnStore:
     """The same, or where that is asked for as much of them as is decoded."""
     if not partial:
         return await columns_of(recording, shelf)
@@ -96,8 +96,8 @@ async def columns_so_far(recording: str, shelf: OneShelf, partial: Partial = Fal
         raise ApiError(422, "cannot-open", error.message, error.hint) from None
 
 
-OneStore = Annotated[Columns, Depends(columns_of)]
-SoFar = Annotated[Columns, Depends(columns_so_far)]
+OneStore = Annotated[ColumnStore, Depends(columns_of)]
+SoFar = Annotated[ColumnStore, Depends(columns_so_far)]
 
 
 @router.get(
@@ -111,14 +111,14 @@ async def get_recording(recording: str, request: Request, shelf: OneShelf, parti
         found = shelf.open(recording)
     except (KeyError, FileNotFoundError):
         raise unknown(recording) from None
-    if isinstance(found, Opening):
+    if isinstance(found, DecodeJob):
         if found.error is not None:
             raise ApiError(422, "cannot-open", found.error.message, found.error.hint)
         if not partial or found.partial is None:
             state = OpeningState(recording, found.progress, "Decoding it for the first time.")
             return JSONResponse(asdict(state), 202, headers={"cache-control": "no-store"})
     library: Catalogue = request.app.state.library
-    store = found if isinstance(found, Columns) else found.partial
+    store = found if isinstance(found, ColumnStore) else found.partial
     assert store is not None
     told = await asyncio.to_thread(lambda: detail(library.info(recording), store, library.markers(recording)))
     return JSONResponse(as_json(told), headers={"cache-control": "no-store"})
@@ -168,7 +168,7 @@ def get_fared(
     device: str,
     t0: Annotated[float, Query(description="unix seconds")],
     t1: Annotated[float, Query(description="unix seconds")],
-) -> Fared:
+) -> HealthHistory:
     """How a device fared, second by second: bytes, samples of each message, how late they came, its clock."""
     t0, t1 = _span(t0, t1)
     known = {told["id"]: told.get("parent", "") for told in store.manifest["devices"]}
@@ -277,11 +277,11 @@ def _positions(info: wire.ChannelInfo, words: str) -> list[int] | None:
     return [names.index(word) for word in wanted] or None
 
 
-def _is_whole(answer: Answer) -> bool:
+def _is_whole(answer: QueryResult) -> bool:
     return answer.exact
 
 
-def _table(answer: Answer, format: Literal["arrow", "json"]) -> Response:
+def _table(answer: QueryResult, format: Literal["arrow", "json"]) -> Response:
     """Piece by piece, made in threads: neither the memory nor the loop notices how much is asked for."""
     pieces, kind = (arrow_of(answer), ARROW) if format == "arrow" else (json_of(answer), "application/json")
     return StreamingResponse(pieces, media_type=kind, headers={"cache-control": "no-store"})

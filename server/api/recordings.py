@@ -14,13 +14,13 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 
 from recordings import sidecar
-from recordings.download import file_name, original, whole
-from recordings.library import Entry, NamingError
+from recordings.download import file_name, full_recording, original_bytes
+from recordings.library import LibraryEntry, NamingError
 from recordings.mcap_writer import RecordingError
 from server.api.errors import ApiError, bytes_of, responses
 from server.library.api_models import Edit, Mark, Marker, RecordingInfo
 from server.library.catalogue import Catalogue
-from server.streaming_response import begun, streamed
+from server.streaming_response import streamed, with_first_chunk
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
@@ -50,7 +50,7 @@ def not_now(recording: str) -> ApiError:
     return ApiError(409, "busy", f"{recording:.80} is being recorded.", "Stop the recording first.")
 
 
-def entry_of(recording: str, library: TheLibrary) -> Entry:
+def entry_of(recording: str, library: TheLibrary) -> LibraryEntry:
     """A recording of the list. A route of its own thread: it looks into the folder."""
     try:
         return library.library.get(recording)
@@ -58,7 +58,7 @@ def entry_of(recording: str, library: TheLibrary) -> Entry:
         raise unknown(recording) from None
 
 
-OneEntry = Annotated[Entry, Depends(entry_of)]
+OneEntry = Annotated[LibraryEntry, Depends(entry_of)]
 
 
 @router.get("", responses=responses(422))
@@ -192,7 +192,7 @@ async def download(recording: str, library: TheLibrary, entry: OneEntry) -> Stre
         raise not_now(recording)
     name = file_name(entry)
     kind = "text/csv" if name.endswith("csv") else "application/x-mcap"
-    return await _file(name, kind, lambda out: whole(entry, out))
+    return await _file(name, kind, lambda out: full_recording(entry, out))
 
 
 @router.get(
@@ -216,7 +216,7 @@ async def download_original(
         raise ApiError(404, "not-found", f"There is no device {device:.40} in it.", f"There are: {', '.join(devices)}.")
     name = f"{entry.path.stem}-{device}" if device else entry.path.stem
     chosen = device or (devices[0] if devices else "")
-    return await _file(f"{name}.bin", BYTES, lambda out: original(entry.path, chosen, out))
+    return await _file(f"{name}.bin", BYTES, lambda out: original_bytes(entry.path, chosen, out))
 
 
 async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> StreamingResponse:
@@ -228,7 +228,7 @@ async def _file(name: str, kind: str, write: Callable[[BinaryIO], None]) -> Stre
         "x-content-type-options": "nosniff",
     }
     try:
-        pieces = await begun(streamed(write))
+        pieces = await with_first_chunk(streamed(write))
     except RecordingError as error:
         raise ApiError(422, "cannot-open", error.message, error.hint) from None
     except OSError as error:

@@ -30,7 +30,7 @@ from server.api.errors import ApiError, bytes_of, responses
 from server.api.recording_data import OneStore
 from server.api.static_files import HEADERS
 from server.integrations.proxy import ViewError
-from server.integrations.rerun import Feed, Rerun, Viewer, recording_stream
+from server.integrations.rerun import Rerun, RerunFeed, RerunViewer, recording_stream
 from server.integrations.rerun_assets import NAMES, folder_of, viewer_files
 
 router = APIRouter()
@@ -69,7 +69,7 @@ OneRerun = Annotated[Rerun, Depends(rerun_of)]
 Time = Annotated[float | None, Query(description="unix seconds")]
 
 
-class Shown(BaseModel):
+class ViewerQuery(BaseModel):
     """What of a stretch a viewer in a browser gets: rows of all quantities together, in it and shown; `most` of one
     quantity (0: all), which is one of `every` samples where it has the most; and how long a stretch opens whole, s."""
 
@@ -144,14 +144,14 @@ async def get_amount(
     t0: Time = None,
     t1: Time = None,
     all: Annotated[bool, Query(description="as much as a browser can hold, not what it draws at once")] = False,
-) -> Shown:
+) -> ViewerQuery:
     """How much of it the embedded Rerun viewer gets: an hour of a fast device is more than a browser holds."""
     begin, end = _stretch(t0, t1)
     found = await asyncio.to_thread(amount_of, store, begin, end, as_much=all)
     first, last = store.span() or (0.0, 0.0)
     span = max(0.0, min(end, last) - max(begin, first))
     whole_s = span * min(1.0, WHOLE / max(1, found.rows))
-    return Shown(rows=found.rows, shown=found.shown, most=found.most, every=found.every, whole_s=whole_s)
+    return ViewerQuery(rows=found.rows, shown=found.shown, most=found.most, every=found.every, whole_s=whole_s)
 
 
 def _stretch(t0: float | None, t1: float | None) -> tuple[float, float]:
@@ -187,7 +187,7 @@ async def live(socket: WebSocket, device: str = "") -> None:
         pass
 
 
-async def _send(socket: WebSocket, feed: Feed, viewer: Viewer) -> None:
+async def _send(socket: WebSocket, feed: RerunFeed, viewer: RerunViewer) -> None:
     loop = asyncio.get_running_loop()
     tell = 0.0
     while True:
@@ -199,7 +199,7 @@ async def _send(socket: WebSocket, feed: Feed, viewer: Viewer) -> None:
                 await socket.send_json({"kind": "lag", "lag_ms": feed.lag_ms(newest), "dropped": viewer.dropped})
 
 
-async def _listen(socket: WebSocket, viewer: Viewer) -> None:
+async def _listen(socket: WebSocket, viewer: RerunViewer) -> None:
     """How many batches the browser's viewer has taken, until it goes."""
     while (message := await socket.receive())["type"] != "websocket.disconnect":
         text = message.get("text") or ""

@@ -9,19 +9,19 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from server.api.configure import AllDesks, OneDesk, desk_of
 from server.api.errors import ApiError, responses
 from server.configuration.api_models import Compare, Difference, Keep, SideRef, SnapshotBody, SnapshotInfo
 from server.configuration.budget import overload
-from server.configuration.controllers import Desks
-from server.configuration.device_controller import Desk
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.device_controller import DeviceController
 from server.configuration.products import mismatch
 from server.configuration.reading import plain_values
 from server.configuration.risk_check import dangers_of
 from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
 from server.configuration.snapshots import Snapshot, SnapshotError, from_text
-from server.wire_codec import plain
+from server.wire_codec import to_json_safe
 
 router = APIRouter(prefix="/api/devices/{device}", tags=["snapshots"])
 
@@ -30,7 +30,7 @@ READ_FIRST = "Read its settings first."
 FACTORY_HINT = "Compare with “First contact”, which is what it had when it was first read here."
 
 
-def _who(desk: Desk) -> tuple[str, str]:
+def _who(desk: DeviceController) -> tuple[str, str]:
     """Protocol and serial number: where a device's snapshots are."""
     return desk.session.info.protocol, desk.known.serial_number
 
@@ -44,10 +44,10 @@ async def get_values(desk: OneDesk) -> SnapshotBody:
 def plain_body(snapshot: Snapshot, name: str) -> SnapshotBody:
     """For a page: whole numbers that JavaScript cannot hold are text."""
     body = snapshot.body(name)
-    return replace(body, values=plain(body.values))
+    return replace(body, values=to_json_safe(body.values))
 
 
-def _now(desk: Desk, title: str = "Device, as last read") -> Snapshot:
+def _now(desk: DeviceController, title: str = "Device, as last read") -> Snapshot:
     known = desk.known
     return Snapshot(
         protocol=desk.session.info.protocol,
@@ -131,11 +131,14 @@ async def compare_sides(body: Compare, desk: OneDesk, desks: AllDesks) -> Differ
     found = compare(desk.driver, desk.known, left, right)
     if found.changes and body.left.side == "device":
         found = replace(found, dangers=_dangers(desk, found), blocked=overload(desk.present, found.changes))
-    rows = [replace(row, left_value=plain(row.left_value), right_value=plain(row.right_value)) for row in found.rows]
-    return replace(found, rows=rows, changes=plain(found.changes), profile=plain(found.profile))
+    rows = [
+        replace(row, left_value=to_json_safe(row.left_value), right_value=to_json_safe(row.right_value))
+        for row in found.rows
+    ]
+    return replace(found, rows=rows, changes=to_json_safe(found.changes), profile=to_json_safe(found.profile))
 
 
-def _dangers(desk: Desk, found: Difference) -> list[str]:
+def _dangers(desk: DeviceController, found: Difference) -> list[str]:
     """What writing the right side to this device could cost, in words."""
     words = [mismatch(found.product, desk.known.product)]
     for name, values in found.changes.items():
@@ -143,7 +146,7 @@ def _dangers(desk: Desk, found: Difference) -> list[str]:
     return [one for one in dict.fromkeys(words) if one]
 
 
-async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
+async def _side(ref: SideRef, desk: DeviceController, desks: ControllerRegistry) -> SideValues:
     match ref.side:
         case "device":
             return _device(desk, "Device, as last read")
@@ -168,13 +171,13 @@ async def _side(ref: SideRef, desk: Desk, desks: Desks) -> SideValues:
             return SideValues(snapshot.title or "File", snapshot.values, snapshot.missing, product=snapshot.product)
 
 
-def _device(desk: Desk, title: str) -> SideValues:
+def _device(desk: DeviceController, title: str) -> SideValues:
     if not desk.values:
         raise ApiError(409, "not-read", f"{desk.session.info.name} has not been read yet.", READ_FIRST)
     return SideValues(title, desk.values, desk.missing, "could not be read", desk.known.product)
 
 
-def _alike(desk: Desk, other: Desk) -> Desk:
+def _alike(desk: DeviceController, other: DeviceController) -> DeviceController:
     """Another device of the same family."""
     if other.session.info.protocol != desk.session.info.protocol:
         message = f"{other.session.info.name} speaks another protocol."
@@ -182,7 +185,7 @@ def _alike(desk: Desk, other: Desk) -> Desk:
     return other
 
 
-def _of_protocol(desk: Desk, snapshot: Snapshot) -> Snapshot:
+def _of_protocol(desk: DeviceController, snapshot: Snapshot) -> Snapshot:
     """A file of a device of the same family; one that does not say whose it is may be of any."""
     protocol = desk.session.info.protocol
     if snapshot.protocol not in ("", protocol):
@@ -191,13 +194,13 @@ def _of_protocol(desk: Desk, snapshot: Snapshot) -> Snapshot:
     return snapshot
 
 
-def _certain(desk: Desk) -> Known:
+def _certain(desk: DeviceController) -> DeviceContext:
     if not desk.known.product:
         raise ApiError(409, "not-read", "The product is not known yet, so its defaults are not.", READ_FIRST)
     return desk.known
 
 
-async def _load(desk: Desk, desks: Desks, name: str) -> Snapshot:
+async def _load(desk: DeviceController, desks: ControllerRegistry, name: str) -> Snapshot:
     try:
         return await asyncio.to_thread(desks.snapshots.get, *_who(desk), name)
     except KeyError:

@@ -33,7 +33,7 @@ class Build(BaseModel):
     role: Role  # what whoever asks may do
 
 
-class Healthy(BaseModel):
+class HealthStatus(BaseModel):
     """The server answers."""
 
     status: Literal["ok"] = "ok"
@@ -57,10 +57,10 @@ async def get_build(request: Request) -> Build:
 
 
 @router.get("/healthz")
-async def get_health(request: Request) -> Healthy:
+async def get_health(request: Request) -> HealthStatus:
     """Open to everybody; holds nothing of the devices but their number."""
     hub: Hub = request.app.state.hub
-    return Healthy(devices=len(hub.devices), browsers=hub.browsers)
+    return HealthStatus(devices=len(hub.devices), browsers=hub.browsers)
 
 
 @router.get("/metrics", responses={200: {"content": {"text/plain": {}}}})

@@ -18,7 +18,7 @@ from server.wire import Problem
 HALF = b"\\ud"
 
 
-class WholeTexts:
+class UnicodeGuard:
     """ASGI middleware: bodies of JSON, read and handed on. How large they may be was judged before (server/auth.py)."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -22,8 +22,8 @@ from recordings.mcap_writer import RecordingError
 from server.api.errors import ApiError, responses
 from server.api.static_files import HEADERS
 from server.http_server import MOST_FROM_VIEWER
-from server.integrations.proxy import VIEWER_POLICY, ViewError, fetch, relay, turn_away
-from server.integrations.replay_sync import Replayed
+from server.integrations.proxy import VIEWER_POLICY, ViewError, fetch, reject, relay
+from server.integrations.replay_sync import ReplayFollower
 from server.integrations.viewer_process import PER_S
 from server.integrations.viser import Viser
 
@@ -86,7 +86,7 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
     try:
         door = await viser.door(key)
     except ViewError as error:
-        await turn_away(socket, error)
+        await reject(socket, error)
         return
     viser.looked_at(key)
     try:
@@ -96,7 +96,7 @@ async def live_scene(socket: WebSocket, key: str = "") -> None:
             speaks=lambda name: name.startswith("viser-v"),
             most_up=MOST_FROM_VIEWER,
             most_down=MOST_DOWN,
-            passes=is_said if socket.state.role == "control" else only_looks,
+            passes=is_said if socket.state.role == "control" else is_view_message,
         )
     finally:
         viser.left(key)
@@ -109,10 +109,10 @@ async def recorded_scene(socket: WebSocket, recording: str) -> None:
     try:
         store = await socket.app.state.shelf.opened(recording)
     except (KeyError, FileNotFoundError, RecordingError):
-        await turn_away(socket, ViewError("This recording cannot be opened.", "Its page says why.", 404))
+        await reject(socket, ViewError("This recording cannot be opened.", "Its page says why.", 404))
         return
     await socket.accept()
-    replayed = Replayed(store)
+    replayed = ReplayFollower(store)
     key = viser.begin(replayed)
     tasks = (
         asyncio.create_task(_follow(viser, key), name="scene follows a recording"),
@@ -141,7 +141,7 @@ def is_said(message: bytes | str) -> bool:
     return _sort_of(message) != ""
 
 
-def only_looks(message: bytes | str) -> bool:
+def is_view_message(message: bytes | str) -> bool:
     """May who only looks send this to viser? Where they look from, which is their own; a scene's panel and its mesh are
     everybody's: to choose there needs control."""
     return _sort_of(message) == "ViewerCameraMessage"
@@ -163,7 +163,7 @@ async def _follow(viser: Viser, key: str) -> None:
         await asyncio.sleep(1 / PER_S)
 
 
-async def _heads(socket: WebSocket, replayed: Replayed) -> None:
+async def _heads(socket: WebSocket, replayed: ReplayFollower) -> None:
     """Where the page reads, until it goes or says something else."""
     while True:
         message = await socket.receive()

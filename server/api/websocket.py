@@ -17,7 +17,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server import wire, wire_codec
 from server.streaming.hub import Hub
-from server.streaming.send_queue import Outbox
+from server.streaming.send_queue import SendQueue
 
 log = logging.getLogger("imuscope.live")
 router = APIRouter()
@@ -29,7 +29,7 @@ LONGEST_INTERVAL_S = 0.1  # between two flushes, however seldom a page draws: wh
 HISTORY_PAUSE_S = 0.002  # between two messages of history: 128 KiB each, so 60 MB/s at most, for all browsers together
 
 
-class Sender:
+class WebSocketSender:
     """Sends one outbox, and knows when the last byte moved."""
 
     def __init__(self, socket: WebSocket, hub: Hub) -> None:
@@ -37,7 +37,7 @@ class Sender:
         self._hub = hub
         self._wake = asyncio.Event()
         extensions = socket.scope.get("extensions", {})
-        self.outbox = Outbox(self._wake.set, send_now=extensions.get("imuscope.send_now", lambda frame: False))
+        self.outbox = SendQueue(self._wake.set, send_now=extensions.get("imuscope.send_now", lambda frame: False))
         self._transport: asyncio.WriteTransport | None = extensions.get("imuscope.transport")
         self.peer = socket.client.host if socket.client is not None else ""
         self._waiting = 0
@@ -78,7 +78,7 @@ class Sender:
         return now - self._stuck_since > STUCK_S
 
 
-class Pace:
+class RequestThrottle:
     """So many a second, and some at once: who wants more waits, and so does what it sends, in its own socket."""
 
     def __init__(self, per_s: float, at_once: float, now: float) -> None:
@@ -92,9 +92,9 @@ class Pace:
         return max(0.0, -self._left / self._per_s)
 
 
-async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
+async def _listen(socket: WebSocket, hub: Hub, outbox: SendQueue) -> None:
     """Serve the browser's requests until it goes, so many a second: a flood of them costs the others nothing."""
-    pace = Pace(REQUESTS_PER_S, REQUESTS_AT_ONCE, hub.now())
+    pace = RequestThrottle(REQUESTS_PER_S, REQUESTS_AT_ONCE, hub.now())
     while True:
         message: dict[str, Any] = dict(await socket.receive())
         if message["type"] == "websocket.disconnect":
@@ -119,7 +119,7 @@ async def _listen(socket: WebSocket, hub: Hub, outbox: Outbox) -> None:
             hub.subscribe(outbox, request)
 
 
-async def _watch(sender: Sender, hub: Hub) -> None:
+async def _watch(sender: WebSocketSender, hub: Hub) -> None:
     """Return when the browser is stuck; tell the log when it begins to lag."""
     told = 0
     while not sender.is_stuck(hub.now()):
@@ -130,7 +130,7 @@ async def _watch(sender: Sender, hub: Hub) -> None:
         await asyncio.sleep(1.0)
 
 
-def _log(sender: Sender, words: str, level: int = logging.WARNING, **data: object) -> None:
+def _log(sender: WebSocketSender, words: str, level: int = logging.WARNING, **data: object) -> None:
     number = sender.outbox.number
     data = {"client": number, "peer": sender.peer, **data}
     often = ("client", number) if level > logging.INFO else None
@@ -150,7 +150,7 @@ async def live(socket: WebSocket) -> None:
         await socket.close(1002, "subprotocol")
         return
     await socket.accept(wire.SUBPROTOCOL)
-    sender = Sender(socket, hub)
+    sender = WebSocketSender(socket, hub)
     hub.attach(sender.outbox)
     _log(sender, f"is connected, from {sender.peer or 'an unknown peer'}.", logging.INFO)
     tasks = [

@@ -16,20 +16,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from protocols.idtp.custom_payloads import Schema
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Command, Field, Setting
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
-from server.commands.compose import ComposeError, tongues
+from server.commands.compose import ComposeError, composers
 from server.configuration.api_models import Forms
 from server.configuration.form_builder import forms_of
 
-Row = Command | Setting
+CommandListRow = Command | Setting
 WIDTH = 120
 KINDS = {"ask": "asks, changes nothing", "set": "writes a setting", "do": "starts something"}
 
 
-def every_form() -> list[Forms]:
+def all_forms() -> list[Forms]:
     """The tables of every protocol that has any, as forms: all products together."""
-    return [forms_of(one.driver, one.name, Known()) for one in PROTOCOLS.values() if one.driver is not None]
+    return [forms_of(one.driver, one.name, DeviceContext()) for one in PROTOCOLS.values() if one.driver is not None]
 
 
 def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> Iterator[str]:
@@ -40,9 +40,9 @@ def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> 
     Raises:
         ComposeError: nothing is called like that.
     """
-    tables: dict[str, list[Row]] = {
-        one.name: [*one.driver.commands(Known()), *one.driver.settings(Known())]
-        for one in tongues(schema=schema).values()
+    tables: dict[str, list[CommandListRow]] = {
+        one.name: [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
+        for one in composers(schema=schema).values()
         if protocol in ("", "auto", one.name)
     }
     if not name:
@@ -58,7 +58,7 @@ def manual(protocol: str = "", name: str = "", schema: Schema | None = None) -> 
         yield from _entry(spoken, row)
 
 
-def _overview(protocol: str, rows: Sequence[Row]) -> Iterator[str]:
+def _overview(protocol: str, rows: Sequence[CommandListRow]) -> Iterator[str]:
     width = max((len(row.name) for row in rows), default=0)
     group = ""
     for row in sorted(rows, key=lambda row: list(dict.fromkeys(one.group for one in rows)).index(row.group)):
@@ -69,7 +69,7 @@ def _overview(protocol: str, rows: Sequence[Row]) -> Iterator[str]:
         yield f"  {row.name:<{width}}  {row.title or row.name}{harm}"
 
 
-def _entry(protocol: str, row: Row) -> Iterator[str]:
+def _entry(protocol: str, row: CommandListRow) -> Iterator[str]:
     yield f"{row.name}  ({protocol}, {row.group})"
     kind = KINDS[row.kind] if isinstance(row, Command) else "a setting, kept by the device"
     yield f"  {row.title or row.name}: {kind}."

@@ -13,7 +13,7 @@ from pathlib import Path
 from server import logging_setup
 from server.commands.arguments import COMMANDS
 from server.config import load
-from server.devices.decode_options import OPTIONS, Reading, key_text, reading, schema_text, taken_from
+from server.devices.decode_options import OPTIONS, DecodeOptions, key_text, parse_source_options, reading, schema_text
 from server.jit_cache import compile_by_two, prepare_cache
 
 BOTH = "--unverified shows Secure frames without a key, and a key is given (--key or IMUSCOPE_KEY); leave one out"
@@ -29,22 +29,22 @@ def warm(data: Path | None) -> Path:
     folder = load(data=data).data
     first, words = prepare_cache(folder)
     for sentence in words:
-        logging_setup.say(f"imuscope: {sentence}")
+        logging_setup.print_or_log(f"imuscope: {sentence}")
     if first:
-        logging_setup.say("imuscope: compiling the decoders; this is done once and takes some seconds.")
+        logging_setup.print_or_log("imuscope: compiling the decoders; this is done once and takes some seconds.")
         compile_by_two()
     from protocols import jit, registry
     from recordings import mcap_reader  # noqa: F401 (it has compiled loops, too)
 
-    registry.warm()
+    registry.warm_up()
     try:
-        jit.keep()
+        jit.save()
     except OSError:
-        logging_setup.say("imuscope: compiled code could not be kept; it is compiled again next time.")
+        logging_setup.print_or_log("imuscope: compiled code could not be kept; it is compiled again next time.")
     return folder
 
 
-def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> Reading:
+def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check: bool = True) -> DecodeOptions:
     """What the options of a command say about reading, those that it has.
 
     Raises:
@@ -66,7 +66,7 @@ def reading_of(options: argparse.Namespace, protocol: str = "", *, replay_check:
     )
 
 
-def settled(said: Reading) -> Reading:
+def settled(said: DecodeOptions) -> DecodeOptions:
     """The same with a protocol that there is; "" where it is to be recognised.
 
     Raises:
@@ -117,7 +117,7 @@ def kept_aside(pieces: Iterable[bytes]) -> Iterator[Path]:
         yield Path(aside.name)
 
 
-def check_sources(sources: Sequence[str], given: Reading) -> None:
+def check_sources(sources: Sequence[str], given: DecodeOptions) -> None:
     """UsageError: one of them cannot be opened, ever."""
     from server.links import LinkError, open_link
     from server.links.capture_file import FileLink
@@ -126,7 +126,7 @@ def check_sources(sources: Sequence[str], given: Reading) -> None:
     seen: set[str] = set()
     for source in sources:
         try:
-            place, own = taken_from(source, given)
+            place, own = parse_source_options(source, given)
             link = open_link(place)
         except LinkError as error:
             raise UsageError(str(error)) from None

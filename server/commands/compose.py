@@ -29,22 +29,22 @@ from typing import Any
 from protocols.flag_words import nearest, word_of
 from protocols.idtp import json_codec as idtp_plain
 from protocols.idtp import messages as idtp_messages
-from protocols.idtp.commands import DATA, HEADER, readings
+from protocols.idtp.commands import DATA, HEADER, reading_fields
 from protocols.idtp.driver import IdtpDriver
 from protocols.isb import json_codec as isb_plain
 from protocols.isb import messages as isb_messages
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Command, Field
-from protocols.transactions import Driver, Known
+from protocols.transactions import DeviceContext, DeviceDriver
 from protocols.xbus import data_identifiers as xbus_items
 from protocols.xbus import json_codec as xbus_plain
 from protocols.xbus import messages as xbus_messages
 from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 
-Record = Mapping[str, Any]
-NOTHING: Record = {}
+FrameRecord = Mapping[str, Any]
+NOTHING: FrameRecord = {}
 _NUMBER = re.compile(r"0x[0-9A-Fa-f]{1,2}")
 _DEGREES = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(?:°|deg)(?:/s)?\Z", re.IGNORECASE)
 _DEGREES_IN = re.compile(r"\d\s*(°|deg)", re.IGNORECASE)
@@ -57,7 +57,7 @@ class ComposeError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Tongue:
+class ProtocolComposer:
     """What composing needs of a protocol.
 
     Args:
@@ -70,30 +70,30 @@ class Tongue:
     """
 
     name: str
-    driver: Driver
+    driver: DeviceDriver
     messages: Mapping[str, tuple[Field, ...]]
-    frame_of: Callable[[Record], bytes]
+    frame_of: Callable[[FrameRecord], bytes]
     opaque: tuple[Field, ...] = (DATA,)
     numbered: bool = True
     listed: Mapping[str, tuple[Field, ...]] | None = None
 
     def command(self, name: str) -> Command | None:
         """A command by name; the $ of a sentence may be left out."""
-        commands = {row.name: row for row in self.driver.commands(Known())}
+        commands = {row.name: row for row in self.driver.commands(DeviceContext())}
         return commands.get(name) or commands.get(name.removeprefix("$"))
 
     def forms(self, name: str) -> list[Command]:
         """A command in each of its forms: of one name, told apart by what stands in brackets behind it."""
         first = self.command(name)
-        rows = self.driver.commands(Known())
+        rows = self.driver.commands(DeviceContext())
         return [first, *(row for row in rows if row.name.startswith(f"{first.name} ("))] if first else []
 
     def names(self) -> list[str]:
         """Everything that it can compose."""
-        return [*(row.name for row in self.driver.commands(Known())), *self.messages]
+        return [*(row.name for row in self.driver.commands(DeviceContext())), *self.messages]
 
 
-def tongues(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -> dict[str, Tongue]:
+def composers(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -> dict[str, ProtocolComposer]:
     """All protocols, by name.
 
     Args:
@@ -105,31 +105,33 @@ def tongues(key: bytes | None = None, schema: Mapping[int, Any] | None = None) -
     isb |= {row.name: row.fields for row in map(isb_messages.set_row, range(256))}
     isb |= {row.name: row.fields for row in isb_messages.COMMANDS.values()}
     rows = {**{row.name: row for row in idtp_messages.MESSAGES}, **{r.name: r for r in (schema or {}).values()}}
-    idtp = {name: (*HEADER, *readings(row)) for name, row in rows.items()}
+    idtp = {name: (*HEADER, *reading_fields(row)) for name, row in rows.items()}
 
-    def idtp_frame(record: Record) -> bytes:
-        return idtp_plain.frame_of(record, key, schema)
+    def idtp_frame(record: FrameRecord) -> bytes:
+        return idtp_plain.frame_from_json(record, key, schema)
 
     forms = {name: tuple(part for row in rows for part in row.fields) for name, rows in xbus_messages.BY_NAME.items()}
     forms["MTData2"] = tuple(xbus_items.BY_NAME.values())
     drivers = {name: row.driver for name, row in PROTOCOLS.items() if row.driver is not None}
     made = (
-        Tongue("xbus", drivers["xbus"], xbus, xbus_plain.frame_of, listed=forms),
-        Tongue("isb", drivers["isb"], isb, isb_plain.packet_of, numbered=False),
-        Tongue("idtp", IdtpDriver(schema), idtp, idtp_frame, (*HEADER, DATA)),
+        ProtocolComposer("xbus", drivers["xbus"], xbus, xbus_plain.frame_from_json, listed=forms),
+        ProtocolComposer("isb", drivers["isb"], isb, isb_plain.frame_from_json, numbered=False),
+        ProtocolComposer("idtp", IdtpDriver(schema), idtp, idtp_frame, (*HEADER, DATA)),
     )
     return {one.name: one for one in made}
 
 
-def known_of(reading: Reading) -> Known:
+def known_of(reading: DecodeOptions) -> DeviceContext:
     """What is known of a device that is not there: the key."""
-    return Known(key=reading.key)
+    return DeviceContext(key=reading.key)
 
 
 # -- one message, in words ---------------------------------------------------------------------------------------------
 
 
-def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "", pairs: Sequence[str] = ()) -> Tongue:
+def chosen(
+    all_tongues: Mapping[str, ProtocolComposer], message: str, protocol: str = "", pairs: Sequence[str] = ()
+) -> ProtocolComposer:
     """Whose message this is.
 
     Args:
@@ -153,7 +155,7 @@ def chosen(all_tongues: Mapping[str, Tongue], message: str, protocol: str = "", 
     raise ComposeError(f"no message{where} is called {message!r}; {nearest(message, list(names))}")
 
 
-def _numbered(among: Sequence[Tongue], message: str, pairs: Sequence[str]) -> Tongue:
+def _numbered(among: Sequence[ProtocolComposer], message: str, pairs: Sequence[str]) -> ProtocolComposer:
     """Whose message of a mere number it is: that of the only protocol which has such messages with these fields.
 
     Raises:
@@ -168,10 +170,10 @@ def _numbered(among: Sequence[Tongue], message: str, pairs: Sequence[str]) -> To
 
 
 def frame_of(
-    tongue: Tongue,
+    tongue: ProtocolComposer,
     message: str,
     pairs: Sequence[str],
-    known: Known | None = None,
+    known: DeviceContext | None = None,
     present: Mapping[str, Any] = NOTHING,
 ) -> tuple[bytes, dict[str, Any]]:
     """The frame of a message and the values that went into it.
@@ -182,7 +184,7 @@ def frame_of(
     Raises:
         ComposeError: a name or value that cannot be used.
     """
-    known = known or Known()
+    known = known or DeviceContext()
     problem = None
     for command in tongue.forms(message):
         try:
@@ -364,7 +366,7 @@ def _number(text: str, field: Field, path: str) -> int | float:
 # -- what inspect printed ----------------------------------------------------------------------------------------------
 
 
-def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue], protocol: str = "") -> Iterator[bytes]:
+def frames_of(lines: Iterable[str], all_tongues: Mapping[str, ProtocolComposer], protocol: str = "") -> Iterator[bytes]:
     """One frame for each line that inspect printed; rejects have none.
 
     Args:
@@ -390,7 +392,7 @@ def frames_of(lines: Iterable[str], all_tongues: Mapping[str, Tongue], protocol:
             raise ComposeError(f"line {number}: {error}") from None
 
 
-def frame_of_record(record: Record, all_tongues: Mapping[str, Tongue]) -> bytes:
+def frame_of_record(record: FrameRecord, all_tongues: Mapping[str, ProtocolComposer]) -> bytes:
     """The frame of one line."""
     protocol = record.get("protocol")
     if protocol is None:
@@ -408,7 +410,7 @@ def frame_of_record(record: Record, all_tongues: Mapping[str, Tongue]) -> bytes:
         raise ComposeError(f"{record.get('message')}: {error}") from None
 
 
-def _foreign(record: Record) -> bytes:
+def _foreign(record: FrameRecord) -> bytes:
     """A message that only passed through: its own bytes."""
     wire, fields = record.get("wire", {}), record.get("fields", {})
     line = wire.get("line")

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.column_store import Columns
-from recordings.exporters import FORMATS, Wish, by_suffix, export
+from recordings.column_store import ColumnStore
+from recordings.exporters import FORMATS, ExportRequest, by_suffix, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.library.decode import decode
 from server.printable import printable
@@ -60,7 +60,7 @@ class Bar:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DecodedPart:
     """What of a file is decoded.
 
     Args:
@@ -75,7 +75,9 @@ class Part:
     channels: tuple[str, ...] = ()
 
 
-def decode_file(path: Path, out: Path, reading: Reading, notes: TextIO, part: Part = Part()) -> list[Path]:
+def decode_file(
+    path: Path, out: Path, reading: DecodeOptions, notes: TextIO, part: DecodedPart = DecodedPart()
+) -> list[Path]:
     """The files that were written.
 
     Args:
@@ -118,7 +120,7 @@ def decode_file(path: Path, out: Path, reading: Reading, notes: TextIO, part: Pa
     return made
 
 
-def _wish(columns: Columns, path: Path, part: Part) -> Wish:
+def _wish(columns: ColumnStore, path: Path, part: DecodedPart) -> ExportRequest:
     """The part in the terms of the exporters. DecodeError: there is no such device, channel or time."""
     told = columns.manifest
     devices = {one["id"]: one["name"] for one in told["devices"]}
@@ -131,7 +133,7 @@ def _wish(columns: Columns, path: Path, part: Part) -> Wish:
     if not t0 < t1 or part.begin_s < 0 or (told["ended"] is not None and t0 > told["ended"]):
         raise DecodeError(f"{path.name} lasts {(told['ended'] or start) - start:.3f} s; nothing lies in that range")
     if not part.channels:
-        return Wish(columns, path, path.name, t0, t1, device=part.device)
+        return ExportRequest(columns, path, path.name, t0, t1, device=part.device)
     kinds = [*told["channels"], *told.get("payloads", ())]
     names = {name: None for one in kinds for name in (one["name"], one["message"])}
     for name in part.channels:
@@ -139,4 +141,4 @@ def _wish(columns: Columns, path: Path, part: Part) -> Wish:
             near = difflib.get_close_matches(name, names, 5, 0.4) or list(names)[:5]
             raise DecodeError(f"{path.name} has no channel {name!r}; nearest are: {', '.join(near)}")
     chosen = tuple(one["id"] for one in kinds if {one["name"], one["message"]} & set(part.channels))
-    return Wish(columns, path, path.name, t0, t1, chosen, part.device)
+    return ExportRequest(columns, path, path.name, t0, t1, chosen, part.device)

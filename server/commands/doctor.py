@@ -21,7 +21,7 @@ UNIT = "imuscope.service"
 _RANK = {"problem": 0, "warning": 1, "ok": 2}
 
 
-def told(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> int:
+def format_findings(findings: Sequence[Finding], out: TextIO, *, as_json: bool = False) -> int:
     """Print them, the worst first; the exit status: 1 where there is a problem."""
     ordered = sorted(findings, key=lambda one: _RANK[one.status])
     if as_json:

@@ -24,8 +24,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, TextIO
 
-from protocols.mixed_protocols import Mixture
-from protocols.registry import PROTOCOLS, ProtocolInfo, guess
+from protocols.mixed_protocols import MixedProtocolDetector
+from protocols.registry import PROTOCOLS, ProtocolInfo, detect
 from recordings.importers import GUESS_BYTES, GUESS_SCORE, CaptureSource, open_file
 from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
@@ -33,7 +33,7 @@ from recordings.sources import McapSource
 from server.commands.common import kept_aside
 from server.commands.inspect_table import EXPLAINED, InspectTable
 from server.commands.replay import ReplayError, chosen
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.printable import json_text
 
 CHUNK = 1 << 20
@@ -41,13 +41,13 @@ NO_DEVICES = "is no recording, and has no devices to choose from; leave --device
 TELL = ("no_key", "bad_hmac", "below_min_mode")
 """Reasons that an option would change."""
 
-Line = Mapping[str, Any]
+InspectLine = Mapping[str, Any]
 
 
 def inspect_file(
     path: str | Path,
     out: TextIO,
-    reading: Reading = Reading("auto"),  # noqa: B008 - frozen
+    reading: DecodeOptions = DecodeOptions("auto"),  # noqa: B008 - frozen
     *,
     direction: Literal["rx", "tx"] = "rx",
     format: Literal["table", "jsonl"] = "table",
@@ -69,7 +69,7 @@ def inspect_file(
         OSError: the file cannot be read.
     """
     with _opened(Path(path), reading.protocol, device, direction) as (row, pieces):
-        mixture = Mixture(row.name)
+        mixture = MixedProtocolDetector(row.name)
         counts: Counter[str] = Counter()
         lines = _counted(_lines(pieces, row, reading.settings(row.settings), mixture), counts, rejects)
         if format == "jsonl":
@@ -109,7 +109,7 @@ def _judge(name: str, row: ProtocolInfo, counts: Counter[str], rejects: bool, no
     )
 
 
-def _counted(lines: Iterator[Line], counts: Counter[str], rejects: bool) -> Iterator[Line]:
+def _counted(lines: Iterator[InspectLine], counts: Counter[str], rejects: bool) -> Iterator[InspectLine]:
     """The lines to show; what was accepted ("") and why the others were not is counted."""
     for line in lines:
         counts[line.get("reject", "")] += 1
@@ -189,7 +189,7 @@ def _guessed(head: bytes, name: str) -> str:
     """The protocol of some bytes. ValueError: none accounts for enough of them."""
     if not head:
         raise ValueError(f"{name} is empty.")
-    best = guess(head)[0]
+    best = detect(head)[0]
     if best.score >= GUESS_SCORE:
         return best.protocol
     where = f"the first {GUESS_BYTES // 1024} kB of " if len(head) == GUESS_BYTES else ""
@@ -206,7 +206,9 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
         yield chunk
 
 
-def _lines(pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], mixture: Mixture) -> Iterator[Line]:
+def _lines(
+    pieces: Iterator[bytes], row: ProtocolInfo, settings: Mapping[str, Any], mixture: MixedProtocolDetector
+) -> Iterator[InspectLine]:
     listing = row.listing(**settings)
     for chunk in pieces:
         mixture.feed(chunk)

@@ -18,7 +18,7 @@ from typing import Any
 from protocols.idtp.custom_payloads import Schema
 from protocols.labels import device_label
 from protocols.schema import Field
-from server.commands.compose import Tongue, tongues
+from server.commands.compose import ProtocolComposer, composers
 from server.configuration.value_format import output_title
 from server.printable import printable
 
@@ -68,7 +68,7 @@ class InspectTable:
     head = f"{'offset':>10}  {'size':>5}  {'message':<{WIDTH}}  fields"
 
     def __init__(self, schema: Schema | None = None) -> None:
-        self._tongues = tongues(schema=schema)
+        self._tongues = composers(schema=schema)
         self._fields = lru_cache(maxsize=1024)(self._fields_of)
 
     def row(self, line: Line) -> str:
@@ -89,13 +89,13 @@ class InspectTable:
 
     def _fields_of(self, protocol: str, message: str) -> Mapping[str, Field]:
         """Field by the name that inspect prints; {} of what passes through any port."""
-        tongue: Tongue | None = self._tongues.get(protocol)
+        tongue: ProtocolComposer | None = self._tongues.get(protocol)
         if tongue is None:
             return {}
         return {field.name: field for field in _rows(tongue, message)}
 
 
-def _rows(tongue: Tongue, message: str) -> tuple[Field, ...]:
+def _rows(tongue: ProtocolComposer, message: str) -> tuple[Field, ...]:
     return (tongue.listed or {}).get(message) or tongue.messages.get(message) or tongue.opaque
 
 

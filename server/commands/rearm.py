@@ -25,7 +25,7 @@ class RearmError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RearmRequest:
     """Whom to re-arm, and where.
 
     Args:
@@ -39,7 +39,7 @@ class Wish:
     data: Path
 
 
-def rearm(wish: Wish) -> str:
+def rearm(wish: RearmRequest) -> str:
     """What was done, in a line.
 
     Raises:
@@ -67,7 +67,7 @@ def rearm(wish: Wish) -> str:
     return f"{whom} re-armed on {len(links)} link{'s' if len(links) > 1 else ''} of {wish.server}."
 
 
-def _ask(wish: Wish, path: str, body: Any = None) -> Any:
+def _ask(wish: RearmRequest, path: str, body: Any = None) -> Any:
     """What the server answers. ConnectionRefusedError: there is none."""
     data = None if body is None else json.dumps(body).encode()
     request = urllib.request.Request(wish.server.rstrip("/") + path, data)

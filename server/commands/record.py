@@ -20,16 +20,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from recordings.compaction import pack
+from recordings.compaction import compact
 from recordings.mcap_writer import SUFFIX, RecordingError
 from server import wire
-from server.configuration.controllers import Desks
+from server.configuration.controllers import ControllerRegistry
 from server.devices import protocol_set
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import SequenceStore
 from server.devices.session import Session
 from server.devices.sessions import Sessions
-from server.library.recorder import Plan, Recorder
+from server.library.recorder import Recorder, RecordingOptions
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
 from server.printable import printable
@@ -45,7 +45,7 @@ class RecordError(Exception):
 
 
 @dataclass(slots=True)
-class Heard:
+class RecordStatus:
     """What has come from the device."""
 
     size: int = 0
@@ -65,7 +65,7 @@ class Heard:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RecordRequest:
     """What is to be recorded.
 
     Args:
@@ -74,13 +74,13 @@ class Wish:
         data: the data folder, for settings of the device that are known.
     """
 
-    sources: tuple[tuple[str, Reading], ...]
+    sources: tuple[tuple[str, DecodeOptions], ...]
     path: Path
     duration_s: float | None
     data: Path
 
 
-def record(wish: Wish, notes: TextIO) -> str:
+def record(wish: RecordRequest, notes: TextIO) -> str:
     """Record until the end, then pack.
 
     Returns:
@@ -96,7 +96,7 @@ def record(wish: Wish, notes: TextIO) -> str:
     try:
         heard, name = asyncio.run(_record(wish, notes))
         tty = notes.isatty()
-        pack(wish.path, progress=(lambda share: _say(notes, f"packing {share:.0%}")) if tty else None)
+        compact(wish.path, progress=(lambda share: _say(notes, f"packing {share:.0%}")) if tty else None)
     except RecordingError as error:
         raise RecordError(f"{error.message} {error.hint}".rstrip()) from None
     _say(notes, "")
@@ -104,15 +104,17 @@ def record(wish: Wish, notes: TextIO) -> str:
     return printable(f"{wish.path}: {heard.seconds:.1f} s, {amount(heard.size)} of {name}, {amount(size)} on disk")
 
 
-async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
+async def _record(wish: RecordRequest, notes: TextIO) -> tuple[RecordStatus, str]:
     now_ns = steady_clock()
     hub = Hub(lambda: now_ns() / 1e9, history_s=1)
     sessions = Sessions(
         hub, open_link, protocol_set.speech(), LinkSettings(now_ns=now_ns), sequences=SequenceStore(wish.data)
     )
-    desks = Desks(hub, sessions, wish.data, 20)
-    recorder = Recorder(hub, sessions, desks, Plan(wish.path.parent, follow_clock=False), None, time.time_ns)
-    heard = Heard()
+    desks = ControllerRegistry(hub, sessions, wish.data, 20)
+    recorder = Recorder(
+        hub, sessions, desks, RecordingOptions(wish.path.parent, follow_clock=False), None, time.time_ns
+    )
+    heard = RecordStatus()
     sessions.on_added(lambda session: _listen(session, heard))
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -146,12 +148,17 @@ async def _record(wish: Wish, notes: TextIO) -> tuple[Heard, str]:
     return heard, name
 
 
-def _listen(session: Session, heard: Heard) -> None:
+def _listen(session: Session, heard: RecordStatus) -> None:
     session.chunks(heard.take)
 
 
 async def _until_end(
-    wish: Wish, recorder: Recorder, sessions: list[Session], heard: Heard, ended: asyncio.Event, notes: TextIO
+    wish: RecordRequest,
+    recorder: Recorder,
+    sessions: list[Session],
+    heard: RecordStatus,
+    ended: asyncio.Event,
+    notes: TextIO,
 ) -> None:
     """Return when somebody ends it, its time is over, every file is, or the disk fails. Without a terminal only what
     a source waits for is said, once."""
@@ -184,7 +191,7 @@ async def _until_end(
         say()
 
 
-def progress(sessions: Sequence[Session], heard: Heard, state: wire.RecorderState) -> str:
+def progress(sessions: Sequence[Session], heard: RecordStatus, state: wire.RecorderState) -> str:
     """How it goes, in a line."""
     parts = [f"{heard.seconds:.1f} s", amount(state.bytes)]
     for session in sessions:

@@ -31,7 +31,7 @@ from typing import Protocol, TextIO
 
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
-from recordings.replay import Replay, extent
+from recordings.replay import ReplayClock, extent
 from recordings.sources import Source
 from server.links.base import steady_clock
 from server.links.reader_thread import write_all
@@ -67,7 +67,7 @@ class Sink(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ReplayRequest:
     """What is to be played, and where to.
 
     Args:
@@ -86,7 +86,7 @@ class Wish:
     device: str = ""
 
 
-async def replay(wish: Wish, out: TextIO) -> int:
+async def replay(wish: ReplayRequest, out: TextIO) -> int:
     """Play to the end, or until SIGINT or SIGTERM; how many bytes were sent.
 
     Raises:
@@ -115,7 +115,7 @@ async def replay(wish: Wish, out: TextIO) -> int:
         await sink.close()
 
 
-def _replay(wish: Wish) -> Replay:
+def _replay(wish: ReplayRequest) -> ReplayClock:
     try:
         file = open_file(wish.path, wish.protocol)
         span = extent(file)
@@ -127,7 +127,7 @@ def _replay(wish: Wish) -> Replay:
     start_ns = span[0] + round(wish.begin_s * 1e9)
     if not start_ns < stop_ns or start_ns > span[1]:
         raise ReplayError(f"{wish.path.name} lasts {(span[1] - span[0]) / 1e9:.3f} s; nothing lies in that range.")
-    return Replay(
+    return ReplayClock(
         file,
         steady_clock(),
         speed=wish.speed,
@@ -153,7 +153,7 @@ def chosen(file: Source, device: str) -> str:
     return device or (known[0] if known else "1")
 
 
-async def _play(replay: Replay, sink: Sink, out: TextIO) -> int:
+async def _play(replay: ReplayClock, sink: Sink, out: TextIO) -> int:
     print(sink.place, file=out, flush=True)
     replay.pause()
     await sink.ready()

@@ -23,14 +23,23 @@ from typing import Any, TextIO
 
 from protocols.events import Decoder, Event, Shared, sender_of
 from protocols.layouts import EncodeError
-from protocols.registry import PROTOCOLS, guess
+from protocols.registry import PROTOCOLS, detect
 from protocols.schema import Command, Setting
-from protocols.transactions import Dialogue, Driver, InState, Known, RefusedError, SilentError, T, Values
-from server.commands.compose import ComposeError, Tongue, chosen, frame_of, names_elements, parse, tongues
+from protocols.transactions import (
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    NoReplyError,
+    RequiresState,
+    T,
+    Transaction,
+    Values,
+)
+from server.commands.compose import ComposeError, ProtocolComposer, chosen, composers, frame_of, names_elements, parse
 from server.configuration.dangers import dangers_of_write
 from server.configuration.transaction_runner import Runner
 from server.configuration.value_format import value_at
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.links import open_link
 from server.links.base import Link, LinkError, LinkSettings, steady_clock
 from server.printable import json_text
@@ -46,7 +55,7 @@ class SendError(Exception):
     """Why it came to nothing, in one sentence."""
 
 
-class _Quiet:
+class NullWatcher:
     """A watcher that says nothing: the log of the exchange is the page's."""
 
     def sent(self, frame: bytes, what: str) -> None: ...
@@ -122,7 +131,7 @@ class LinkChannel:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class SendRequest:
     """What is to be sent.
 
     Args:
@@ -139,13 +148,13 @@ class Wish:
     device: str = ""
 
 
-async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None:
+async def send(wish: SendRequest, reading: DecodeOptions, out: TextIO, notes: TextIO) -> None:
     """Do it and print what came of it.
 
     Raises:
         SendError, compose.ComposeError: why not.
     """
-    spoken = tongues(reading.key, reading.schema)
+    spoken = composers(reading.key, reading.schema)
     try:
         # What is written wrongly is told before a port is touched.
         hint = _tongue(spoken, wish.message, reading.protocol)
@@ -161,7 +170,7 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
             channel.start(first)
             try:
                 device = await _addressed(channel, wish.device)
-                known = Known(baud=link.baud, key=reading.key, device=device)
+                known = DeviceContext(baud=link.baud, key=reading.key, device=device)
                 await _exchange(_Asked(tongue, wish, known), channel, out, notes)
             finally:
                 await channel.close()
@@ -169,9 +178,9 @@ async def send(wish: Wish, reading: Reading, out: TextIO, notes: TextIO) -> None
             await link.close()
     except LinkError as error:
         raise SendError(str(error)) from None
-    except RefusedError as error:
+    except DeviceRejectedError as error:
         raise SendError(f"refused: {error}") from None
-    except SilentError as error:
+    except NoReplyError as error:
         raise SendError(str(error)) from None
     except EncodeError as error:
         raise SendError(f"{wish.message}: {error}") from None
@@ -195,15 +204,15 @@ async def _addressed(channel: LinkChannel, device: str) -> str:
     return device or (str(heard[0]) if heard and heard[0] != ALONE else "")
 
 
-def _speaks(tongue: Tongue, message: str) -> bool:
-    return message in tongue.names() or _setting(tongue.driver, message, Known()) is not None
+def _speaks(tongue: ProtocolComposer, message: str) -> bool:
+    return message in tongue.names() or _setting(tongue.driver, message, DeviceContext()) is not None
 
 
-def _tongue(spoken: dict[str, Tongue], message: str, protocol: str) -> Tongue:
+def _tongue(spoken: dict[str, ProtocolComposer], message: str, protocol: str) -> ProtocolComposer:
     """Whose message or setting it is."""
     among = [spoken[protocol]] if protocol in spoken else list(spoken.values())
     for tongue in among:
-        if _setting(tongue.driver, message, Known()) is not None:
+        if _setting(tongue.driver, message, DeviceContext()) is not None:
             return tongue
     return chosen(spoken, message, protocol)
 
@@ -216,29 +225,29 @@ async def _recognised(link: Link, protocol: str, hint: str) -> tuple[str, bytes]
             left = (BOOT_S if protocol else LISTEN_S) - (time.monotonic() - begin)
             for chunk in await asyncio.wait_for(link.read(), max(left, 0.001)):
                 heard += chunk.data
-    best = guess(bytes(heard))[0] if heard and not protocol else None
+    best = detect(bytes(heard))[0] if heard and not protocol else None
     return protocol or (best.protocol if best and best.score > 0.2 else hint), bytes(heard)
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    tongue: Tongue
-    wish: Wish
-    known: Known
+    tongue: ProtocolComposer
+    wish: SendRequest
+    known: DeviceContext
 
 
 async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: TextIO) -> None:
     """The dialogues of one wish."""
     driver, wish = asked.tongue.driver, asked.wish
-    runner = Runner(channel, _Quiet())
+    runner = Runner(channel, NullWatcher())
 
-    async def play(body: Dialogue[T]) -> T:
+    async def play(body: Transaction[T]) -> T:
         return await runner.run(driver.within(body, known))
 
     known = asked.known
     command = asked.tongue.command(wish.message)
     if command is None or not _continues(asked.tongue, command, wish, known):
-        with contextlib.suppress(SilentError, RefusedError):
+        with contextlib.suppress(NoReplyError, DeviceRejectedError):
             known = replace(await play(driver.identify(known)), baud=known.baud, key=known.key)
     setting = _setting(driver, wish.message, known)
     if setting is not None and command is None:
@@ -264,7 +273,11 @@ async def _exchange(asked: _Asked, channel: LinkChannel, out: TextIO, notes: Tex
 
 
 async def _present(
-    driver: Driver, command: Command | None, wish: Wish, known: Known, play: Callable[[Dialogue[Any]], Any]
+    driver: DeviceDriver,
+    command: Command | None,
+    wish: SendRequest,
+    known: DeviceContext,
+    play: Callable[[Transaction[Any]], Any],
 ) -> Values:
     """What the device has of the setting that a command writes, where one element of a vector is named."""
     try:
@@ -276,22 +289,22 @@ async def _present(
     return {} if row is None else await play(driver.read(row.name, known))
 
 
-def _continues(tongue: Tongue, command: Command, wish: Wish, known: Known) -> bool:
+def _continues(tongue: ProtocolComposer, command: Command, wish: SendRequest, known: DeviceContext) -> bool:
     """Does it take up what an earlier command began, which asking the device who it is would discard?"""
     try:
         _, values = frame_of(tongue, wish.message, wish.pairs, known)
     except ComposeError:  # in the form of another product, perhaps: said when the product is known
         return False
     body = tongue.driver.run(command.name, values, known)
-    return isinstance(body, InState) and body.continues
+    return isinstance(body, RequiresState) and body.continues
 
 
 async def _setting_wish(
-    tongue: Tongue,
+    tongue: ProtocolComposer,
     setting: Setting,
-    wish: Wish,
-    known: Known,
-    play: Callable[[Dialogue[Any]], Any],
+    wish: SendRequest,
+    known: DeviceContext,
+    play: Callable[[Transaction[Any]], Any],
     out: TextIO,
     notes: TextIO,
 ) -> None:
@@ -316,17 +329,19 @@ async def _setting_wish(
         _tell_altered(driver, setting, values, written.got, notes)
 
 
-def _setting(driver: Driver, name: str, known: Known) -> Setting | None:
+def _setting(driver: DeviceDriver, name: str, known: DeviceContext) -> Setting | None:
     return next((row for row in driver.settings(known) if row.name == name), None)
 
 
-def _allow(row: Command, wish: Wish) -> None:
+def _allow(row: Command, wish: SendRequest) -> None:
     """A dangerous one is sent only to who has said yes."""
     if row.caution and not wish.yes:
         raise SendError(f"{row.name}: {row.consequence or 'this can do harm.'} Add --yes to send it")
 
 
-def _target(driver: Driver, command: Command, values: Values, known: Known) -> tuple[Setting, Values] | None:
+def _target(
+    driver: DeviceDriver, command: Command, values: Values, known: DeviceContext
+) -> tuple[Setting, Values] | None:
     """The setting that a command writes, and its values."""
     other = driver.instead(command.name, values, {}, known)
     if other is not None and other[1]:
@@ -339,18 +354,18 @@ def _target(driver: Driver, command: Command, values: Values, known: Known) -> t
 
 
 async def _allow_write(
-    driver: Driver,
+    driver: DeviceDriver,
     setting: Setting,
     values: Values,
-    wish: Wish,
-    known: Known,
-    play: Callable[[Dialogue[Any]], Any],
+    wish: SendRequest,
+    known: DeviceContext,
+    play: Callable[[Transaction[Any]], Any],
 ) -> None:
     """What could cut the line, or do other harm, is written only for who has said yes: as on the page."""
     if wish.yes:
         return
     old: Values | None = None
-    with contextlib.suppress(RefusedError):
+    with contextlib.suppress(DeviceRejectedError):
         old = await play(driver.read(setting.name, known))
     found = dangers_of_write(driver, setting, old, values, known, restarts=False)
     if found:
@@ -358,7 +373,7 @@ async def _allow_write(
         raise SendError(f"{setting.name}: {words} Add --yes to send it")
 
 
-def _tell_altered(driver: Driver, setting: Setting, asked: Values, got: Values, notes: TextIO) -> None:
+def _tell_altered(driver: DeviceDriver, setting: Setting, asked: Values, got: Values, notes: TextIO) -> None:
     """What a device made of the values (it rounds rates)."""
     for path in driver.same(setting.name, {name: asked[name] for name in asked if name in got}, got):
         have, wish = value_at(got, path), value_at(asked, path)

@@ -50,7 +50,7 @@ def serve(options: argparse.Namespace) -> None:
     url = _url(config, listener.getsockname()[1])
 
     def ready() -> None:
-        logging_setup.say(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
+        logging_setup.print_or_log(f"imuscope {VERSION} ({time.monotonic() - started:.1f} s)")
         _tell(config, access, url, keeper.tls.fingerprint if keeper is not None else "")
 
     try:
@@ -98,10 +98,10 @@ def _tell(config: Config, access: Access, url: str, fingerprint: str) -> None:
     if fingerprint:
         print(f"SHA-256 of its certificate: {fingerprint}", flush=True)
     for name in short_tokens(config):
-        logging_setup.say(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
+        logging_setup.print_or_log(f"{name} could be guessed: give it {UNGUESSABLE} characters or more.")
     if not config.sources:
         words = "No source given: showing twins of an Xsens MTi, an Inertial Sense IMX and an IDTP device."
-        logging_setup.say(f"{words} See `imuscope serve --help`.")
+        logging_setup.print_or_log(f"{words} See `imuscope serve --help`.")
 
 
 def _url(config: Config, port: int) -> str:

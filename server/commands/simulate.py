@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import TextIO
 
 from server.links.base import LinkError
-from server.links.simulated_device import TwinOptions, make_device
-from server.links.simulator import Bench
-from server.links.source_url import Source
+from server.links.simulated_device import SimulatorOptions, make_device
+from server.links.simulator import SimulatorThread
+from server.links.source_url import SourceUrl
 
 PREFIX = "twin:"
 RATE_LOOK_S = 0.05  # how soon the TCP side follows a new rate of the device
@@ -33,20 +33,20 @@ class SimulateError(Exception):
     """Why there is no simulated device, in one sentence."""
 
 
-def options_of(text: str) -> TwinOptions:
+def options_of(text: str) -> SimulatorOptions:
     """The device that a person named, such as "xbus?product=MTi-680G".
 
     Raises:
         SimulateError: there is none of that kind, or an option is wrong.
     """
     try:
-        return TwinOptions.of(Source.parse(text if text.startswith(PREFIX) else PREFIX + text))
+        return SimulatorOptions.of(SourceUrl.parse(text if text.startswith(PREFIX) else PREFIX + text))
     except LinkError as error:
         raise SimulateError(str(error).replace(PREFIX, "")) from None
 
 
 def simulate(
-    options: TwinOptions, key: bytes | None, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
+    options: SimulatorOptions, key: bytes | None, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
 ) -> None:
     """Run the device until a signal ends it.
 
@@ -58,7 +58,7 @@ def simulate(
     Raises:
         SimulateError: the link cannot be made, or nothing can listen there.
     """
-    bench = Bench(lambda start_ns: make_device(options, start_ns, key), options)
+    bench = SimulatorThread(lambda start_ns: make_device(options, start_ns, key), options)
     try:
         asyncio.run(_run(bench, options, pty, tcp, out))
     finally:
@@ -67,7 +67,9 @@ def simulate(
             pty.unlink()
 
 
-async def _run(bench: Bench, options: TwinOptions, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO) -> None:
+async def _run(
+    bench: SimulatorThread, options: SimulatorOptions, pty: Path | None, tcp: tuple[str, int] | None, out: TextIO
+) -> None:
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -91,7 +93,7 @@ async def _run(bench: Bench, options: TwinOptions, pty: Path | None, tcp: tuple[
 class Bridge:
     """Carries bytes between the port of a bench and TCP clients; the port follows the device's rate."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: SimulatorThread) -> None:
         self._bench = bench
         self._port = os.open(bench.slave, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         self._clients: set[asyncio.StreamWriter] = set()

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from protocols.layouts import EncodeError
 from protocols.transactions import Values
 from server.configuration.api_models import LoadInfo
-from server.configuration.preview import Present, load_of
+from server.configuration.preview import DevicePresentState, load_of
 from server.configuration.transaction_runner import group
 
 OVER_HINT = (
@@ -23,7 +23,7 @@ OVER_HINT = (
 _MORE = 1.000_001
 
 
-def overload(present: Present, changes: Mapping[str, Values]) -> str:
+def overload(present: DevicePresentState, changes: Mapping[str, Values]) -> str:
     """Why the line cannot carry what the device would send after these changes.
 
     Args:
@@ -47,7 +47,7 @@ def overload(present: Present, changes: Mapping[str, Values]) -> str:
     return f"The outputs need {max(100.1, 100 * share):.1f} % of the link{rate}."
 
 
-def _baud_after(present: Present, changes: Mapping[str, Values]) -> int | None:
+def _baud_after(present: DevicePresentState, changes: Mapping[str, Values]) -> int | None:
     baud = present.line.baud
     for name, new in changes.items():
         old = present.values.get(name)

@@ -7,14 +7,14 @@ from typing import Any
 
 from protocols.layouts import EncodeError
 from protocols.schema import Field
-from protocols.validation import problems
+from protocols.validation import find_problems
 from server.configuration.api_models import FieldProblem
 from server.configuration.value_format import head_of
 
 
 def problems_of(fields: Iterable[Field], values: Mapping[str, Any], *, partial: bool = False) -> list[FieldProblem]:
     """Everything that is wrong with values, each at its path."""
-    found = problems(tuple(fields), values, partial=partial)
+    found = find_problems(tuple(fields), values, partial=partial)
     return [FieldProblem(problem.path, full(problem.message)) for problem in found]
 
 

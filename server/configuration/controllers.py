@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from protocols.transactions import Driver
-from server.configuration.device_controller import Desk
+from protocols.transactions import DeviceDriver
+from server.configuration.device_controller import DeviceController
 from server.configuration.jobs import Jobs
-from server.configuration.rollback import Record, Trials
+from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import Snapshots
 from server.devices.member import AnyDevice, Member
 from server.devices.session import Session
@@ -26,7 +26,7 @@ from server.streaming.hub import Hub
 log = logging.getLogger("imuscope.desks")
 
 
-def driver_of(protocol: str) -> Driver | None:
+def driver_of(protocol: str) -> DeviceDriver | None:
     """The driver of a protocol of the registry."""
     from protocols.registry import PROTOCOLS
 
@@ -46,7 +46,7 @@ def decode(protocol: str, frame: bytes, session: AnyDevice) -> Mapping[str, Any]
     return next((line for line in listing.drain(stalled=True) if "reject" not in line), None)
 
 
-class Desks:
+class ControllerRegistry:
     """All desks of the server.
 
     Args:
@@ -61,15 +61,15 @@ class Desks:
         data: Path,
         trial_s: float,
         *,
-        drivers: Callable[[str], Driver | None] = driver_of,
+        drivers: Callable[[str], DeviceDriver | None] = driver_of,
     ) -> None:
         self._hub = hub
         self._sessions = sessions
         self._drivers = drivers
         self.snapshots = Snapshots(data / "snapshots", self._formerly)
-        self.trials = Trials(data / "trials")
+        self.trials = RollbackStore(data / "trials")
         self.jobs = Jobs(self.snapshots, self.trials, trial_s)
-        self._desks: dict[str, Desk] = {}
+        self._desks: dict[str, DeviceController] = {}
         sessions.on_added(self._added)
 
     def _formerly(self, protocol: str, serial_number: str) -> Sequence[str]:
@@ -78,7 +78,7 @@ class Desks:
 
     def _added(self, session: AnyDevice) -> None:
         device = session.info.id
-        desk = self._desks[device] = Desk(session, self._hub, self._drivers, decode, self._beside)
+        desk = self._desks[device] = DeviceController(session, self._hub, self._drivers, decode, self._beside)
 
         async def left() -> None:
             self._desks.pop(device, None)
@@ -88,19 +88,19 @@ class Desks:
         if isinstance(session, Session):
             session.senders.made.add(lambda sender: self._added(Member(session, sender)))
 
-    def on_link_of(self, device: str) -> list[Desk]:
+    def on_link_of(self, device: str) -> list[DeviceController]:
         """The desks of a device and of those that share its link."""
         own = device.partition(".")[0]
         return [desk for name, desk in self._desks.items() if name.partition(".")[0] == own]
 
-    def _beside(self, device: str) -> list[Desk]:
+    def _beside(self, device: str) -> list[DeviceController]:
         return [desk for desk in self.on_link_of(device) if desk.device != device]
 
-    def get(self, device: str) -> Desk:
+    def get(self, device: str) -> DeviceController:
         """KeyError when there is no such device."""
         return self._desks[device]
 
-    def _desk_at(self, record: Record) -> Desk:
+    def _desk_at(self, record: RollbackRecord) -> DeviceController:
         """The desk of the device of a trial, whose source is opened where it is not; that may be written otherwise than
         before, or be open at another rate."""
         same = (one.session for one in self._desks.values() if one.session.info.source == record.source)

@@ -21,24 +21,24 @@ from server.wire import Level
 KINDS_TOLD = 8
 
 
-class Tell(Protocol):
+class LogSink(Protocol):
     """Takes a sentence; `frame`: the bytes that were sent, b"" where it is about none."""
 
     def __call__(self, frame: bytes, text: str, level: Level) -> None: ...
 
 
-def nobody(frame: bytes, text: str, level: Level) -> None:
+def ignore(frame: bytes, text: str, level: Level) -> None:
     """Takes nothing down."""
 
 
-class Diary:
+class CorrectionLog:
     """Of one stream into one device.
 
     Args:
         source: where it comes from, without its password.
     """
 
-    def __init__(self, source: str, tell: Tell) -> None:
+    def __init__(self, source: str, tell: LogSink) -> None:
         self.messages: Counter[str] = Counter()
         self._source = source
         self._tell = tell

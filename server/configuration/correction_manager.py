@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from server.configuration.api_models import Corrections
-from server.configuration.correction_log import Tell, nobody
-from server.configuration.correction_stream import Forwarding
+from server.configuration.correction_log import LogSink, ignore
+from server.configuration.correction_stream import CorrectionForwarder
 from server.devices.member import AnyDevice
 from server.devices.sessions import Sessions
 
 FORWARDING_COMMAND = "ForwardGnssData"
 
 
-class CorrectionDesk:
+class CorrectionManager:
     """All streams of the server.
 
     Args:
@@ -24,7 +24,7 @@ class CorrectionDesk:
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
-        self._streams: dict[str, Forwarding] = {}
+        self._streams: dict[str, CorrectionForwarder] = {}
 
     def takes(self, session: AnyDevice) -> bool:
         """Has the device a receiver that takes RTCM?"""
@@ -34,7 +34,7 @@ class CorrectionDesk:
             return False
         if info.protocol == "isb":
             return True
-        commands = row.driver.commands(Known(product=info.product))
+        commands = row.driver.commands(DeviceContext(product=info.product))
         return bool(info.product) and any(command.name == FORWARDING_COMMAND for command in commands)
 
     def state(self, session: AnyDevice) -> Corrections:
@@ -42,7 +42,7 @@ class CorrectionDesk:
         stream = self._streams.get(session.info.id)
         return stream.state() if stream is not None else Corrections(source="")
 
-    async def begin(self, session: AnyDevice, source: str, tell: Tell = nobody) -> None:
+    async def begin(self, session: AnyDevice, source: str, tell: LogSink = ignore) -> None:
         """Forward a stream in place of the one before.
 
         Args:
@@ -50,7 +50,7 @@ class CorrectionDesk:
         Raises:
             CorrectionError: the source is written wrongly; the one before goes on.
         """
-        fresh = Forwarding(session, source, lambda: self._is_there(session), tell)
+        fresh = CorrectionForwarder(session, source, lambda: self._is_there(session), tell)
         await self.end(session)
         self._streams[session.info.id] = fresh
 

@@ -1,7 +1,7 @@
 """Corrections for a receiver: from a caster, a network address or a file, in whole messages, into a device.
 
     ntrip://user:password@host:2101/MOUNT ──┐
-    tcp://host:port                       ──┼─> Splitter ── whole RTCM 3 messages, CRC checked ──> session.send
+    tcp://host:port                       ──┼─> RtcmFramer ── whole RTCM 3 messages, CRC checked ──> session.send
     a file, at the pace it was made with  ──┘                                              MTi: in ForwardGnssData
                                                                                            IMX, GPX: as they are
 
@@ -31,14 +31,14 @@ from urllib.parse import unquote, urlsplit
 
 from protocols.events import Event, Reply
 from protocols.isb.encoder import sentence
-from protocols.rtcm import Splitter, epoch_ms
+from protocols.rtcm import RtcmFramer, epoch_ms
 from protocols.xbus.frames import MASTER
 from protocols.xbus.frames import build as xbus_frame
 from server.configuration.api_models import Corrections
-from server.configuration.correction_log import Diary, Tell, nobody
+from server.configuration.correction_log import CorrectionLog, LogSink, ignore
 from server.configuration.ntrip import CONNECT_S, READ, TRIED, Caster, CasterStream, CorrectionError, connect
 from server.devices.member import AnyDevice, address_of
-from server.devices.position_tracker import Place, Whereabouts
+from server.devices.position_tracker import Position, PositionTracker
 from server.links.base import LinkError
 from server.links.source_url import is_host, is_printable
 from server.wire import DeviceInfo
@@ -56,7 +56,7 @@ UNTIMED_S = 0.2  # between the messages of a file without times
 HINT = "Corrections come from ntrip://user:password@host:2101/MOUNT, tcp://host:port, or a file."
 
 
-class Receiver(Protocol):
+class CorrectionTarget(Protocol):
     """What is needed of a session."""
 
     @property
@@ -69,7 +69,7 @@ class Receiver(Protocol):
     def listen(self, callback: Callable[[Event], None]) -> Callable[[], None]: ...
 
 
-class Source(Protocol):
+class CorrectionSource(Protocol):
     """Where corrections come from."""
 
     async def open(self, gga: bytes) -> None: ...
@@ -148,7 +148,7 @@ class _File:
             raise CorrectionError(f"There is no file {self.path}.", HINT, over=True)
 
     async def chunks(self) -> AsyncIterator[bytes]:
-        splitter = Splitter()
+        splitter = RtcmFramer()
         last: int | None = None
         try:
             with self.path.open("rb") as file:
@@ -181,7 +181,7 @@ def _pause(last: int | None, epoch: int | None) -> float:
     return min(max(epoch - last, 0) / 1000, FILE_GAP_S) if abs(epoch - last) < 3_600_000 else 0.0
 
 
-def source_of(source: str) -> Source:
+def source_of(source: str) -> CorrectionSource:
     """What a source is, as it is written.
 
     Raises:
@@ -241,7 +241,7 @@ class _Counts:
     forwarded_at: float | None = None
 
 
-class Forwarding:
+class CorrectionForwarder:
     """One device's stream of corrections.
 
     Args:
@@ -254,10 +254,10 @@ class Forwarding:
 
     def __init__(
         self,
-        session: Receiver,
+        session: CorrectionTarget,
         source: str,
         is_there: Callable[[], bool] = lambda: True,
-        tell: Tell = nobody,
+        tell: LogSink = ignore,
         *,
         first_retry_s: float = FIRST_RETRY_S,
     ) -> None:
@@ -266,14 +266,14 @@ class Forwarding:
         self._source = source_of(source)
         self._told = without_password(source)
         self._retry_s = self._first_retry_s = first_retry_s
-        self._places = Whereabouts()
+        self._places = PositionTracker()
         self._counts = _Counts()
-        self._diary = Diary(self._told, tell)
+        self._diary = CorrectionLog(self._told, tell)
         self._recent: deque[tuple[float, int]] = deque()
         self._message, self._hint = f"Opening {self._told}.", ""
         self._running = True
         self._is_forwarding = False
-        self._splitter = Splitter()
+        self._splitter = RtcmFramer()
         self._off = session.listen(self._hear)
         self._task = asyncio.get_running_loop().create_task(self._run(), name=f"corrections {session.info.id}")
 
@@ -333,7 +333,7 @@ class Forwarding:
     async def _once(self) -> None:
         """One connection, until it ends."""
         self._counts.rejected += self._splitter.rejected
-        self._splitter = Splitter()
+        self._splitter = RtcmFramer()
         await self._source.open(self._gga())
         self._is_forwarding = False
         self._message, self._hint = f"Open, no message yet from {self._told}.", ""
@@ -407,7 +407,7 @@ class Forwarding:
                     await self._source.report(line)
 
 
-def gga(place: Place, now: datetime) -> bytes:
+def gga(place: Position, now: datetime) -> bytes:
     """A GGA sentence of a place, as a caster of virtual reference stations wants it."""
 
     def angle(value: float, width: int, names: str) -> str:

@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from protocols.transactions import RefusedError, SilentError, Values, Written
+from protocols.transactions import DeviceRejectedError, NoReplyError, Values, WriteResult
 from server.configuration import settings_procedures
-from server.configuration.device_controller import Desk, JobError, Task
+from server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from server.links.base import LinkError
 
 RETURN_S = 120.0  # for a person who looks for the plug
@@ -28,7 +28,7 @@ AWAY_HINT = "Connect it and switch it on, then read its settings: some may be ne
 AGAIN_HINT = "Apply again what is missing."
 
 
-async def opened(desk: Desk) -> bool:
+async def opened(desk: DeviceController) -> bool:
     """The link closed and opened again; False where it cannot be yet."""
     try:
         await desk.session.relink()
@@ -37,7 +37,7 @@ async def opened(desk: Desk) -> bool:
     return True
 
 
-async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str, Values]:
+async def read_back(desk: DeviceController, task: QueuedJob, names: Sequence[str]) -> Mapping[str, Values]:
     """What the device has when it is back.
 
     Raises:
@@ -48,16 +48,18 @@ async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str
     desk.step(task, "The device stopped answering; waiting for it")
     end = time.monotonic() + RETURN_S
     while time.monotonic() < end:
-        found: settings_procedures.Survey | None = None
+        found: settings_procedures.SettingsSnapshot | None = None
         try:
             if await desk.run(desk.driver.alive(desk.known)):
-                body = settings_procedures.survey(desk.driver, desk.known, names, lambda words: desk.step(task, words))
+                body = settings_procedures.read_settings(
+                    desk.driver, desk.known, names, lambda words: desk.step(task, words)
+                )
                 found = await desk.run(desk.driver.within(body, desk.known))
         except LinkError:
             desk.step(task, "Its port is gone: connect the device again")
             while not await opened(desk) and time.monotonic() < end:
                 await asyncio.sleep(REOPEN_S)
-        except (SilentError, RefusedError) as error:
+        except (NoReplyError, DeviceRejectedError) as error:
             desk.log.note(str(error), fault=True)
         if found is not None:
             desk.learn(found.known, found.values, found.missing)
@@ -70,15 +72,15 @@ async def read_back(desk: Desk, task: Task, names: Sequence[str]) -> Mapping[str
 
 
 def merged(
-    todo: Mapping[str, Mapping[str, Any]], written: Sequence[Written], back: Mapping[str, Values]
-) -> list[Written]:
+    todo: Mapping[str, Mapping[str, Any]], written: Sequence[WriteResult], back: Mapping[str, Values]
+) -> list[WriteResult]:
     """What came of each setting: refusals as they were told, the rest as it was read back."""
     told = {one.setting: one for one in written}
-    every = [told.get(name, Written(name, values)) for name, values in todo.items()]
+    every = [told.get(name, WriteResult(name, values)) for name, values in todo.items()]
     return [one if one.refused else replace(one, got=back.get(one.setting)) for one in every]
 
 
-def account(desk: Desk, written: Sequence[Written]) -> str:
+def account(desk: DeviceController, written: Sequence[WriteResult]) -> str:
     """ "Location ID has the new values, Baud rate not." """
     rows = desk.rows
     lacking = {one.setting for one in settings_procedures.outcomes(desk.driver, rows, written)}

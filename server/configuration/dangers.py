@@ -14,14 +14,14 @@ from dataclasses import dataclass
 
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
-from protocols.transactions import Driver, Known, Values
+from protocols.transactions import DeviceContext, DeviceDriver, Values
 
 UNASKED = ("", "wears-flash")
 RESTARTS = "The device restarts so that this takes effect; it sends nothing for about two seconds."
 
 
 @dataclass(frozen=True, slots=True)
-class Danger:
+class Risk:
     """What something could cost."""
 
     caution: str
@@ -29,8 +29,14 @@ class Danger:
 
 
 def dangers_of_write(
-    driver: Driver, row: Setting, old: Values | None, values: Values, known: Known, *, restarts: bool = True
-) -> list[Danger]:
+    driver: DeviceDriver,
+    row: Setting,
+    old: Values | None,
+    values: Values,
+    known: DeviceContext,
+    *,
+    restarts: bool = True,
+) -> list[Risk]:
     """What writing these values of a setting could cost; nothing where the device has them already.
 
     Args:
@@ -42,14 +48,14 @@ def dangers_of_write(
         return []
     found = []
     if row.caution not in UNASKED:
-        found.append(Danger(row.caution, row.consequence))
+        found.append(Risk(row.caution, row.consequence))
     try:
         line = driver.line_change(row.name, old, new, known)
     except (KeyError, EncodeError):
         line = None  # of values that are not whole; the job asks again when it has read the rest
     if line is not None:
-        found.append(Danger("cuts-line", line.words))
-    found += [Danger(one.caution, one.consequence) for one in driver.harm(row.name, old, new, known)]
+        found.append(Risk("cuts-line", line.words))
+    found += [Risk(one.caution, one.consequence) for one in driver.harm(row.name, old, new, known)]
     if restarts and row.after == "reset" and not any(one.caution == "restarts" for one in found):
-        found.append(Danger("restarts", RESTARTS))
+        found.append(Risk("restarts", RESTARTS))
     return found

@@ -4,7 +4,7 @@
     person B ──run────> │ 2, 3 … │ ──> │  1  │ <──result───        <─events───
                         └────────┘     └─────┘
                              │            └─ step, outcomes, errors in words ──> every browser, at once (op `control`)
-                             └─ visible, may be taken out                    frames ──> ExchangeLog (op `exchange`)
+                             └─ visible, may be taken out                    frames ──> TrafficLog (op `exchange`)
 
 Commands never overlap on a device, whoever sends them; devices on links of their own work at the same time, those that
 share one take turns. A job belongs to the
@@ -28,9 +28,17 @@ from typing import Any, TypeVar
 from protocols.events import Batch, Event, Reply
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
-from protocols.transactions import AT_REST, Dialogue, Driver, Known, RefusedError, SilentError, Values
-from server.configuration.preview import Line, Present, load_of
-from server.configuration.traffic_log import ExchangeLog
+from protocols.transactions import (
+    AT_REST,
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    NoReplyError,
+    Transaction,
+    Values,
+)
+from server.configuration.preview import DevicePresentState, Line, load_of
+from server.configuration.traffic_log import TrafficLog
 from server.configuration.transaction_runner import Runner
 from server.devices.member import AnyDevice, address_of, explain_silence
 from server.links.base import LinkError
@@ -54,7 +62,7 @@ class JobError(Exception):
         self.message, self.hint = message, hint
 
 
-class DeskError(Exception):
+class ControlError(Exception):
     """A wish that does not become a job: `kind` is "full", "no-driver", "not-found" or "not-now"."""
 
     def __init__(self, kind: str, message: str, hint: str = "") -> None:
@@ -63,7 +71,7 @@ class DeskError(Exception):
 
 
 @dataclass(slots=True)
-class Task:
+class QueuedJob:
     """One job and what carries it out.
 
     Args:
@@ -72,12 +80,12 @@ class Task:
     """
 
     job: Job
-    work: Callable[[Task], Awaitable[None]]
+    work: Callable[[QueuedJob], Awaitable[None]]
     stoppable: bool = True
     over: asyncio.Event = field(default_factory=asyncio.Event)
 
 
-class Desk:
+class DeviceController:
     """What is done to one device.
 
     Args:
@@ -91,15 +99,15 @@ class Desk:
         self,
         session: AnyDevice,
         hub: Hub,
-        driver_of: Callable[[str], Driver | None],
+        driver_of: Callable[[str], DeviceDriver | None],
         decode: Callable[[str, bytes, AnyDevice], Mapping[str, Any] | None],
-        beside: Callable[[str], Sequence[Desk]] = lambda device: (),
+        beside: Callable[[str], Sequence[DeviceController]] = lambda device: (),
     ) -> None:
         self.session = session
         self.beside = beside
         self.hub = hub
         self._driver_of = driver_of
-        self.log = ExchangeLog(
+        self.log = TrafficLog(
             hub,
             session.info.id,
             lambda frame: decode(self.session.info.protocol, frame, session),
@@ -120,9 +128,9 @@ class Desk:
         self.cut_off: Mapping[str, Values] = {}  # what was being written when the device went, until it is read again
         self.answer: asyncio.Event = asyncio.Event()  # somebody answered the question of a trial
         self.kept = False
-        self._queue: deque[Task] = deque()
+        self._queue: deque[QueuedJob] = deque()
         self._done: deque[Job] = deque(maxlen=DONE_KEPT)
-        self._running: Task | None = None
+        self._running: QueuedJob | None = None
         self._carrier: asyncio.Task[None] | None = None
         self._next_job = 1
         self._off = session.listen(self._hear)
@@ -135,20 +143,20 @@ class Desk:
         return self.session.info.id
 
     @property
-    def driver(self) -> Driver:
-        """DeskError where nobody can configure this device."""
+    def driver(self) -> DeviceDriver:
+        """ControlError where nobody can configure this device."""
         protocol = self.session.info.protocol
         driver = self._driver_of(protocol) if protocol else None
         if driver is None:
             what = "Its protocol is not known yet." if not protocol else "Devices of this protocol have no settings."
-            raise DeskError("no-driver", f"{self.session.info.name} cannot be configured.", what)
+            raise ControlError("no-driver", f"{self.session.info.name} cannot be configured.", what)
         return driver
 
     @property
-    def known(self) -> Known:
+    def known(self) -> DeviceContext:
         """Who the device is, as far as it has told."""
         info, address = self.session.info, address_of(self.session)
-        return Known(
+        return DeviceContext(
             product=info.product or self.product,
             serial_number=info.serial_number or self.serial_number,
             firmware=info.firmware or self.firmware,
@@ -159,18 +167,18 @@ class Desk:
         )
 
     @property
-    def present(self) -> Present:
+    def present(self) -> DevicePresentState:
         """What is known when something is looked at before it is sent."""
         health = self.hub.health.get(self.device)
         measured = health.bytes_per_s if health is not None else None
         others = [(one.session.info.name, sent) for one in self.beside(self.device) if (sent := one.sends)]
         line = Line(self.session.baud, self.session.capacity, measured, others)
-        return Present(self.driver, self.known, line, self.values)
+        return DevicePresentState(self.driver, self.known, line, self.values)
 
     @property
     def sends(self) -> float:
         """Bytes/s of its outputs by its settings; 0 where they were not read."""
-        alone = Present(self.driver, self.known, Line(), self.values)
+        alone = DevicePresentState(self.driver, self.known, Line(), self.values)
         load = load_of(alone, self.values, None)
         return load.total if load is not None else 0.0
 
@@ -179,7 +187,7 @@ class Desk:
         """The device's settings by name."""
         return {row.name: row for row in self.driver.settings(self.known)}
 
-    def learn(self, known: Known, values: Mapping[str, Values], missing: Mapping[str, str]) -> None:
+    def learn(self, known: DeviceContext, values: Mapping[str, Values], missing: Mapping[str, str]) -> None:
         """What a survey found out. Another serial number is another device: what was known is forgotten."""
         if known.serial_number != self.serial_number:
             self.values, self.missing = {}, {}
@@ -203,18 +211,18 @@ class Desk:
 
     # ── queue ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def add(self, title: str, work: Callable[[Task], Awaitable[None]], *, stoppable: bool = True) -> Task:
+    def add(self, title: str, work: Callable[[QueuedJob], Awaitable[None]], *, stoppable: bool = True) -> QueuedJob:
         """Put a job at the end of the queue; it begins when those before it are done.
 
         Raises:
-            DeskError: the queue is full.
+            ControlError: the queue is full.
         """
         if len(self._queue) >= MOST_WAITING:
             hint = "Wait, or take one out of the queue."
-            raise DeskError("full", f"{MOST_WAITING} jobs wait for this device, and that is the most.", hint)
+            raise ControlError("full", f"{MOST_WAITING} jobs wait for this device, and that is the most.", hint)
         job = Job(id=self._next_job, device=self.device, title=title, state="waiting")
         self._next_job += 1
-        task = Task(job, work, stoppable)
+        task = QueuedJob(job, work, stoppable)
         self._queue.append(task)
         self.tell()
         if self._carrier is None or self._carrier.done():
@@ -226,7 +234,7 @@ class Desk:
         """Take a job out of the queue, or stop it.
 
         Raises:
-            DeskError: there is none of that number, or it cannot be stopped now.
+            ControlError: there is none of that number, or it cannot be stopped now.
         """
         for task in self._queue:
             if task.job.id == number:
@@ -235,10 +243,12 @@ class Desk:
                 return
         running = self._running
         if running is None or running.job.id != number:
-            raise DeskError("not-found", f"No job {number} waits or runs.", "It may be done by now.")
+            raise ControlError("not-found", f"No job {number} waits or runs.", "It may be done by now.")
         if not running.stoppable:
             hint = "It ends by itself within a minute; Go back now ends a trial."
-            raise DeskError("not-now", f"“{running.job.title}” cannot be stopped now: the line could stay cut.", hint)
+            raise ControlError(
+                "not-now", f"“{running.job.title}” cannot be stopped now: the line could stay cut.", hint
+            )
         await self._stop()
 
     async def close(self) -> None:
@@ -263,7 +273,7 @@ class Desk:
                 if self._queue:  # it may have been taken out meanwhile
                     await self._do(self._queue.popleft())
 
-    async def _do(self, task: Task) -> None:
+    async def _do(self, task: QueuedJob) -> None:
         self._running = task
         task.job.state, task.job.started = "running", self.hub.now()
         self.session.hush(True)
@@ -275,7 +285,7 @@ class Desk:
             self._finish(task, "stopped", "Stopped.")
             raise
         except Exception as error:
-            message, hint = explained(error)
+            message, hint = error_text(error)
             self.log.note(message, fault=True)
             self.hub.event(self.device, "device", "caution", f"{task.job.title}: {message}", data={"hint": hint})
             self._finish(task, "failed", message, hint)
@@ -284,7 +294,7 @@ class Desk:
             self.session.hush(False)
             self.tell()
 
-    def _finish(self, task: Task, state: str, message: str = "", hint: str = "") -> None:
+    def _finish(self, task: QueuedJob, state: str, message: str = "", hint: str = "") -> None:
         job = task.job
         job.state = "done" if state == "done" else "failed" if state == "failed" else "stopped"
         job.message, job.hint = message or job.message, hint or job.hint
@@ -297,17 +307,17 @@ class Desk:
         """Answer the question of a trial.
 
         Raises:
-            DeskError: nothing is asked.
+            ControlError: nothing is asked.
         """
         asked = self.trial is not None and self.trial.state == "asking"
         if not asked:
-            raise DeskError("not-now", "No settings are on trial here.", "They may have gone back already.")
+            raise ControlError("not-now", "No settings are on trial here.", "They may have gone back already.")
         self.kept = keep
         self.answer.set()
 
     # ── for jobs ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def run(self, dialogue: Dialogue[T]) -> T:
+    async def run(self, dialogue: Transaction[T]) -> T:
         """Carry out a dialogue; see server/configuration/transaction_runner.py."""
         return await self.runner.run(dialogue)
 
@@ -318,7 +328,7 @@ class Desk:
             hint = REST_HINT.format(state=AT_REST, command=self.driver.ends_rest) if on else ""
             explain_silence(self.session, hint)
 
-    def step(self, task: Task, words: str) -> None:
+    def step(self, task: QueuedJob, words: str) -> None:
         """What a job is at."""
         task.job.step = words
         self.tell()
@@ -347,7 +357,7 @@ class Desk:
         if isinstance(event, Batch | Reply):
             try:
                 driver = self.driver
-            except DeskError:
+            except ControlError:
                 return
             states = driver.states
             if event.message.name in driver.begins:
@@ -364,7 +374,7 @@ class Desk:
     def _name_of(self, frame: bytes) -> str:
         try:
             return self.driver.name_of(frame)
-        except DeskError:
+        except ControlError:
             return ""
 
 
@@ -372,14 +382,14 @@ def _without(words: Mapping[str, str], key: str) -> dict[str, str]:
     return {name: said for name, said in words.items() if name != key}
 
 
-def explained(error: Exception) -> tuple[str, str]:
+def error_text(error: Exception) -> tuple[str, str]:
     """Why a job failed, in words: message and hint."""
     match error:
-        case JobError() | LinkError() | DeskError():
+        case JobError() | LinkError() | ControlError():
             return error.message, error.hint
-        case RefusedError():
+        case DeviceRejectedError():
             return f"The device refused {error.what}: {error.why}.", "What was there before is unchanged."
-        case SilentError():
+        case NoReplyError():
             return str(error), UNANSWERED_HINT
         case EncodeError():
             return f"{error}.", "Nothing was sent."

@@ -25,7 +25,7 @@ from typing import Any
 from protocols.labels import spoken
 from protocols.layouts import is_open
 from protocols.schema import Command, Field, Setting
-from protocols.transactions import Driver, Known, Values
+from protocols.transactions import DeviceContext, DeviceDriver, Values
 from protocols.validation import bounds, is_whole
 from server.configuration.api_models import (
     CommandForm,
@@ -44,7 +44,7 @@ _PRECISIONS, _COORDINATES = [0, 1, 2, 3], [0, 4, 8]
 
 
 def forms_of(
-    driver: Driver, protocol: str, known: Known, note: str = "", values: Mapping[str, Values] = NOTHING
+    driver: DeviceDriver, protocol: str, known: DeviceContext, note: str = "", values: Mapping[str, Values] = NOTHING
 ) -> Forms:
     """Every setting and command of a device, as forms.
 
@@ -208,13 +208,13 @@ def _bits(field: Field) -> list[BitsInfo]:
 # ── the two lists with editors of their own ──────────────────────────────────────────────────────────────────────────
 
 
-def output_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list[OutputChoice]:
+def output_choices(known: DeviceContext, values: Mapping[str, Values] = NOTHING) -> list[OutputChoice]:
     """What an Xsens output configuration of this product can ask for.
 
     Args:
         values: settings as last read.
     """
-    from protocols.xbus.output_configuration import OUTPUTS, Output, allowed, greatest
+    from protocols.xbus.output_configuration import OUTPUTS, Output, allowed, max_rate
     from protocols.xbus.products import as_built, has, model_of
 
     model = as_built(model_of(known.product), values.get("HardwareVersion", {}))
@@ -232,7 +232,7 @@ def output_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list
             data_identifier=output.identifier,
             title=title_of(output),
             group=output.group,
-            rates=list(allowed(greatest(output, model))),
+            rates=list(allowed(max_rate(output, model))),
             formats=list(_PRECISIONS) if output.real else [],
             frames=list(_COORDINATES) if output.local else [],
             size=output.size(output.identifier),
@@ -244,7 +244,7 @@ def output_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list
     ]
 
 
-def stream_choices(known: Known, values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
+def stream_choices(known: DeviceContext, values: Mapping[str, Values] = NOTHING) -> list[StreamChoice]:
     """What an Inertial Sense device can stream."""
     from protocols.isb.bandwidth import periods_ms
     from protocols.isb.streams import BY_GPX_BIT, OF_GPX, STREAMS

@@ -17,18 +17,27 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from protocols.schema import Setting
-from protocols.transactions import Dialogue, Driver, Known, LineChange, RefusedError, SilentError, Values, Written
+from protocols.transactions import (
+    BaudChange,
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    NoReplyError,
+    Transaction,
+    Values,
+    WriteResult,
+)
 from server.configuration import commanding, cut_off, settings_procedures
 from server.configuration.budget import OVER_HINT, overload
-from server.configuration.device_controller import Desk, JobError, Task
-from server.configuration.reading import Reader
-from server.configuration.rollback import RESTORE_HINT, Hand, Record, Trials
+from server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from server.configuration.reading import SettingsReader
+from server.configuration.rollback import RESTORE_HINT, RollbackRecord, RollbackRun, RollbackStore
 from server.configuration.snapshots import Snapshots
 from server.configuration.transaction_runner import group
 from server.configuration.value_format import field_at, title_at, value_at, words
 from server.devices.member import address_of, name_of
 from server.links.base import LinkError
-from server.wire_codec import plain
+from server.wire_codec import to_json_safe
 
 MOST_WORDS = 12  # changes that a trial lists
 CHANGED_HINT = (
@@ -47,7 +56,7 @@ class Change:
         restart: they take effect by a restart.
     """
 
-    found: settings_procedures.Survey
+    found: settings_procedures.SettingsSnapshot
     todo: dict[str, dict[str, Any]]
     held: Collection[str]
     restart: bool
@@ -60,19 +69,19 @@ class Jobs:
         trial_s: how long a person has to keep settings on trial.
     """
 
-    def __init__(self, snapshots: Snapshots, trials: Trials, trial_s: float) -> None:
-        self._reader = Reader(snapshots, trials)
+    def __init__(self, snapshots: Snapshots, trials: RollbackStore, trial_s: float) -> None:
+        self._reader = SettingsReader(snapshots, trials)
         self._trials = trials
         self._trial_s = trial_s
 
     # ── read ─────────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def read(
-        self, desk: Desk, names: Sequence[str] | None, reason: str, title: str = "", *, pinned: bool = False
-    ) -> Callable[[Task], Awaitable[None]]:
+        self, desk: DeviceController, names: Sequence[str] | None, reason: str, title: str = "", *, pinned: bool = False
+    ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Read settings into a snapshot."""
 
-        async def work(task: Task) -> None:
+        async def work(task: QueuedJob) -> None:
             found = await self._reader.survey(desk, task, names)
             name = await self._reader.keep(desk, found, title or "Read from the device", reason, pinned=pinned)
             task.job.snapshot = name
@@ -86,12 +95,12 @@ class Jobs:
 
     def apply(
         self,
-        desk: Desk,
+        desk: DeviceController,
         changes: Mapping[str, Mapping[str, Any]],
         reason: str,
         base: Mapping[str, Mapping[str, Any]] | None = None,
         held: Collection[str] = (),
-    ) -> Callable[[Task], Awaitable[None]]:
+    ) -> Callable[[QueuedJob], Awaitable[None]]:
         """Write settings, with a way back.
 
         Args:
@@ -100,13 +109,13 @@ class Jobs:
             held: settings whose values the device has, or had once; they are sent unchecked.
         """
 
-        async def work(task: Task) -> None:
+        async def work(task: QueuedJob) -> None:
             found = await self._reader.survey(desk, task, None)
             rows = desk.rows
             unknown = [name for name in changes if name not in rows or not rows[name].write]
             if unknown:
                 raise JobError(f"This device has no setting {', '.join(unknown)} that can be written.", "Leave it out.")
-            todo = settings_procedures.wanted(desk.driver, rows, found.values, changes)
+            todo = settings_procedures.minimal_changes(desk.driver, rows, found.values, changes)
             if not todo:
                 task.job.message = "Nothing to change: the device has these settings already."
                 return
@@ -125,7 +134,7 @@ class Jobs:
 
         return work
 
-    async def _write(self, desk: Desk, task: Task, change: Change) -> None:
+    async def _write(self, desk: DeviceController, task: QueuedJob, change: Change) -> None:
         rows, driver, old = desk.rows, desk.driver, change.found.values
         lines = [driver.line_change(name, old.get(name), new, desk.known) for name, new in change.todo.items()]
         cuts = [line for line in lines if line is not None]
@@ -134,12 +143,12 @@ class Jobs:
             record.held = [name for name in change.todo if name in change.held]
             for baud in {rate for cut in cuts for rate in (cut.baud, *cut.others) if rate is not None}:
                 await desk.session.check_rate(baud)  # also says that a network's far end must be set by hand
-            written = await Hand(desk, driver, self._trials, record, task).apply()
+            written = await RollbackRun(desk, driver, self._trials, record, task).apply()
         else:
             written = await self._write_in_place(desk, task, change)
         self._report(desk, task, rows, written)
 
-    async def _write_in_place(self, desk: Desk, task: Task, change: Change) -> list[Written]:
+    async def _write_in_place(self, desk: DeviceController, task: QueuedJob, change: Change) -> list[WriteResult]:
         """Write what cannot cut the line. The way back is on disk meanwhile: of a server that is killed the device
         would stay silent, with half of the settings; the next one puts it back (server/configuration/rollback.py)."""
         known = all(change.found.values.get(name) for name in change.todo)
@@ -147,11 +156,11 @@ class Jobs:
         if record is not None:
             await asyncio.to_thread(self._trials.keep, record)
         try:
-            written: list[Written] = []
+            written: list[WriteResult] = []
             try:
                 written = await desk.run(desk.driver.within(_writing(desk, task, change), desk.known))
                 cut = any(one.got is None and not one.refused for one in written)
-            except (LinkError, SilentError) as error:
+            except (LinkError, NoReplyError) as error:
                 desk.log.note(str(error), fault=True)
                 cut = True
             if cut:
@@ -165,12 +174,12 @@ class Jobs:
 
     async def _cut_off(
         self,
-        desk: Desk,
-        task: Task,
+        desk: DeviceController,
+        task: QueuedJob,
         todo: dict[str, dict[str, Any]],
-        written: Sequence[Written],
-        record: Record | None,
-    ) -> list[Written]:
+        written: Sequence[WriteResult],
+        record: RollbackRecord | None,
+    ) -> list[WriteResult]:
         """What the device has after it was cut off in the middle.
 
         Raises:
@@ -187,7 +196,9 @@ class Jobs:
         desk.log.note("The device stopped answering while it was written; read back, it has what was asked.")
         return written
 
-    async def _restarted(self, desk: Desk, task: Task, written: list[Written]) -> list[Written]:
+    async def _restarted(
+        self, desk: DeviceController, task: QueuedJob, written: list[WriteResult]
+    ) -> list[WriteResult]:
         """Restart, and what the device has then."""
         desk.step(task, "The device restarts")
         await desk.run(desk.driver.store_and_restart(desk.known))
@@ -202,10 +213,10 @@ class Jobs:
 
     def _record(
         self,
-        desk: Desk,
+        desk: DeviceController,
         change: Change,
-        cuts: Sequence[LineChange],
-    ) -> Record:
+        cuts: Sequence[BaudChange],
+    ) -> RollbackRecord:
         """A trial as it is kept on disk."""
         rows, found, todo = desk.rows, change.found, change.todo
         lacking = [rows[name].title or name for name in todo if name not in found.values]
@@ -216,21 +227,21 @@ class Jobs:
         old: dict[str, dict[str, Any]] = {}
         changes: list[str] = []
         for name, new in todo.items():
-            row, before = rows[name], plain(found.values[name])
+            row, before = rows[name], to_json_safe(found.values[name])
             told = {one.name for one in row.fields if one.read_only}
             keys = new if row.partial else before
             old[name] = {key: before[key] for key in keys if key in before and key not in told}
             changes += changed_words(row, desk.driver.same(name, old[name], new), old[name], new)
         bauds = [cut.baud for cut in cuts if cut.baud is not None]
         baud = desk.session.baud
-        return Record(
+        return RollbackRecord(
             source=desk.session.info.source,
             protocol=desk.session.info.protocol,
             product=found.known.product,
             serial_number=found.known.serial_number,
             firmware=found.known.firmware,
             old=old,
-            new=plain(todo),
+            new=to_json_safe(todo),
             old_baud=baud,
             new_baud=bauds[-1] if bauds and baud is not None else baud,
             other_bauds=[] if baud is None else list(dict.fromkeys(rate for cut in cuts for rate in cut.others)),
@@ -242,7 +253,9 @@ class Jobs:
             address=address_of(desk.session),
         )
 
-    def _report(self, desk: Desk, task: Task, rows: Mapping[str, Setting], written: Sequence[Written]) -> None:
+    def _report(
+        self, desk: DeviceController, task: QueuedJob, rows: Mapping[str, Setting], written: Sequence[WriteResult]
+    ) -> None:
         """Say what came of it."""
         for one in written:
             if one.got is not None:
@@ -261,7 +274,7 @@ class Jobs:
         if not job.outcomes:
             desk.log.note("Read back: equal to what was asked.")
         titles = ", ".join(rows[one.setting].title or one.setting for one in written)
-        data = {"settings": plain({one.setting: one.asked for one in written}), "snapshot": job.snapshot}
+        data = {"settings": to_json_safe({one.setting: one.asked for one in written}), "snapshot": job.snapshot}
         desk.hub.event(desk.device, "device", "info", f"{titles}: {job.message}", data=data)
         if refused and not good:
             if any(one.got is None and not one.refused for one in written):
@@ -271,19 +284,19 @@ class Jobs:
     # ── the rest ─────────────────────────────────────────────────────────────────────────────────────────────────────
 
     def run(
-        self, desk: Desk, command: str, values: Values, *, changes: bool, restarts: bool = False
-    ) -> Callable[[Task], Awaitable[None]]:
+        self, desk: DeviceController, command: str, values: Values, *, changes: bool, restarts: bool = False
+    ) -> Callable[[QueuedJob], Awaitable[None]]:
         """One command; see server/configuration/commanding.py."""
         return commanding.run(self._reader, desk, command, values, changes=changes, restarts=restarts)
 
-    def raw(self, desk: Desk, data: bytes) -> Callable[[Task], Awaitable[None]]:
+    def raw(self, desk: DeviceController, data: bytes) -> Callable[[QueuedJob], Awaitable[None]]:
         """Bytes as they are."""
         return commanding.raw(desk, data)
 
-    def restore(self, desk: Desk) -> Callable[[Task], Awaitable[None]]:
+    def restore(self, desk: DeviceController) -> Callable[[QueuedJob], Awaitable[None]]:
         """The procedure for a device that answers at no rate; old settings come back where a trial was under way."""
 
-        async def work(task: Task) -> None:
+        async def work(task: QueuedJob) -> None:
             driver, known = desk.driver, desk.known
             record = await asyncio.to_thread(self._unfinished, desk, known)
             desk.step(task, "Switch the device off and on now")
@@ -296,10 +309,10 @@ class Jobs:
             if desk.trial is not None and desk.trial.state == "unreachable":
                 desk.trial = None
             if record is not None:
-                hand = Hand(desk, driver, self._trials, record, task)
+                hand = RollbackRun(desk, driver, self._trials, record, task)
                 try:
                     back = await hand.put_back(desk.session.baud)
-                except (SilentError, RefusedError) as error:
+                except (NoReplyError, DeviceRejectedError) as error:
                     raise JobError(f"The device answers{rate}, but: {error}", "Read its settings.") from None
                 if not back:
                     raise JobError(f"The device answers{rate}, but has not its old settings.", "Read its settings.")
@@ -308,17 +321,17 @@ class Jobs:
 
         return work
 
-    async def _refreshed(self, desk: Desk, task: Task) -> None:
+    async def _refreshed(self, desk: DeviceController, task: QueuedJob) -> None:
         """All that the device has, once it is found again: of what was read before nothing is certain. What cannot be
         read is marked; that it was found stays true."""
         desk.doubt(list(desk.values), commanding.NOT_SINCE.format(task.job.title))
         try:
             await self._reader.survey(desk, task, None)
-        except (SilentError, RefusedError, LinkError) as error:
+        except (NoReplyError, DeviceRejectedError, LinkError) as error:
             desk.log.note(str(error), fault=True)
             task.job.hint = "Its settings could not be read; read them again."
 
-    def _unfinished(self, desk: Desk, known: Known) -> Record | None:
+    def _unfinished(self, desk: DeviceController, known: DeviceContext) -> RollbackRecord | None:
         source = desk.session.info.source
         device = name_of(desk.session)
         found = [
@@ -328,14 +341,14 @@ class Jobs:
         ]
         return next((one for one in found if one.serial_number == known.serial_number), found[0] if found else None)
 
-    def resume(self, desk: Desk, record: Record) -> Callable[[Task], Awaitable[None]]:
+    def resume(self, desk: DeviceController, record: RollbackRecord) -> Callable[[QueuedJob], Awaitable[None]]:
         """A trial that the server before this one did not end: go back."""
 
-        async def work(task: Task) -> None:
+        async def work(task: QueuedJob) -> None:
             session = desk.session
             if session.info.protocol != record.protocol:
                 await session.read_as(replace(session.reading, protocol=record.protocol))
-            hand = Hand(desk, desk.driver, self._trials, record, task)
+            hand = RollbackRun(desk, desk.driver, self._trials, record, task)
             if record.state == "unreachable":
                 hand.show("unreachable", "The device could not be reached when this server last ran.")
                 raise JobError("The device could not be reached when this server last ran.", RESTORE_HINT)
@@ -346,7 +359,7 @@ class Jobs:
         return work
 
 
-def _writing(desk: Desk, task: Task, change: Change) -> Dialogue[list[Written]]:
+def _writing(desk: DeviceController, task: QueuedJob, change: Change) -> Transaction[list[WriteResult]]:
     """Write, and read what changed with it; after a restart that is read then."""
 
     def tell(words: str) -> None:
@@ -355,12 +368,12 @@ def _writing(desk: Desk, task: Task, change: Change) -> Dialogue[list[Written]]:
     written = yield from settings_procedures.write_all(desk.driver, desk.known, change.todo, tell, change.held)
     also = [] if change.restart else settings_procedures.altered(desk.driver, desk.known, change.todo)
     if also and not all(one.refused for one in written):
-        found = yield from settings_procedures.survey(desk.driver, desk.known, also, tell)
+        found = yield from settings_procedures.read_settings(desk.driver, desk.known, also, tell)
         desk.learn(found.known, found.values, found.missing)
     return written
 
 
-async def _called(desk: Desk, driver: Driver, known: Known, task: Task) -> bool:
+async def _called(desk: DeviceController, driver: DeviceDriver, known: DeviceContext, task: QueuedJob) -> bool:
     """Call until it answers. The port of a device that its cable powers goes and comes with its power.
 
     Raises:

@@ -16,7 +16,7 @@ from typing import Any
 
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
-from protocols.transactions import Driver, Known, Load, Values
+from protocols.transactions import DeviceContext, DeviceDriver, LinkLoad, Values
 from server.configuration.api_models import (
     FieldProblem,
     FitAnswer,
@@ -29,7 +29,7 @@ from server.configuration.api_models import (
 from server.configuration.checks import problems_of, sentence, unlike
 from server.configuration.settings_diff import SideValues, compare
 from server.configuration.value_format import numbers
-from server.wire_codec import plain
+from server.wire_codec import to_json_safe
 
 MOST_FRAMES = 32
 
@@ -58,15 +58,15 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Present:
+class DevicePresentState:
     """What is known of a device and its line when something is looked at before it is sent.
 
     Args:
         values: its settings, as far as they have been read.
     """
 
-    driver: Driver
-    known: Known
+    driver: DeviceDriver
+    known: DeviceContext
     line: Line = Line()
     values: Mapping[str, Values] = field(default_factory=dict)
 
@@ -84,7 +84,7 @@ class Present:
         return None
 
 
-def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
+def preview_setting(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
     """What writing these values would send. KeyError when there is no such setting."""
     row, driver, known = present.setting(name), present.driver, present.known
     values = numbers(row.fields, values)
@@ -110,7 +110,7 @@ def preview_setting(present: Present, name: str, values: Mapping[str, Any]) -> P
     )
 
 
-def preview_command(present: Present, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
+def preview_command(present: DevicePresentState, name: str, values: Mapping[str, Any]) -> PreviewAnswer:
     """What a command would send. KeyError when there is no such command."""
     row = {one.name: one for one in present.driver.commands(present.known)}[name]
     values = numbers(row.arguments, values)
@@ -129,13 +129,13 @@ def preview_command(present: Present, name: str, values: Mapping[str, Any]) -> P
     return PreviewAnswer(frames=[frame_info(present.driver, frame)] if frame else [], problems=found)
 
 
-def frame_info(driver: Driver, frame: bytes) -> FrameInfo:
+def frame_info(driver: DeviceDriver, frame: bytes) -> FrameInfo:
     """A frame with what each of its bytes means."""
     spans = [SpanInfo(span.offset, span.size, span.label, span.path) for span in driver.spans(frame)]
     return FrameInfo(driver.name_of(frame), frame.hex(), spans)
 
 
-def load_of(present: Present, values: Mapping[str, Values], baud: int | None) -> LoadInfo | None:
+def load_of(present: DevicePresentState, values: Mapping[str, Values], baud: int | None) -> LoadInfo | None:
     """What these settings ask of the line; None where they are not known well enough to tell.
 
     Outputs that were not read are not none.
@@ -151,7 +151,7 @@ def load_of(present: Present, values: Mapping[str, Values], baud: int | None) ->
     return _info(load, present.line, baud)
 
 
-def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None) -> FitAnswer:
+def fit(present: DevicePresentState, name: str, values: Mapping[str, Any], baud: int | None) -> FitAnswer:
     """The same outputs with rates that the line can carry.
 
     Raises:
@@ -173,17 +173,17 @@ def fit(present: Present, name: str, values: Mapping[str, Any], baud: int | None
     after = {**before, **present.driver.fit(before, left, present.known)}
     load = present.driver.load(after, present.known)
     words = _lowered(present, row, before[name], after[name])
-    return FitAnswer(plain(after[name]), _info(load, present.line, rate), words)
+    return FitAnswer(to_json_safe(after[name]), _info(load, present.line, rate), words)
 
 
-def _lowered(present: Present, row: Setting, before: Values, after: Values) -> list[str]:
+def _lowered(present: DevicePresentState, row: Setting, before: Values, after: Values) -> list[str]:
     """What a fit changed, in words: "Acceleration 400 Hz → 100 Hz"."""
     sides = SideValues("", {row.name: before}), SideValues("", {row.name: after})
     rows = compare(present.driver, present.known, *sides).rows
     return [f"{one.title} {one.left or 'off'} → {one.right or 'off'}" for one in rows]
 
 
-def _info(load: Load, line: Line, baud: int | None) -> LoadInfo:
+def _info(load: LinkLoad, line: Line, baud: int | None) -> LoadInfo:
     parts = [PartInfo(part.path, part.title, part.bytes_per_s) for part in load.parts]
     parts += [PartInfo("", title, sent) for title, sent in line.others]
     total = load.total + sum(sent for _, sent in line.others)

@@ -14,14 +14,14 @@ from typing import Any
 
 from protocols.transactions import Values
 from server.configuration import settings_procedures
-from server.configuration.device_controller import Desk, JobError, Task
-from server.configuration.rollback import Trials
+from server.configuration.device_controller import DeviceController, JobError, QueuedJob
+from server.configuration.rollback import RollbackStore
 from server.configuration.snapshots import Snapshot, SnapshotError, Snapshots
 
 FIRST = "First contact"
 
 
-class Reader:
+class SettingsReader:
     """Reads devices.
 
     Args:
@@ -29,13 +29,15 @@ class Reader:
         trials: where the way back of an unfinished change is.
     """
 
-    def __init__(self, snapshots: Snapshots, trials: Trials) -> None:
+    def __init__(self, snapshots: Snapshots, trials: RollbackStore) -> None:
         self._snapshots = snapshots
         self._trials = trials
 
-    async def survey(self, desk: Desk, task: Task, names: Sequence[str] | None) -> settings_procedures.Survey:
+    async def survey(
+        self, desk: DeviceController, task: QueuedJob, names: Sequence[str] | None
+    ) -> settings_procedures.SettingsSnapshot:
         driver, known = desk.driver, desk.known
-        body = settings_procedures.survey(driver, known, names, lambda words: desk.step(task, words))
+        body = settings_procedures.read_settings(driver, known, names, lambda words: desk.step(task, words))
         found = await desk.run(driver.within(body, known))
         desk.learn(found.known, found.values, found.missing)
         if desk.cut_off and set(desk.cut_off) <= set(found.values):  # what it took is known now: nothing goes back
@@ -46,7 +48,13 @@ class Reader:
         return found
 
     async def keep(
-        self, desk: Desk, found: settings_procedures.Survey, title: str, reason: str, *, pinned: bool = False
+        self,
+        desk: DeviceController,
+        found: settings_procedures.SettingsSnapshot,
+        title: str,
+        reason: str,
+        *,
+        pinned: bool = False,
     ) -> str:
         """A snapshot of what was found, on disk; its name."""
         protocol = desk.session.info.protocol

@@ -1,6 +1,6 @@
 """What does a person's wish mean, and what could it harm? Asked before it becomes a job.
 
-A caution of the tables, or a change that could cut the line, is a Danger with its consequence in words; flash that
+A caution of the tables, or a change that could cut the line, is a Risk with its consequence in words; flash that
 wears a little with each write is told in the form and not asked about.
 """
 
@@ -12,13 +12,13 @@ from typing import Any
 
 from protocols.layouts import EncodeError
 from protocols.schema import Command, Setting
-from protocols.transactions import InState, Values
+from protocols.transactions import RequiresState, Values
 from server.api.errors import ApiError
 from server.configuration.api_models import FieldProblem
 from server.configuration.budget import OVER_HINT, overload
 from server.configuration.checks import problems_of, unlike
-from server.configuration.dangers import UNASKED, Danger, dangers_of_write
-from server.configuration.device_controller import Desk
+from server.configuration.dangers import UNASKED, Risk, dangers_of_write
+from server.configuration.device_controller import DeviceController
 from server.configuration.value_format import head_of, numbers
 from server.devices.member import shares
 
@@ -27,7 +27,7 @@ WRONG_HINT = "Correct this value, then apply again; nothing was written."
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ChangeRequest:
     """What is to be done.
 
     Args:
@@ -40,7 +40,7 @@ class Wish:
     """
 
     title: str
-    dangers: list[Danger] = field(default_factory=list)
+    dangers: list[Risk] = field(default_factory=list)
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
     setting: str = ""
     changes: bool = False
@@ -48,9 +48,9 @@ class Wish:
     held: frozenset[str] = frozenset()
 
 
-def discarded(desk: Desk) -> list[Danger]:
+def discarded(desk: DeviceController) -> list[Risk]:
     """What a command left unfinished, and what is done now would throw away."""
-    return [Danger("loses-settings", words) for words in desk.unfinished.values()]
+    return [Risk("loses-settings", words) for words in desk.unfinished.values()]
 
 
 Past = Callable[[], Iterable[Mapping[str, Values]]]
@@ -62,7 +62,9 @@ def nothing_past() -> Iterable[Mapping[str, Values]]:
     return ()
 
 
-def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]], past: Past = nothing_past) -> Wish:
+def plan_changes(
+    desk: DeviceController, changes: Mapping[str, Mapping[str, Any]], past: Past = nothing_past
+) -> ChangeRequest:
     """Settings to write.
 
     Args:
@@ -72,7 +74,7 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]], past: Past 
             the line cannot carry.
     """
     rows = desk.rows
-    dangers: list[Danger] = []
+    dangers: list[Risk] = []
     wanted: dict[str, dict[str, Any]] = {}
     held: set[str] = set()
     for name, given in changes.items():
@@ -94,10 +96,10 @@ def changes_of(desk: Desk, changes: Mapping[str, Mapping[str, Any]], past: Past 
         raise ApiError(422, "too-much", why, OVER_HINT)
     titles = [rows[name].title or name for name in changes]
     title = f"Write {titles[0]}" if len(titles) == 1 else f"Write {len(titles)} settings"
-    return Wish(title, dangers + discarded(desk), wanted, changes=True, held=frozenset(held))
+    return ChangeRequest(title, dangers + discarded(desk), wanted, changes=True, held=frozenset(held))
 
 
-def _check(desk: Desk, row: Setting, values: Mapping[str, Any], past: Past) -> bool:
+def _check(desk: DeviceController, row: Setting, values: Mapping[str, Any], past: Past) -> bool:
     """Whether values are among them that the tables do not allow, and the device has, or had once."""
     fields = [one for one in row.fields if not one.read_only]
     names = {one.name for one in fields}
@@ -115,7 +117,7 @@ def _check(desk: Desk, row: Setting, values: Mapping[str, Any], past: Past) -> b
     raise ApiError(422, "bad-value", f"{row.title or row.name}: {first.message}", WRONG_HINT)
 
 
-def _beyond(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[FieldProblem]:
+def _beyond(desk: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[FieldProblem]:
     """What is wrong with values together, where each alone is allowed."""
     whole = dict(values) if row.partial else {**desk.values.get(row.name, {}), **values}
     try:
@@ -125,7 +127,7 @@ def _beyond(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[FieldPr
     return []
 
 
-def _pasts(desk: Desk, past: Past) -> Iterator[Mapping[str, Values]]:
+def _pasts(desk: DeviceController, past: Past) -> Iterator[Mapping[str, Values]]:
     yield desk.values
     yield from past()
 
@@ -134,15 +136,15 @@ def _told(row: Setting) -> set[str]:
     return {one.name for one in row.fields if one.read_only}
 
 
-def dangers_of(desk: Desk, row: Setting, values: Mapping[str, Any]) -> list[Danger]:
+def dangers_of(desk: DeviceController, row: Setting, values: Mapping[str, Any]) -> list[Risk]:
     """What writing these values of a setting could cost; nothing where the device has them already."""
     found = dangers_of_write(desk.driver, row, desk.values.get(row.name), values, desk.known)
     if shares(desk.session) and any(one.caution == "cuts-line" for one in found):
-        found.append(Danger("cuts-line", SHARED))
+        found.append(Risk("cuts-line", SHARED))
     return found
 
 
-def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
+def plan_command(desk: DeviceController, name: str, values: Mapping[str, Any]) -> ChangeRequest:
     """A command to run.
 
     Raises:
@@ -174,20 +176,20 @@ def command_of(desk: Desk, name: str, values: Mapping[str, Any]) -> Wish:
             raise ApiError(422, "too-much", why, OVER_HINT)
         title = f"Write {setting.title or setting.name}"
         dangers = dangers_of(desk, setting, values) + discarded(desk)
-        return Wish(title, dangers, {setting.name: dict(values)}, setting.name, True)
-    dangers = [Danger(row.caution, row.consequence)] if row.harms(values) and row.caution not in UNASKED else []
+        return ChangeRequest(title, dangers, {setting.name: dict(values)}, setting.name, True)
+    dangers = [Risk(row.caution, row.consequence)] if row.harms(values) and row.caution not in UNASKED else []
     try:
         body = desk.driver.run(name, values, desk.known)
     except EncodeError as error:
         raise ApiError(422, "bad-value", f"{row.title or name}: {error}.", "Nothing was sent.") from None
-    if not (isinstance(body, InState) and body.continues):
+    if not (isinstance(body, RequiresState) and body.continues):
         dangers += discarded(desk)
     changes = row.kind == "set" or row.caution in ("loses-settings", "wears-flash", "moves-frame")
     restarts = row.caution == "restarts"
-    return Wish(row.title or name, dangers, {name: dict(values)}, changes=changes, restarts=restarts)
+    return ChangeRequest(row.title or name, dangers, {name: dict(values)}, changes=changes, restarts=restarts)
 
 
-def _instead(desk: Desk, row: Command, setting: str, values: Values) -> Wish:
+def _instead(desk: DeviceController, row: Command, setting: str, values: Values) -> ChangeRequest:
     """A command whose place a setting has: written like any change of it, on trial where the line could be cut.
 
     Raises:
@@ -196,10 +198,10 @@ def _instead(desk: Desk, row: Command, setting: str, values: Values) -> Wish:
     if not values:
         hint = "Read its settings first."
         raise ApiError(409, "not-read", f"{row.title or row.name} changes {setting}, which is not read yet.", hint)
-    return replace(changes_of(desk, {setting: values}), title=row.title or row.name, setting=setting)
+    return replace(plan_changes(desk, {setting: values}), title=row.title or row.name, setting=setting)
 
 
-def _written_by(desk: Desk, command: str, values: Mapping[str, Any]) -> Setting | None:
+def _written_by(desk: DeviceController, command: str, values: Mapping[str, Any]) -> Setting | None:
     """The setting that a command writes, where its arguments are the setting's own fields."""
     for row in desk.driver.settings(desk.known):
         names = {one.name for one in row.fields if not one.read_only}

@@ -29,11 +29,11 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from protocols.transactions import Driver, Known, RefusedError, SilentError, Values, Written
+from protocols.transactions import DeviceContext, DeviceDriver, DeviceRejectedError, NoReplyError, Values, WriteResult
 from recordings import atomic_write
-from recordings.mcap_writer import newer
+from recordings.mcap_writer import check_format_version
 from server.configuration import settings_procedures
-from server.configuration.device_controller import Desk, JobError, Task
+from server.configuration.device_controller import DeviceController, JobError, QueuedJob
 from server.configuration.transaction_runner import group
 from server.links.base import LinkError
 from server.wire import Trial
@@ -55,7 +55,7 @@ RESTORE_HINT = "Start “Restore communication”, then switch the device off an
 
 
 @dataclass(slots=True)
-class Record:
+class RollbackRecord:
     """A trial as it stands on disk.
 
     Args:
@@ -88,68 +88,77 @@ class Record:
     address: int | None = None
 
     @property
-    def known(self) -> Known:
+    def known(self) -> DeviceContext:
         device = "" if self.address is None else str(self.address)
-        return Known(self.product, self.serial_number, self.firmware, device=device)
+        return DeviceContext(self.product, self.serial_number, self.firmware, device=device)
 
 
-class Trials:
+class RollbackStore:
     """The folder of trials that are not over: <data>/trials. Reads and writes files: not on the event loop."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def keep(self, record: Record) -> None:
+    def keep(self, record: RollbackRecord) -> None:
         """Write it, durably.
 
         Raises:
             JobError: the disk does not take it, so the change must not begin.
         """
         try:
-            atomic_write.write(self._path(record), json.dumps({"imuscope": FORMAT, **asdict(record)}, indent=1) + "\n")
+            atomic_write.write_atomic(
+                self._path(record), json.dumps({"imuscope": FORMAT, **asdict(record)}, indent=1) + "\n"
+            )
         except OSError as error:
             hint = f"Nothing was sent. Is there space, and may this server write to {self._folder}?"
             raise JobError(f"The way back could not be kept on disk: {error.strerror}.", hint) from None
 
-    def forget(self, record: Record) -> None:
+    def forget(self, record: RollbackRecord) -> None:
         """It is over."""
         try:
             atomic_write.remove(self._path(record))
         except OSError as error:
             log.error("%s could not be removed: %s", self._path(record), error)
 
-    def all(self) -> list[Record]:
+    def all(self) -> list[RollbackRecord]:
         """What was not over when the last server ended. A file that cannot be read is told in the log, and stays."""
         found = []
         paths = sorted(self._folder.glob("*.json")) if self._folder.is_dir() else []
         for path in paths:
             try:
                 body = json.loads(path.read_text(encoding="utf-8"))
-                if why := newer(path.name, body.pop("imuscope", FORMAT), FORMAT):
+                if why := check_format_version(path.name, body.pop("imuscope", FORMAT), FORMAT):
                     log.error("%s %s", why.message, why.hint)
                     continue
-                found.append(Record(**body))
+                found.append(RollbackRecord(**body))
             except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
                 log.error("%s cannot be read: %s", path, error)
         return found
 
-    def of(self, protocol: str, serial_number: str) -> Record | None:
+    def of(self, protocol: str, serial_number: str) -> RollbackRecord | None:
         """The one of a device."""
         return next((one for one in self.all() if (one.protocol, one.serial_number) == (protocol, serial_number)), None)
 
-    def _path(self, record: Record) -> Path:
+    def _path(self, record: RollbackRecord) -> Path:
         name = re.sub(r"[^A-Za-z0-9-]+", "-", f"{record.protocol}-{record.serial_number or record.source}")
         return self._folder / f"{name[:120]}.json"
 
 
-class Hand:
+class RollbackRun:
     """One trial, carried out.
 
     Args:
         task: the job it belongs to.
     """
 
-    def __init__(self, desk: Desk, driver: Driver, trials: Trials, record: Record, task: Task) -> None:
+    def __init__(
+        self,
+        desk: DeviceController,
+        driver: DeviceDriver,
+        trials: RollbackStore,
+        record: RollbackRecord,
+        task: QueuedJob,
+    ) -> None:
         self._desk = desk
         self._driver = driver
         self._trials = trials
@@ -158,7 +167,7 @@ class Hand:
 
     # ── forth ────────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def apply(self) -> list[Written]:
+    async def apply(self) -> list[WriteResult]:
         """Write, see whether the device is there, ask, keep or go back; what was written.
 
         Raises:
@@ -172,7 +181,7 @@ class Hand:
                 await self._end("reverted", "The device refused the change; nothing is different.")
                 return written
             back = await self._arrived()
-        except (SilentError, RefusedError, LinkError) as error:
+        except (NoReplyError, DeviceRejectedError, LinkError) as error:
             self._desk.log.note(str(error), fault=True)
             back = None
         except JobError:
@@ -193,7 +202,7 @@ class Hand:
         who = "as somebody asked" if self._desk.answer.is_set() else "as nobody kept the new ones in time"
         raise JobError(f"The device went back to the old settings, {who}.", "They can be applied again.")
 
-    async def _write(self) -> list[Written]:
+    async def _write(self) -> list[WriteResult]:
         tell = self._tell
         record = self.record
         known = self._known(self._desk.session.baud)
@@ -296,7 +305,7 @@ class Hand:
                         answered = True
                         if await self.put_back(baud):
                             return None
-                except (SilentError, RefusedError, LinkError) as error:
+                except (NoReplyError, DeviceRejectedError, LinkError) as error:
                     self._desk.log.note(str(error), fault=True)
         return answered
 
@@ -324,7 +333,7 @@ class Hand:
             self._is_it(told)
             return (yield from settings_procedures.write_all(driver, known, record.old, self._tell, held=record.old))
 
-        written: list[Written] = await self._desk.run(driver.within(body(), known))
+        written: list[WriteResult] = await self._desk.run(driver.within(body(), known))
         for one in written:
             if one.refused:
                 self._desk.log.note(f"{one.setting}: {one.refused}.", fault=True)
@@ -343,7 +352,7 @@ class Hand:
         await self._end("reverted", "The device has its old settings again; they were read back.")
         return True
 
-    def _is_it(self, told: Known) -> None:
+    def _is_it(self, told: DeviceContext) -> None:
         ours = self.record.serial_number
         if ours and told.serial_number and ours not in (told.serial_number, *self._driver.formerly(told.serial_number)):
             self._trials.forget(self.record)
@@ -359,26 +368,26 @@ class Hand:
         """Store and restart. That the answer to a reset is lost is no news."""
         try:
             await self._desk.run(self._driver.store_and_restart(self._known(self._desk.session.baud)))
-        except SilentError as error:
+        except NoReplyError as error:
             self._desk.log.note(str(error))
 
     async def _alive(self) -> bool:
         return await self._desk.run(self._driver.alive(self._known(self._desk.session.baud)))
 
-    async def _read(self, names: Mapping[str, Any]) -> settings_procedures.Survey | None:
+    async def _read(self, names: Mapping[str, Any]) -> settings_procedures.SettingsSnapshot | None:
         known = self._known(self._desk.session.baud)
         also = settings_procedures.altered(self._driver, known, names)
-        body = settings_procedures.survey(self._driver, known, [*names, *also], self._tell)
+        body = settings_procedures.read_settings(self._driver, known, [*names, *also], self._tell)
         try:
             found = await self._desk.run(self._driver.within(body, known))
-        except (SilentError, RefusedError) as error:
+        except (NoReplyError, DeviceRejectedError) as error:
             self._desk.log.note(str(error), fault=True)
             return None
         self._is_it(found.known)
         self._desk.learn(found.known, found.values, found.missing)
         return found
 
-    def _known(self, baud: int | None) -> Known:
+    def _known(self, baud: int | None) -> DeviceContext:
         return replace(self.record.known, baud=baud, key=self._desk.session.reading.key)
 
     def _tell(self, words: str) -> None:

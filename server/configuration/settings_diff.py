@@ -20,7 +20,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from protocols.schema import Field, Setting
-from protocols.transactions import Driver, Known, Values
+from protocols.transactions import DeviceContext, DeviceDriver, Values
 from server.configuration.api_models import Difference, DifferenceRow, FieldProblem
 from server.configuration.checks import problems_of
 from server.configuration.form_builder import flat
@@ -52,7 +52,7 @@ class SideValues:
         return self.missing.get(name, self.otherwise)
 
 
-def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -> Difference:
+def compare(driver: DeviceDriver, known: DeviceContext, left: SideValues, right: SideValues) -> Difference:
     """All that differs, and what to write to the left side to make it the same."""
     found = Difference(left.title, right.title, [], 0, product=right.product)
     rows = {row.name: row for row in driver.settings(known)}
@@ -78,9 +78,11 @@ def compare(driver: Driver, known: Known, left: SideValues, right: SideValues) -
     return found
 
 
-def _strangers(driver: Driver, known: Known, rows: Mapping[str, Setting], right: SideValues, found: Difference) -> None:
+def _strangers(
+    driver: DeviceDriver, known: DeviceContext, rows: Mapping[str, Setting], right: SideValues, found: Difference
+) -> None:
     """Settings that this device does not have: of another product, or of nobody, and then misspelt."""
-    family = {row.name for row in driver.settings(Known())}
+    family = {row.name for row in driver.settings(DeviceContext())}
     for name in right.values:
         if name in rows:
             continue
@@ -106,7 +108,7 @@ def _meant(row: Setting, path: str) -> str:
     return f"Did you mean {meant[0]}?" if meant else ""
 
 
-def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: Difference) -> None:
+def _setting(driver: DeviceDriver, row: Setting, left: Values, right: Values, found: Difference) -> None:
     passing = {one.name for one in row.fields if one.momentary}
     common = {name for name in left if name in right and name not in passing}
     left, right = ({name: side[name] for name in side if name in common} for side in (left, right))
@@ -128,7 +130,7 @@ def _setting(driver: Driver, row: Setting, left: Values, right: Values, found: D
         found.changes[row.name] = writable
 
 
-def _rows(driver: Driver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
+def _rows(driver: DeviceDriver, row: Setting, left: Values, right: Values) -> tuple[list[DifferenceRow], int]:
     """What differs in one setting, and how many of its fields agree."""
     if row.editor == "outputs":
         return _output_rows(row, left, right)

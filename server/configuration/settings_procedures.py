@@ -17,7 +17,15 @@ from typing import Any
 
 from protocols.layouts import EncodeError
 from protocols.schema import Setting
-from protocols.transactions import Dialogue, Driver, Known, RefusedError, SilentError, Values, Written
+from protocols.transactions import (
+    DeviceContext,
+    DeviceDriver,
+    DeviceRejectedError,
+    NoReplyError,
+    Transaction,
+    Values,
+    WriteResult,
+)
 from server.configuration.value_format import field_at, title_at, value_at, words
 from server.wire import FieldOutcome
 
@@ -27,31 +35,33 @@ Tell = Callable[[str], None]
 
 
 @dataclass(slots=True)
-class Survey:
+class SettingsSnapshot:
     """What a device told.
 
     Args:
         missing: setting → why it could not be read.
     """
 
-    known: Known
+    known: DeviceContext
     values: dict[str, Values] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
 
 
-def survey(driver: Driver, known: Known, names: Sequence[str] | None, tell: Tell) -> Dialogue[Survey]:
+def read_settings(
+    driver: DeviceDriver, known: DeviceContext, names: Sequence[str] | None, tell: Tell
+) -> Transaction[SettingsSnapshot]:
     """Ask who it is, then what it has; to be run within the state that settings are read in.
 
     Args:
         names: settings to read; None for all.
         tell: hears what it is at.
     Raises:
-        SilentError: it answers nothing at all.
+        NoReplyError: it answers nothing at all.
     """
     tell("Who is it?")
-    with suppress(RefusedError):  # what it does not tell stays as it was known
+    with suppress(DeviceRejectedError):  # what it does not tell stays as it was known
         known = yield from driver.identify(known)
-    found = Survey(known)
+    found = SettingsSnapshot(known)
     silent = 0
     for row in driver.settings(known):
         if not row.read and not row.write:
@@ -65,10 +75,10 @@ def survey(driver: Driver, known: Known, names: Sequence[str] | None, tell: Tell
         try:
             found.values[row.name] = yield from driver.read(row.name, known)
             silent = 0
-        except RefusedError as error:
+        except DeviceRejectedError as error:
             found.missing[row.name] = error.why
             silent = 0
-        except SilentError as error:
+        except NoReplyError as error:
             if not found.values and silent + 1 >= SILENT_LIMIT:
                 raise
             found.missing[row.name] = "no answer"
@@ -78,29 +88,32 @@ def survey(driver: Driver, known: Known, names: Sequence[str] | None, tell: Tell
 
 
 def write_all(
-    driver: Driver, known: Known, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
-) -> Dialogue[list[Written]]:
+    driver: DeviceDriver, known: DeviceContext, changes: Mapping[str, Values], tell: Tell, held: Collection[str] = ()
+) -> Transaction[list[WriteResult]]:
     """Write settings; what is refused is in the result, what is not answered or cannot be sent too.
 
     Args:
         held: settings whose values the device has told itself; they are sent unchecked (Driver.write).
     """
-    done: list[Written] = []
+    done: list[WriteResult] = []
     titles = {row.name: row.title or row.name for row in driver.settings(known)}
     for name, values in changes.items():
         tell(f"Writing {titles.get(name, name)}")
         try:
             done.append((yield from driver.write(name, values, known, held=name in held)))
         except EncodeError as error:
-            done.append(Written(name, values, None, f"not sent: {error}"))
-        except SilentError as error:
-            done.append(Written(name, values, None, ""))
+            done.append(WriteResult(name, values, None, f"not sent: {error}"))
+        except NoReplyError as error:
+            done.append(WriteResult(name, values, None, ""))
             tell(str(error))
     return done
 
 
-def wanted(
-    driver: Driver, rows: Mapping[str, Setting], present: Mapping[str, Values], changes: Mapping[str, Mapping[str, Any]]
+def minimal_changes(
+    driver: DeviceDriver,
+    rows: Mapping[str, Setting],
+    present: Mapping[str, Values],
+    changes: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, dict[str, Any]]:
     """What has to be written: whole settings, single fields where one is `partial`, nothing that is so already."""
     result: dict[str, dict[str, Any]] = {}
@@ -121,7 +134,7 @@ def wanted(
 
 
 def changed_elsewhere(
-    driver: Driver,
+    driver: DeviceDriver,
     rows: Mapping[str, Setting],
     present: Mapping[str, Values],
     base: Mapping[str, Mapping[str, Any]] | None,
@@ -143,18 +156,18 @@ def changed_elsewhere(
     return ""
 
 
-def _differ(driver: Driver, setting: str, key: str, old: Values, new: Values) -> bool:
+def _differ(driver: DeviceDriver, setting: str, key: str, old: Values, new: Values) -> bool:
     return bool(driver.same(setting, {key: old[key]}, {key: new[key]}))
 
 
-def altered(driver: Driver, known: Known, written: Collection[str]) -> list[str]:
+def altered(driver: DeviceDriver, known: DeviceContext, written: Collection[str]) -> list[str]:
     """The settings that are others when these have been written, beside them."""
     rows = {row.name: row for row in driver.settings(known)}
     more = {name for one in written if one in rows for name in driver.alters(rows[one].write, {}, known)}
     return [name for name in rows if name in more and name not in written]
 
 
-def outcomes(driver: Driver, rows: Mapping[str, Setting], written: Sequence[Written]) -> list[FieldOutcome]:
+def outcomes(driver: DeviceDriver, rows: Mapping[str, Setting], written: Sequence[WriteResult]) -> list[FieldOutcome]:
     """Each field that the device did not take as asked."""
     found: list[FieldOutcome] = []
     for one in written:

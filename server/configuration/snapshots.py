@@ -48,7 +48,7 @@ import yaml
 
 from protocols.schema import Field, Setting
 from recordings import atomic_write
-from recordings.mcap_writer import newer
+from recordings.mcap_writer import check_format_version
 from server.configuration.api_models import SnapshotBody, SnapshotInfo
 from server.configuration.value_format import comment, entry_comment
 
@@ -231,7 +231,7 @@ def from_text(text: str) -> Snapshot:
         SnapshotError: it is none, in words.
     """
     head = _mapping(_loaded(text), "A snapshot")
-    if why := newer("This snapshot", head.get("imuscope"), FORMAT):
+    if why := check_format_version("This snapshot", head.get("imuscope"), FORMAT):
         raise SnapshotError(why.message, why.hint)
     if head.get("imuscope") != FORMAT:
         raise SnapshotError("This is no snapshot of imuscope.", f"Its first lines have `imuscope: {FORMAT}`.")
@@ -340,7 +340,7 @@ class Snapshots:
         with self._lock:
             name = self._free(folder, snapshot)
             try:
-                atomic_write.write(folder / f"{name}.yaml", text)
+                atomic_write.write_atomic(folder / f"{name}.yaml", text)
             except OSError as error:
                 hint = f"Is there space, and may this server write to {self._folder}?"
                 raise SnapshotError(f"The snapshot could not be kept: {error.strerror}.", hint) from None

@@ -36,7 +36,7 @@ Decode = Callable[[bytes], Mapping[str, Any] | None]
 """The first frame of some bytes: "message", "fields" and "size"; None where there is none."""
 
 
-class ExchangeLog:
+class TrafficLog:
     """The log of one device.
 
     Args:

@@ -23,17 +23,17 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
 from protocols.events import Event
-from protocols.transactions import Act, Dialogue, Expect, Note, Pause, Relink, Send, stop
+from protocols.transactions import Act, Note, ReopenLink, Send, Sleep, Transaction, WaitFor, cancel
 from server.links.base import LinkError
 
 log = logging.getLogger("imuscope.runner")
 T = TypeVar("T")
 
-KEPT = 4096  # events that wait for an Expect
+KEPT = 4096  # events that wait for an WaitFor
 LAST_WORDS_S = 2.0  # for what a stopped dialogue still has to write
 
 
-class Channel(Protocol):
+class TransactionPort(Protocol):
     """What a runner needs of a session."""
 
     async def send(self, data: bytes) -> None: ...
@@ -45,7 +45,7 @@ class Channel(Protocol):
     def decode(self) -> None: ...
 
 
-class Watcher(Protocol):
+class TrafficListener(Protocol):
     """Who is told what goes to and fro: the log of the exchange."""
 
     def sent(self, frame: bytes, what: str) -> None: ...
@@ -62,13 +62,13 @@ class Runner:
         watcher: told of every frame that was sent and of every event that answered.
     """
 
-    def __init__(self, channel: Channel, watcher: Watcher) -> None:
+    def __init__(self, channel: TransactionPort, watcher: TrafficListener) -> None:
         self._channel = channel
         self._watcher = watcher
         self._heard: deque[Event] = deque(maxlen=KEPT)
-        self._wanted: tuple[Expect, asyncio.Future[Any]] | None = None
+        self._wanted: tuple[WaitFor, asyncio.Future[Any]] | None = None
 
-    async def run(self, dialogue: Dialogue[T]) -> T:
+    async def run(self, dialogue: Transaction[T]) -> T:
         """The dialogue's result.
 
         Raises:
@@ -85,7 +85,7 @@ class Runner:
         finally:
             off()
 
-    async def _play(self, dialogue: Dialogue[T]) -> T:
+    async def _play(self, dialogue: Transaction[T]) -> T:
         answer: Any = None
         asked = False
         while True:
@@ -105,12 +105,12 @@ class Runner:
                 self._watcher.sent(frame, what)
                 await self._channel.send(frame)
                 return None
-            case Expect():
+            case WaitFor():
                 return await self._expect(act)
-            case Pause(seconds=seconds):
+            case Sleep(seconds=seconds):
                 await asyncio.sleep(seconds)
                 return None
-            case Relink(baud=baud):
+            case ReopenLink(baud=baud):
                 return await self.relink(baud)
             case Note(words=words):
                 self._watcher.note(words, fault=True)
@@ -128,7 +128,7 @@ class Runner:
         self._watcher.note(f"Link closed, opened again{at}.")
         return True
 
-    async def _expect(self, act: Expect) -> Any:
+    async def _expect(self, act: WaitFor) -> Any:
         while self._heard:
             found = self._try(act, self._heard.popleft())
             if found is not None:
@@ -143,7 +143,7 @@ class Runner:
         finally:
             self._wanted = None
 
-    def _try(self, act: Expect, event: Event) -> Any:
+    def _try(self, act: WaitFor, event: Event) -> Any:
         found = act.match(event)
         if found is not None:
             self._watcher.matched(event)
@@ -166,9 +166,9 @@ class Runner:
         if found is not None:
             answered.set_result(found)
 
-    async def _last_words(self, dialogue: Dialogue[Any]) -> None:
+    async def _last_words(self, dialogue: Transaction[Any]) -> None:
         """What must not be left undone, as far as the link still takes it."""
-        for act in stop(dialogue):
+        for act in cancel(dialogue):
             try:
                 self._watcher.sent(act.frame, act.what)
                 await asyncio.wait_for(self._channel.send(act.frame), LAST_WORDS_S)

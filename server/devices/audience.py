@@ -8,7 +8,7 @@ from typing import Literal
 
 from protocols.events import Event, sender_of
 from server.links.base import Flow
-from server.listeners import Listeners
+from server.listeners import CallbackList
 
 Direction = Literal["rx", "tx"]
 
@@ -22,8 +22,8 @@ class Audience:
 
     def __init__(self, flow: Flow) -> None:
         self._flow = flow
-        self._events: dict[str, Listeners[[Event]]] = {"": Listeners()}  # by the sender's name in the stream
-        self._sent: Listeners[[bytes, int]] = Listeners()
+        self._events: dict[str, CallbackList[[Event]]] = {"": CallbackList()}  # by the sender's name in the stream
+        self._sent: CallbackList[[bytes, int]] = CallbackList()
         self.turn = asyncio.Lock()  # of who configures a device: on one link one after the other
         self._closing: list[Callable[[], Awaitable[None]]] = []
 
@@ -43,7 +43,7 @@ class Audience:
         Args:
             sender: a further device of the link, by its name in the stream; "" is the link's own.
         """
-        return self._events.setdefault(sender, Listeners()).add(callback)
+        return self._events.setdefault(sender, CallbackList()).add(callback)
 
     def chunks(self, callback: Callable[[bytes, int, Direction], None]) -> Callable[[], None]:
         """Call `callback(data, time, direction)` with every chunk that came ("rx", in the link's reading thread) or was

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.dates import UNKNOWN
-from protocols.events import Batch, Step
+from protocols.events import Batch, ClockStep
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,7 +32,7 @@ class Dating:
         self._utc = utc
         self._ahead_ns: int | None = None  # UTC less device time, by the last sample that said it
 
-    def of(self, batches: Sequence[Batch], steps: Sequence[Step]) -> list[Floats | None]:
+    def of(self, batches: Sequence[Batch], steps: Sequence[ClockStep]) -> list[Floats | None]:
         """UTC of the samples of a drain, unix s, NaN where it is not known; None for a batch of which none is."""
         own = [self._utc(batch) for batch in batches]
         if self._ahead_ns is None and all(one is None for one in own):
@@ -51,7 +51,9 @@ class Dating:
         self._ahead_ns = None if np.isnan(last) else int(last)
         return out
 
-    def _told(self, batches: Sequence[Batch], own: Sequence[Ints | None], steps: Sequence[Step]) -> tuple[Ints, Floats]:
+    def _told(
+        self, batches: Sequence[Batch], own: Sequence[Ints | None], steps: Sequence[ClockStep]
+    ) -> tuple[Ints, Floats]:
         """Places in the stream, ascending, and how far UTC is ahead of the device's clock before the first of them and
         from each on; NaN where that is not known."""
         places = [np.array([step.offset for step in steps], np.int64)]

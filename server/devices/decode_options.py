@@ -30,7 +30,7 @@ class ReadingError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class DecodeOptions:
     """What was said about a source.
 
     Args:
@@ -76,7 +76,7 @@ def reading(
     replay_check: bool = True,
     time_unit: str = "",
     rotation: str = "",
-) -> Reading:
+) -> DecodeOptions:
     """A Reading of words.
 
     Args:
@@ -88,10 +88,10 @@ def reading(
     """
     secret = _key(key) if key else None
     units = (_one_of("time_unit", time_unit, TIME_UNITS), _one_of("rotation", rotation, ROTATIONS))
-    return Reading(protocol, secret, _mode(min_mode), unverified, replay_check, _schema(schema), *units)
+    return DecodeOptions(protocol, secret, _mode(min_mode), unverified, replay_check, _schema(schema), *units)
 
 
-def changed(old: Reading, new: Reading, given: Collection[str]) -> Reading:
+def changed(old: DecodeOptions, new: DecodeOptions, given: Collection[str]) -> DecodeOptions:
     """`old` with those settings of `new` that were given: OPTIONS, and "schema_text".
 
     Descriptions of vendor types are added to those that there are; one of the same type takes its place.
@@ -102,7 +102,7 @@ def changed(old: Reading, new: Reading, given: Collection[str]) -> Reading:
     return replace(old, **changes)
 
 
-def words_of(said: Reading) -> dict[str, Any]:
+def words_of(said: DecodeOptions) -> dict[str, Any]:
     """What `reading` makes the same of: for another process. Not the protocol, which each file has for itself."""
     return {
         "key": said.key.hex() if said.key else "",
@@ -123,7 +123,7 @@ def schema_words(schema: Mapping[int, Any] | None) -> str:
     return written(schema)
 
 
-def recorded(said: Reading, about: Mapping[str, Any], usual: Reading) -> Reading:
+def recorded(said: DecodeOptions, about: Mapping[str, Any], usual: DecodeOptions) -> DecodeOptions:
     """How a recorded device is read: as a person says of the file, else as the recording says, else as is usual here.
 
     Args:
@@ -134,7 +134,7 @@ def recorded(said: Reading, about: Mapping[str, Any], usual: Reading) -> Reading
     try:
         kept = reading(time_unit=str(told["time_unit"]), rotation=str(told["rotation"]), schema=str(told["schema"]))
     except ReadingError:
-        kept = Reading()
+        kept = DecodeOptions()
     schema = {**(usual.schema or {}), **(kept.schema or {}), **(said.schema or {})}
     return replace(
         said,
@@ -182,7 +182,7 @@ def schema_text(path: str) -> str:
         raise ReadingError(f"{path} is no text") from None
 
 
-def taken_from(source: str, given: Reading) -> tuple[str, Reading]:
+def parse_source_options(source: str, given: DecodeOptions) -> tuple[str, DecodeOptions]:
     """A source without what it says about its reading, and that put over `given`.
 
     Raises:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from server.devices.link_stats import Figures
+from server.devices.link_stats import LinkStatistics
 from server.links.base import Link, LinkError
 
 DEAF_S = 2.0
 LEAST_BYTES = 100  # fewer may be one long frame that is still on its way
 
 
-class Deafness:
+class DecodeWatchdog:
     """Of one link."""
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class Deafness:
         self._since = 0.0  # when there was one last
         self._bytes = 0  # so far, then
 
-    def look(self, now: float, figures: Sequence[Figures], meant: bool) -> bool:
+    def look(self, now: float, figures: Sequence[LinkStatistics], meant: bool) -> bool:
         """Is it so now? To be asked a few times a second.
 
         Args:
@@ -38,7 +38,7 @@ class Deafness:
         return now - self._since > DEAF_S and heard - self._bytes > LEAST_BYTES
 
 
-def not_understood(link: Link) -> tuple[str, str]:
+def undecodable_text(link: Link) -> tuple[str, str]:
     """What a person is told of it, message and hint; a link that finds its rate by itself looks for it again."""
     text = f"Bytes come from {link.source}, but for {DEAF_S:g} s nothing in them could be read."
     if link.finds_rate:

@@ -2,7 +2,7 @@
 
     bytes ─feed─> decoder ─drain─> Batch.device "102" ──> Sender  DeviceInfo "1"      the first that was heard
                                    Batch.device "7"   ──> Sender  DeviceInfo "1.7"    parent "1": a further one
-                                   Text, Reject       ──> the first: nobody knows who sent them
+                                   Text, RejectedFrame       ──> the first: nobody knows who sent them
 
 The first sender is the link's own device, whose life server/devices/session.py tells. A further one has channels,
 figures, clock, name and events of its own, so that it can be looked at by itself; link, bytes and state of the link it
@@ -16,20 +16,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from protocols.chunk_boundaries import Pieces
-from protocols.events import Decoder, Event, Reject, Shared, sender_of
+from protocols.chunk_boundaries import ChunkBoundaries
+from protocols.events import Decoder, Event, RejectedFrame, Shared, sender_of
 from protocols.framing import Ints
 from server import wire
-from server.devices.device_state import Portrait, health
-from server.devices.event_reporter import Incidents
-from server.devices.ingest import About, Identity, Intake, Line
-from server.devices.link_stats import Figures
-from server.devices.silence_watchdog import Patience
+from server.devices.device_state import DeviceState, health
+from server.devices.event_reporter import EventReporter
+from server.devices.ingest import DeviceIdentity, Ingest, LinkTiming, ProtocolTraits
+from server.devices.link_stats import LinkStatistics
+from server.devices.silence_watchdog import SilenceWatchdog
 from server.links.base import Chunk
-from server.listeners import Listeners
+from server.listeners import CallbackList
 from server.streaming.channels import Channels
 from server.streaming.hub import Hub
-from server.streaming.unknown_payloads import Raws
+from server.streaming.unknown_payloads import UnknownPayloads
 
 MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
 SILENT_S = 2.0  # from its first sample on; a link has less (patience.py)
@@ -37,7 +37,7 @@ TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it c
 SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
 
 
-class Sender:
+class LinkDevice:
     """One device on a link: what goes on over reconnections, and its intake during one.
 
     Args:
@@ -45,20 +45,20 @@ class Sender:
         bytes_of: whose count of bytes it shares: they are the link's.
     """
 
-    def __init__(self, hub: Hub, portrait: Portrait, name: str = "", bytes_of: Figures | None = None) -> None:
+    def __init__(self, hub: Hub, portrait: DeviceState, name: str = "", bytes_of: LinkStatistics | None = None) -> None:
         device = portrait.info.id
         self.name = name
         self.portrait = portrait
-        self.figures = Figures()
+        self.figures = LinkStatistics()
         if bytes_of is not None:
             self.figures.bytes = bytes_of.bytes
         self.channels = Channels(device, hub.advertise)
-        self.incidents = Incidents(hub, device)
-        self.raws = Raws(device, hub.keep_payloads if hub.keeps_clocks else None)
-        self.intake: Intake | None = None
+        self.incidents = EventReporter(hub, device)
+        self.raws = UnknownPayloads(device, hub.keep_payloads if hub.keeps_clocks else None)
+        self.intake: Ingest | None = None
         self.heard_at = 0.0  # unix s of the last sample
         self.silence_hint = ""  # what to do about its silence, where the reason for that is known
-        self._patience = Patience(SILENT_S, SILENT_S)
+        self._patience = SilenceWatchdog(SILENT_S, SILENT_S)
 
     def listen(self, samples: int, now: float) -> None:
         """It sent so many samples."""
@@ -79,7 +79,7 @@ class Sender:
         return self.quiet(now) > self._patience.limit
 
 
-class Senders:
+class LinkDevices:
     """The devices of one link.
 
     Args:
@@ -87,22 +87,22 @@ class Senders:
         title: a protocol's name for a person.
     """
 
-    def __init__(self, hub: Hub, own: Portrait, title: Callable[[str], str]) -> None:
+    def __init__(self, hub: Hub, own: DeviceState, title: Callable[[str], str]) -> None:
         self._hub = hub
         self._title = title
-        self.own = Sender(hub, own)
-        self.others: dict[str, Sender] = {}
+        self.own = LinkDevice(hub, own)
+        self.others: dict[str, LinkDevice] = {}
         self.own_is_unnamed = False  # its stream names only further devices (Xbus): no name is the own device's
         self.addresses: dict[str, int] = {}  # of devices that share a line, over connections (events.Shared)
-        self.made: Listeners[[Sender]] = Listeners()  # told of each further device
+        self.made: CallbackList[[LinkDevice]] = CallbackList()  # told of each further device
         self._beyond: set[str] = set()
 
     @property
-    def all(self) -> list[Sender]:
+    def all(self) -> list[LinkDevice]:
         return [self.own, *self.others.values()]
 
     @property
-    def figures(self) -> list[Figures]:
+    def figures(self) -> list[LinkStatistics]:
         """Of every device of the link, its own first."""
         return [sender.figures for sender in self.all]
 
@@ -111,7 +111,7 @@ class Senders:
         """Every device of the link, its own first."""
         return [sender.portrait.info for sender in self.all]
 
-    def of(self, name: str) -> Sender | None:
+    def of(self, name: str) -> LinkDevice | None:
         """The device of that name in the stream, made when it is first heard; None for one too many."""
         if not (self.own.name or self.own_is_unnamed):
             self.own.name = name
@@ -143,7 +143,7 @@ class Senders:
         if sender is not None:
             sender.hush(on, self._hub.now())
 
-    def _make(self, name: str) -> Sender:
+    def _make(self, name: str) -> LinkDevice:
         own = self.own.portrait.info
         info = replace(
             own,
@@ -161,7 +161,7 @@ class Senders:
             tries=[],
         )
         self.own.heard_at = self.own.heard_at or self._hub.now()  # while it was alone nobody asked
-        return Sender(self._hub, Portrait(self._hub, info, self._title), name, self.own.figures)
+        return LinkDevice(self._hub, DeviceState(self._hub, info, self._title), name, self.own.figures)
 
     def _turn_away(self, name: str) -> None:
         if not self._beyond:
@@ -204,7 +204,7 @@ class Senders:
                 if sender.portrait.info.status in waiting and sender.is_silent(now):
                     self._fell_silent(sender, now)
 
-    def _fell_silent(self, sender: Sender, now: float) -> None:
+    def _fell_silent(self, sender: LinkDevice, now: float) -> None:
         others = "the link is still open" if all(one.is_silent(now) for one in self.all) else "others on its link go on"
         text = f"Nothing from {sender.portrait.info.name} for {sender.quiet(now):.1f} s; {others}."
         sender.incidents.say("link", "fault", text, data={"kind": "silent"})
@@ -236,7 +236,7 @@ class Senders:
             self._hub.remove_device(sender.portrait.info.id)
 
 
-class Reader:
+class StreamDecoder:
     """The bytes of one connection, decoded and handed to who sent them.
 
     `feed` only appends, so that the reader of a 2 kHz device costs little; `drain` decodes what has come, once per
@@ -250,11 +250,11 @@ class Reader:
     def __init__(
         self,
         hub: Hub,
-        senders: Senders,
+        senders: LinkDevices,
         decoder: Decoder,
         *,
-        line: Line = Line(),  # noqa: B008 - frozen
-        about: About = About(),  # noqa: B008 - frozen
+        line: LinkTiming = LinkTiming(),  # noqa: B008 - frozen
+        about: ProtocolTraits = ProtocolTraits(),  # noqa: B008 - frozen
         on_events: Callable[[Sequence[Event]], None] = lambda events: None,
     ) -> None:
         self._hub = hub
@@ -268,7 +268,7 @@ class Reader:
         self._fed = False
         self._tail = bytearray()
         self._end = 0
-        self._pieces = Pieces()
+        self._pieces = ChunkBoundaries()
         for sender in senders.all:
             sender.intake = None  # a fresh connection has fresh clocks
         self._own = self._intake(senders.own)
@@ -278,7 +278,7 @@ class Reader:
         return self._decoder.buffered
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceIdentity:
         """Who the link's own device is."""
         return self._own.identity
 
@@ -337,23 +337,23 @@ class Reader:
     def _hand_out(self, events: Sequence[Event]) -> None:
         """To each sender what is its own. Rejects go to all: who lost samples is judged by them."""
         parts: dict[str, list[Event]] = {}
-        refused = [event for event in events if isinstance(event, Reject)]
+        refused = [event for event in events if isinstance(event, RejectedFrame)]
         for name in dict.fromkeys(sender_of(event) for event in events):
             sender = self._senders.of(name)
             if sender is not None:
                 parts.setdefault(sender.name, [])
         for event in events:
             name = sender_of(event) or self._senders.own.name
-            if name in parts and not isinstance(event, Reject):
+            if name in parts and not isinstance(event, RejectedFrame):
                 parts[name].append(event)
-            elif not isinstance(event, Reject):
+            elif not isinstance(event, RejectedFrame):
                 self._senders.own.figures.samples("other devices", 1, self._hub.now())
         for sender in self._senders.all:
             part = parts.get(sender.name, [])
             if part or refused:
                 self._give(sender, sorted([*part, *refused], key=_offset) if refused else part)
 
-    def _give(self, sender: Sender, events: list[Event]) -> None:
+    def _give(self, sender: LinkDevice, events: list[Event]) -> None:
         intake = sender.intake or self._intake(sender)
         before = intake.samples
         intake.take(events)
@@ -367,8 +367,8 @@ class Reader:
             sender.portrait.set(status="live", is_open=True, message="", hint="", next_try=None, last_arrival=now)
             sender.incidents.say("link", "info", f"{sender.portrait.info.name} is back.", data={"kind": "back"})
 
-    def _intake(self, sender: Sender) -> Intake:
-        sender.intake = Intake(
+    def _intake(self, sender: LinkDevice) -> Ingest:
+        sender.intake = Ingest(
             self._hub,
             figures=sender.figures,
             channels=sender.channels,

@@ -10,17 +10,17 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from protocols.clock_sync import HostClock
+from protocols.clock_sync import ClockSync
 from server import wire
-from server.devices.ingest import Identity
-from server.devices.link_stats import Figures
+from server.devices.ingest import DeviceIdentity
+from server.devices.link_stats import LinkStatistics
 from server.streaming.hub import Hub
 
 TRIES_KEPT = 12
 _MODEL = re.compile(r"[A-Za-z]+(?:-[A-Z])?-\d+[A-Z]?")
 
 
-class Portrait:
+class DeviceState:
     """A device as the page knows it.
 
     Args:
@@ -50,7 +50,7 @@ class Portrait:
             tries = tries[:-1]
         self.set(tries=[*tries, attempt][-TRIES_KEPT:])
 
-    def identified(self, identity: Identity) -> None:
+    def identified(self, identity: DeviceIdentity) -> None:
         """The device said who it is."""
         self.set(
             product=identity.product or self.info.product,
@@ -67,13 +67,13 @@ class Portrait:
         model = _MODEL.match(product)
         if product:
             return model.group() if model else product
-        return heard or (self._title(protocol) if protocol else short(self.info.source))
+        return heard or (self._title(protocol) if protocol else short_source(self.info.source))
 
 
 def health(
     device: str,
-    figures: Figures,
-    clock: HostClock | None,
+    figures: LinkStatistics,
+    clock: ClockSync | None,
     capacity: float | None,
     now: float,
     cause: wire.TimeCause | None = None,
@@ -110,7 +110,7 @@ def health(
     )
 
 
-def short(source: str) -> str:
+def short_source(source: str) -> str:
     """/dev/ttyUSB0 → ttyUSB0; /dev/pts/4 → pts/4; tcp://host:1 → host:1; a file by its name."""
     bare = source.partition("?")[0].rstrip("/")
     device = re.search("(?:^|//)/dev/(.+)", bare)

@@ -13,11 +13,11 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocols.events import Gap, Reject, Reply, Step, Text
+from protocols.events import ClockStep, RejectedFrame, Reply, SampleGap, Text
 from protocols.labels import device_label
 from server.streaming.hub import Hub
 from server.wire import EventKind, Level
-from server.wire_codec import plain
+from server.wire_codec import to_json_safe
 
 PERIOD_S = 1.0
 GAPS_PER_PERIOD = 10
@@ -46,14 +46,14 @@ class _Sum:
 
 
 @dataclass(frozen=True, slots=True)
-class Blame:
+class LossCause:
     """Who lost samples: one word for `data`, the end of the sentence for a person."""
 
     by: str
     words: str
 
 
-class Incidents:
+class EventReporter:
     """The sentences about one device."""
 
     def __init__(self, hub: Hub, device: str) -> None:
@@ -71,7 +71,7 @@ class Incidents:
         """An event that is rare by nature."""
         self._hub.event(self._device, kind, level, text, **more)
 
-    def gap(self, gap: Gap, t0: float, t1: float, blame: Blame) -> None:
+    def gap(self, gap: SampleGap, t0: float, t1: float, blame: LossCause) -> None:
         """Samples that a counter says are missing between the host times `t0` and `t1`."""
         if self._hub.tells_every_gap or self._may("gap", GAPS_PER_PERIOD):
             text = f"{_samples(gap.missing)} lost ({_duration(t1 - t0)}): {blame.words}"
@@ -93,7 +93,7 @@ class Incidents:
             text = f"{_samples(missing)} lost ({duration}): the link was down."
         self.say("gap", "fault", text, span=span, samples=missing, data={"counter": counter, "by": "link"})
 
-    def rejects(self, rejects: list[Reject]) -> None:
+    def rejects(self, rejects: list[RejectedFrame]) -> None:
         """Candidates that failed their checks: always summed up, one event a period."""
         if not rejects:
             return
@@ -105,7 +105,7 @@ class Incidents:
         arrivals = [reject.arrival_ns for reject in rejects]
         held.span(min(arrivals) / 1e9, max(arrivals) / 1e9)
 
-    def step(self, step: Step, time: float) -> None:
+    def step(self, step: ClockStep, time: float) -> None:
         """The device clock did not continue."""
         words = {
             "reset": "The device's clock started again from zero.",
@@ -117,7 +117,7 @@ class Incidents:
             if step.kind == "sync" and step.by_ns > DATE_NS:
                 text = "The device has learned the date: its clock counted from power-on, and is UTC from here on."
             data = {"kind": step.kind, "by_ns": step.by_ns}
-            self.say("clock", "caution", text, time=time, data={k: plain(v) for k, v in data.items()})
+            self.say("clock", "caution", text, time=time, data={k: to_json_safe(v) for k, v in data.items()})
         else:
             self._hold("clock").parts[step.kind] += 1
 
@@ -133,7 +133,7 @@ class Incidents:
         level: Level = "caution" if message.name in ("Error", "Warning", "WakeUp") else "info"
         if self._may("reply." + message.name, REPLIES_PER_PERIOD):
             text = _sentence(reply) or f"{message.title or message.name}{_values(reply)}"
-            data = {"message": message.name, "values": plain(reply.values)}
+            data = {"message": message.name, "values": to_json_safe(reply.values)}
             self.say("reply", level, text, time=reply.arrival_ns / 1e9, data=data)
         else:
             self._hold("reply." + message.name)
@@ -148,7 +148,7 @@ class Incidents:
             words = f"More than {TEXT_SORTS} kinds of sentences came: the first lines of further ones are not told."
             self.say("text", "caution", words, data={"most": TEXT_SORTS})
             return
-        data = {"protocol": text.protocol, "name": text.name, "fields": plain(text.fields)}
+        data = {"protocol": text.protocol, "name": text.name, "fields": to_json_safe(text.fields)}
         self.say("text", "info", text.line.strip()[:400], time=text.arrival_ns / 1e9, data=data)
 
     def tick(self, now: float) -> None:
@@ -237,7 +237,7 @@ def _values(reply: Reply) -> str:
         if field_.base == 16 and isinstance(shown.get(field_.name), int):
             shown[field_.name] = device_label(shown[field_.name])
     choices = {field_.name: field_.choices for field_ in reply.message.fields}
-    told = {name: value for name, value in plain(shown).items() if not isinstance(value, list | dict)}
+    told = {name: value for name, value in to_json_safe(shown).items() if not isinstance(value, list | dict)}
     if len(told) > SHOWN_VALUES:
         told = {name: value for name, value in told.items() if str(value).strip("0")}
     parts = [f"{name} {choices.get(name, {}).get(value, value)}" for name, value in told.items()]

@@ -3,7 +3,7 @@
     server/devices/device_demux.py ─take─> Batch ──> device time → host time ──> channels ──> hub
                               Text  ──> its numbers are a channel too (an NMEA sentence)
                               Reply ──> an event, and who the device is
-                              Gap, Step, Reject ──> sentences (server/devices/event_reporter.py) and counts
+                              Gap, ClockStep, RejectedFrame ──> sentences (server/devices/event_reporter.py) and counts
                               bytes that nobody has described ──> server/streaming/unknown_payloads.py
 
 All batches of a drain are mapped to host time together. A gap lies between the frame before and the frame
@@ -21,20 +21,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocols.capture_clock import CaptureClock
-from protocols.chunk_boundaries import Pieces
-from protocols.clock_sync import HostClock, Part
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.chunk_boundaries import ChunkBoundaries
+from protocols.clock_sync import ClockSync, TimedRows
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from protocols.framing import REFUSED
-from protocols.nmea_quantities import Sentences
+from protocols.nmea_quantities import NmeaQuantities
 from server.devices.dating import Dating
-from server.devices.event_reporter import Blame, Incidents
+from server.devices.event_reporter import EventReporter, LossCause
 from server.devices.jitter_causes import NETWORKS, cause_of
-from server.devices.link_stats import Figures
+from server.devices.link_stats import LinkStatistics
 from server.links.base import Link
 from server.links.line_timing import byte_time_ns, holds_ns, port_of
 from server.streaming.channels import MOST_CHANNELS, Channels
 from server.streaming.hub import Hub
-from server.streaming.unknown_payloads import Raws
+from server.streaming.unknown_payloads import UnknownPayloads
 from server.wire import TimeCause
 
 NETWORK_NS = 1e6  # of a local network, one way: how long the quickest packet takes is not to be seen from one end
@@ -58,7 +58,7 @@ def _nothing(reply: Reply) -> Mapping[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class ProtocolTraits:
     """What an intake and a session know of a protocol beside its decoder; see registry.ProtocolInfo."""
 
     greeting: bytes = b""
@@ -70,7 +70,7 @@ class About:
 
 
 @dataclass(slots=True)
-class Identity:
+class DeviceIdentity:
     """Who a device said it is; "" while unknown.
 
     Args:
@@ -118,7 +118,7 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LinkTiming:
     """What is known of the link that a device is on.
 
     Args:
@@ -140,12 +140,12 @@ class Line:
     speed: float = 1.0
 
     @classmethod
-    def of(cls, link: Link) -> Line:
+    def of(cls, link: Link) -> LinkTiming:
         """What is known of an open link."""
         return cls(byte_time_ns(link), link.kind, link.capacity, holds_ns(link), port_of(link), speed=link.speed)
 
 
-class Intake:
+class Ingest:
     """One device during one connection.
 
     Args:
@@ -161,14 +161,14 @@ class Intake:
         self,
         hub: Hub,
         *,
-        figures: Figures,
+        figures: LinkStatistics,
         channels: Channels,
-        incidents: Incidents,
-        raws: Raws,
-        identify: Callable[[Identity], None] = lambda identity: None,
-        line: Line = Line(),
-        pieces: Pieces | None = None,
-        about: About = About(),
+        incidents: EventReporter,
+        raws: UnknownPayloads,
+        identify: Callable[[DeviceIdentity], None] = lambda identity: None,
+        line: LinkTiming = LinkTiming(),
+        pieces: ChunkBoundaries | None = None,
+        about: ProtocolTraits = ProtocolTraits(),
         counts_rejects: bool = True,
     ) -> None:
         self._hub = hub
@@ -179,12 +179,12 @@ class Intake:
         self._identify = identify
         self._line = line
         self._counts_rejects = counts_rejects
-        self._sentences = Sentences()
+        self._sentences = NmeaQuantities()
         self._last_time: float | None = None  # host time of the last frame of the previous drain
         self._rejects_before = 0  # since the last frame that was good
         unknown_ns = NETWORK_NS if line.kind in NETWORKS else 0
         self.clock = (
-            HostClock(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
+            ClockSync(line.byte_time_ns, holds_ns=line.holds_ns, unknown_ns=unknown_ns, pieces=pieces)
             if line.timed
             else CaptureClock()
         )
@@ -194,14 +194,14 @@ class Intake:
         self._quiet_until = 0.0  # until when a step of the clock is no news, unix s
         self._about = about
         self._dating = Dating(about.utc)
-        self.identity = Identity(about.identity, about.sender)
+        self.identity = DeviceIdentity(about.identity, about.sender)
         self._kinds: set[str] | None = set()  # of foreign messages, while nothing of the protocol's own was heard
         self.samples = 0
 
     def take(self, events: Sequence[Event]) -> None:
         """What the decoder gave of this device, in the order of the stream."""
         batches = [event for event in events if isinstance(event, Batch) and len(event)]
-        steps = [event for event in events if isinstance(event, Step)]
+        steps = [event for event in events if isinstance(event, ClockStep)]
         times = self._host_times(batches, steps)
         texts = [event for event in events if isinstance(event, Text)]
         if self._kinds is not None:
@@ -249,7 +249,7 @@ class Intake:
         """What makes its times uneven."""
         return cause_of(self.clock, self._resets, kind=self._line.kind, port=self._line.port, now=now)
 
-    def _host_times(self, batches: Sequence[Batch], steps: Sequence[Step]) -> list[NDArray[np.float64]]:
+    def _host_times(self, batches: Sequence[Batch], steps: Sequence[ClockStep]) -> list[NDArray[np.float64]]:
         """Device time of every batch, mapped to host time (unix s); NaN where a message has no clock.
 
         A drain of a recording may hold many seconds, in which the clock steps and its mapping begins anew: rows are
@@ -277,7 +277,7 @@ class Intake:
                 out[i][rows[i]] = times
         return out
 
-    def _part(self, batch: Batch, renames: Sequence[Step]) -> Part:
+    def _part(self, batch: Batch, renames: Sequence[ClockStep]) -> TimedRows:
         """The rows of a batch by a clock that goes on counting where the device's learned the date, or was set by a
         receiver: only its name for the moment changed."""
         assert batch.time_ns is not None
@@ -288,9 +288,9 @@ class Intake:
                 device[int(np.searchsorted(batch.offset, step.offset)) :] -= step.by_ns
         if self._line.speed != 1:  # so much of the device's time passes in a second of the host's
             device = np.rint(device / self._line.speed).astype(np.int64)
-        return Part(device, batch.arrival_ns, batch.offset, batch.size, id(message))
+        return TimedRows(device, batch.arrival_ns, batch.offset, batch.size, id(message))
 
-    def _map(self, parts: list[Part]) -> list[NDArray[np.float64]]:
+    def _map(self, parts: list[TimedRows]) -> list[NDArray[np.float64]]:
         if not parts:
             return []
         times = self.clock.times(parts)
@@ -304,21 +304,21 @@ class Intake:
         if self._last_time is not None and len(hosts):
             hosts = np.maximum(hosts, self._last_time)
         pauses = self._pauses(hosts) if not self._line.timed else ()
-        rejects: list[Reject] = []
-        damaged: list[Reject] = []  # what is refused for another reason says nothing of the line
+        rejects: list[RejectedFrame] = []
+        damaged: list[RejectedFrame] = []  # what is refused for another reason says nothing of the line
         for event in events:
             if isinstance(event, Batch):
                 continue
             if isinstance(event, Text):
                 self._figures.samples(f"{event.protocol} {event.name}", 1, self._hub.now())
                 self._incidents.text(event)
-            elif isinstance(event, Reject):
+            elif isinstance(event, RejectedFrame):
                 rejects.append(event)
                 if event.reason not in REFUSED:
                     damaged.append(event)
-            elif isinstance(event, Gap):
+            elif isinstance(event, SampleGap):
                 self._gap(event, offsets, hosts, len(damaged) + self._rejects_before)
-            elif isinstance(event, Step):
+            elif isinstance(event, ClockStep):
                 if event.kind == "reset" or (event.kind == "jump" and event.by_ns < -BACK_NS):
                     self._resets.append(event.arrival_ns / 1e9)
                 after = _time_after(event, batches, times)
@@ -351,7 +351,7 @@ class Intake:
             ends.append(t1)
         return ends
 
-    def _refused(self, rejects: list[Reject]) -> None:
+    def _refused(self, rejects: list[RejectedFrame]) -> None:
         if self._counts_rejects:
             self._figures.rejected(reject.reason for reject in rejects)
             self._incidents.rejects([reject for reject in rejects if reject.reason not in TOLD_ONCE])
@@ -374,7 +374,7 @@ class Intake:
         if self.identity.learn(reply):
             self._identify(self.identity)
 
-    def _gap(self, gap: Gap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
+    def _gap(self, gap: SampleGap, offsets: NDArray[np.int64], hosts: NDArray[np.float64], rejects: int) -> None:
         self._figures.gaps += 1
         self._figures.lost += gap.missing
         at = int(np.searchsorted(offsets, gap.offset))
@@ -384,20 +384,22 @@ class Intake:
         after = float(newer[0]) if len(newer) else gap.arrival_ns / 1e9
         self._incidents.gap(gap, after if before is None else min(before, after), after, self._blame(rejects))
 
-    def _blame(self, rejects: int) -> Blame:
+    def _blame(self, rejects: int) -> LossCause:
         """Who lost samples, as far as this end can tell."""
         if self._hub.now() - self._figures.left_out_at < LEFT_OUT_S:
-            return Blame("host", "this host could not decode them in time, and left bytes out.")
+            return LossCause("host", "this host could not decode them in time, and left bytes out.")
         if rejects:
             frames = f"{rejects} damaged frame{'s' if rejects > 1 else ''}"
-            return Blame("wire", f"{frames} came in between, so bytes were damaged on the wire.")
+            return LossCause("wire", f"{frames} came in between, so bytes were damaged on the wire.")
         if self._line.kind == "udp":
-            return Blame("network", "the network did not deliver them.")
+            return LossCause("network", "the network did not deliver them.")
         capacity = self._line.capacity
         if capacity and self._figures.bytes.rate(self._hub.now()) >= FULL * capacity:
-            return Blame("link", "the link is full, so the device could not send them. Lower a rate or raise the baud.")
+            return LossCause(
+                "link", "the link is full, so the device could not send them. Lower a rate or raise the baud."
+            )
         words = "no damaged bytes came, so they were lost before this host: in the device, the adapter or the cable."
-        return Blame("device", words)
+        return LossCause("device", words)
 
 
 def _stream_order(
@@ -415,7 +417,7 @@ def _stream_order(
     return offsets[order], np.maximum.accumulate(np.concatenate(hosts)[order])
 
 
-def _time_after(step: Step, batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> float:
+def _time_after(step: ClockStep, batches: Sequence[Batch], times: Sequence[NDArray[np.float64]]) -> float:
     """Host time of the first sample that follows a step of the clock: there a page breaks its lines."""
     offset, time = np.inf, math.nan
     for batch, hosts in zip(batches, times, strict=True):

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from protocols.clock_sync import HostClock
+from protocols.clock_sync import ClockSync
 from server.wire import TimeCause
 
 LATELY_S = 60.0
@@ -26,7 +26,7 @@ RULE = "imuscope doctor --udev-rule | sudo tee /etc/udev/rules.d/70-imuscope.rul
 PORT = "ttyUSB0"
 
 
-def cause_of(clock: HostClock, resets: Sequence[float], *, kind: str, port: str, now: float) -> TimeCause | None:
+def cause_of(clock: ClockSync, resets: Sequence[float], *, kind: str, port: str, now: float) -> TimeCause | None:
     """What makes the times of a device uneven, None where nothing does.
 
     Args:

@@ -6,8 +6,8 @@ before.
 
 from __future__ import annotations
 
-from server.devices.event_reporter import Incidents
-from server.devices.link_stats import Figures
+from server.devices.event_reporter import EventReporter
+from server.devices.link_stats import LinkStatistics
 
 EVERY_S = 5.0  # between two sentences about it
 OVER_S = 10.0  # for so long after the last of it there is a notice
@@ -17,7 +17,7 @@ NOTICE = "Bytes come faster than this host can decode them: the oldest are left 
 class LeftOut:
     """Of one session."""
 
-    def __init__(self, incidents: Incidents, figures: Figures, source: str) -> None:
+    def __init__(self, incidents: EventReporter, figures: LinkStatistics, source: str) -> None:
         self._incidents = incidents
         self._figures = figures
         self._source = source

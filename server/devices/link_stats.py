@@ -24,7 +24,7 @@ OTHERS = "other messages"
 LATENCIES_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # 8 and 16 ms are what a flush may wait
 
 
-class Meter:
+class RateMeter:
     """Counts of something, and their rate over the last seconds."""
 
     __slots__ = ("_recent", "_recent_sum", "total")
@@ -58,12 +58,12 @@ class Meter:
             self._recent_sum -= self._recent.popleft()[1]
 
 
-class Figures:
+class LinkStatistics:
     """The counts of one session."""
 
     def __init__(self) -> None:
-        self.bytes = Meter()
-        self.messages: dict[str, Meter] = {}
+        self.bytes = RateMeter()
+        self.messages: dict[str, RateMeter] = {}
         self.gaps = 0
         self.lost = 0
         self.rejects = 0
@@ -96,7 +96,7 @@ class Figures:
         if meter is None:
             if len(self.messages) >= MOST_MESSAGES:
                 message = OTHERS
-            meter = self.messages.setdefault(message, Meter())
+            meter = self.messages.setdefault(message, RateMeter())
         meter.add(count, now)
         self.last_sample = max(now, self.last_sample or now)
 

@@ -13,8 +13,8 @@ from collections.abc import Awaitable, Callable
 
 from protocols.events import Event
 from server import wire
-from server.devices.decode_options import Reading
-from server.devices.device_demux import Sender
+from server.devices.decode_options import DecodeOptions
+from server.devices.device_demux import LinkDevice
 from server.devices.session import Session
 
 
@@ -25,7 +25,7 @@ class Member:
         sender: the device; not the link's own.
     """
 
-    def __init__(self, session: Session, sender: Sender) -> None:
+    def __init__(self, session: Session, sender: LinkDevice) -> None:
         self.session = session
         self._sender = sender
         self.turn = session.turn
@@ -41,7 +41,7 @@ class Member:
         return self._sender.name
 
     @property
-    def reading(self) -> Reading:
+    def reading(self) -> DecodeOptions:
         """How the link's bytes are read."""
         return self.session.reading
 
@@ -83,7 +83,7 @@ class Member:
         """Can this end of the link do that rate? As Link.check_rate."""
         await self.session.check_rate(baud)
 
-    async def read_as(self, reading: Reading) -> None:
+    async def read_as(self, reading: DecodeOptions) -> None:
         """Read the link's bytes in another way. As Session.read_as."""
         await self.session.read_as(reading)
 

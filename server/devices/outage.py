@@ -11,7 +11,7 @@ it says is believed only if the time that passed agrees, at the rate at which it
 from __future__ import annotations
 
 from protocols.events import Count, Counts
-from server.devices.device_demux import Sender
+from server.devices.device_demux import LinkDevice
 
 SHORTEST_S = 1.0  # of a connection, from which a rate is learnt
 SHARE = 0.2  # by which rate and time may be off,
@@ -26,7 +26,7 @@ class Outage:
         self._began: float | None = None  # of this connection: arrival of its first samples
         self._before: tuple[Count, float] | None = None  # of the connection before, and counts per second
 
-    def begin(self, decoder: object, sender: Sender) -> None:
+    def begin(self, decoder: object, sender: LinkDevice) -> None:
         """The link went."""
         last = sender.figures.last_arrival
         if self._since is None and last is not None:
@@ -37,7 +37,7 @@ class Outage:
             self._before = (count, rate) if count and rate > 0 else None
         self._began = None
 
-    def over(self, decoder: object, sender: Sender, now: float | None) -> None:
+    def over(self, decoder: object, sender: LinkDevice, now: float | None) -> None:
         """Samples come again: tell what was missed. `now`: arrival of the newest; None: nothing was."""
         if self._since is not None and now is not None:
             known = self._missing(decoder, sender.name, now - self._since)

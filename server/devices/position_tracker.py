@@ -17,7 +17,7 @@ GNSS_SETS = ("DID_GPS1_POS", "DID_INS_1", "DID_INS_2")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Position:
     """A place on the ellipsoid: degrees, north and east positive; height in m."""
 
     latitude: float
@@ -26,11 +26,11 @@ class Place:
     satellites: int = 10
 
 
-class Whereabouts:
+class PositionTracker:
     """Told every event of a device; `place` is None until one says where it is."""
 
     def __init__(self) -> None:
-        self.place: Place | None = None
+        self.place: Position | None = None
 
     def hear(self, event: Event) -> None:
         """Take an event; cheap for those that say nothing."""
@@ -56,7 +56,7 @@ class Whereabouts:
     def _at(self, latitude: Any, longitude: Any, height: Any, satellites: Any) -> None:
         if not (_is_number(latitude) and _is_number(longitude)) or not (latitude or longitude):
             return
-        here = Place(float(latitude), float(longitude))
+        here = Position(float(latitude), float(longitude))
         old = self.place or here
         here = replace(here, height=float(height) if _is_number(height) else old.height)
         self.place = replace(here, satellites=int(satellites) if _is_number(satellites) else old.satellites)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Protocol as Shape
 
 from protocols.events import Decoder
-from server.devices.decode_options import Reading
-from server.devices.ingest import About
+from server.devices.decode_options import DecodeOptions
+from server.devices.ingest import ProtocolTraits
 from server.links.base import Chunk
 
 GUESS_BYTES = 1024
@@ -25,7 +25,7 @@ UNKNOWN_BYTES = 16 * 1024  # kept while the protocol is unknown
 NEVER = 1 << 60
 
 
-class Guess(Shape):
+class ProtocolGuess(Shape):
     """What `protocols.registry.guess` gives, best first."""
 
     @property
@@ -37,13 +37,13 @@ class Guess(Shape):
 
 
 @dataclass(frozen=True, slots=True)
-class Speech:
+class ProtocolSet:
     """The protocols a session can speak: usually those of protocols/registry.py."""
 
-    decoder: Callable[[str, Reading, str], Decoder]  # protocol, what was said about the source, kind of its link
-    guess: Callable[[bytes], Sequence[Guess]]
+    decoder: Callable[[str, DecodeOptions, str], Decoder]  # protocol, what was said about the source, kind of its link
+    guess: Callable[[bytes], Sequence[ProtocolGuess]]
     title: Callable[[str], str]
-    about: Callable[[str], About] = lambda protocol: About()
+    about: Callable[[str], ProtocolTraits] = lambda protocol: ProtocolTraits()
     messages_in: Callable[[bytes], Mapping[str, int]] = lambda data: {}
 
 
@@ -53,10 +53,10 @@ def unknown_hint(kind: str) -> str:
     return f"{serial} Give the protocol if you know it."
 
 
-class Unknown:
+class ProtocolDetector:
     """The bytes of one connection while nobody knows what they mean."""
 
-    def __init__(self, guess: Callable[[bytes], Sequence[Guess]]) -> None:
+    def __init__(self, guess: Callable[[bytes], Sequence[ProtocolGuess]]) -> None:
         self._guess = guess
         self._next = 0.0  # when they are looked at, however many they are; unix s
         self._enough = GUESS_BYTES
@@ -83,7 +83,7 @@ class Unknown:
         self._next = self._next or now + GUESS_S
         return final or self.size >= self._enough or now >= self._next
 
-    def look(self, now: float) -> tuple[Guess | None, str]:
+    def look(self, now: float) -> tuple[ProtocolGuess | None, str]:
         """The protocol and why; or None and what they look like at best ("" for nothing). A look costs as much as
         decoding does, so the next is due when there is twice as much, and then not before a while."""
         self._next = now + GUESS_S

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from protocols.events import Decoder
-from server.devices.decode_options import Reading
-from server.devices.ingest import About
-from server.devices.protocol_detection import Guess, Speech
+from server.devices.decode_options import DecodeOptions
+from server.devices.ingest import ProtocolTraits
+from server.devices.protocol_detection import ProtocolGuess, ProtocolSet
 
 
 def protocols() -> dict[str, str]:
@@ -21,33 +21,31 @@ def protocols() -> dict[str, str]:
     return {name: info.title for name, info in PROTOCOLS.items()}
 
 
-def speech() -> Speech:
+def speech() -> ProtocolSet:
     """All protocols of the registry."""
 
-    def decoder(name: str, reading: Reading, link_kind: str) -> Decoder:
+    def decoder(name: str, reading: DecodeOptions, link_kind: str) -> Decoder:
         from protocols.registry import PROTOCOLS
 
         row = PROTOCOLS[name]
         datagrams = {"datagrams": True} if row.datagrams and link_kind == "udp" else {}
         return row.decoder(**reading.settings(row.settings), **datagrams)
 
-    def guess(data: bytes) -> Sequence[Guess]:
-        from protocols.registry import guess
+    def guess(data: bytes) -> Sequence[ProtocolGuess]:
 
         return guess(data)
 
-    def about(name: str) -> About:
+    def about(name: str) -> ProtocolTraits:
         from protocols.registry import PROTOCOLS
 
         row = PROTOCOLS[name]
-        return About(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
+        return ProtocolTraits(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
 
     def messages_in(data: bytes) -> Mapping[str, int]:
-        from protocols.registry import messages_in
 
         return messages_in(data)
 
     def title(name: str) -> str:
         return protocols().get(name, name)
 
-    return Speech(decoder=decoder, guess=guess, title=title, about=about, messages_in=messages_in)
+    return ProtocolSet(decoder=decoder, guess=guess, title=title, about=about, messages_in=messages_in)

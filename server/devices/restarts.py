@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from protocols.events import Batch, Decoder, Event, Reject, Remembers
-from server.devices.decode_options import Reading
+from protocols.events import Batch, Decoder, Event, RejectedFrame, Remembers
+from server.devices.decode_options import DecodeOptions
 from server.devices.sequence_store import SequenceStore
 
 FEWEST = 3  # old frames in a row, none of them accepted between
@@ -46,7 +46,7 @@ class Restarts:
         self._stale: dict[str, _Stale] = {}
         self._secure = False
 
-    def begin(self, decoder: Decoder, reading: Reading) -> None:
+    def begin(self, decoder: Decoder, reading: DecodeOptions) -> None:
         """A decoder takes over."""
         self.keep()
         if reading.key != self._key:
@@ -75,7 +75,7 @@ class Restarts:
         if not self._secure:
             return
         for event in events:
-            if isinstance(event, Reject) and event.reason == "stale" and event.device:
+            if isinstance(event, RejectedFrame) and event.reason == "stale" and event.device:
                 held = self._stale.setdefault(event.device, _Stale())
                 held.count += 1
                 held.detail = event.detail

@@ -39,7 +39,7 @@ def fingerprint(key: bytes) -> str:
     return hmac.new(key, b"imuscope sequence numbers", hashlib.sha256).hexdigest()[:16]
 
 
-def newer(number: int, than: int) -> bool:
+def check_format_version(number: int, than: int) -> bool:
     """Does `number` follow `than`, modulo 2^32?"""
     return 0 < (number - than) & _MASK < _HALF
 
@@ -69,7 +69,7 @@ class SequenceStore:
             known = self._known.setdefault(mark, {})
             for device, number in numbers.items():
                 old = known.get(str(device))
-                if old is None or newer(number, old[0]):
+                if old is None or check_format_version(number, old[0]):
                     known[str(device)] = self._new[mark, str(device)] = (number, round(time.time(), 1))
 
     def forget(self, key: bytes | None = None, device: int | None = None) -> int:
@@ -110,7 +110,7 @@ class SequenceStore:
         known = self._read()
         for (mark, device), (number, seen) in self._new.items():
             there = known.setdefault(mark, {}).get(device)
-            if there is None or newer(number, there[0]):
+            if there is None or check_format_version(number, there[0]):
                 known[mark][device] = (number, seen)
         self._known = known if self._path is not None else self._known
 
@@ -119,7 +119,9 @@ class SequenceStore:
         for _, mark, one in kept[:-MOST]:
             del self._known[mark][one]
         if self._path is not None:
-            atomic_write.write(self._path, json.dumps({mark: all_ for mark, all_ in self._known.items() if all_}))
+            atomic_write.write_atomic(
+                self._path, json.dumps({mark: all_ for mark, all_ in self._known.items() if all_})
+            )
         self._new.clear()
 
     def _read(self) -> Numbers:

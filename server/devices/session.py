@@ -25,19 +25,19 @@ from dataclasses import replace
 from protocols.events import Doubt, Doubts, Event
 from server import wire
 from server.devices.audience import Audience
-from server.devices.decode_options import Reading
-from server.devices.decode_watchdog import Deafness, not_understood
-from server.devices.device_demux import Reader, Senders
-from server.devices.device_state import Portrait, short
+from server.devices.decode_options import DecodeOptions
+from server.devices.decode_watchdog import DecodeWatchdog, undecodable_text
+from server.devices.device_demux import LinkDevices, StreamDecoder
+from server.devices.device_state import DeviceState, short_source
 from server.devices.greeting import Greeting
-from server.devices.ingest import Line
+from server.devices.ingest import LinkTiming
 from server.devices.left_out import LeftOut
 from server.devices.outage import Outage
-from server.devices.protocol_detection import Speech, Unknown, unknown_hint
+from server.devices.protocol_detection import ProtocolDetector, ProtocolSet, unknown_hint
 from server.devices.restarts import Restarts
 from server.devices.sequence_store import SequenceStore
-from server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S, Patience
-from server.devices.stream_diagnostics import Advice
+from server.devices.silence_watchdog import LINK_SILENT_HINT, SILENT_S, SilenceWatchdog
+from server.devices.stream_diagnostics import StreamDiagnostics
 from server.links.base import CHUNK_COST, Chunk, Link, LinkError
 from server.streaming.hub import Hub
 from server.streaming.slices import Slices
@@ -66,37 +66,37 @@ class Session(Audience):
         device: str,
         link: Link,
         hub: Hub,
-        speech: Speech,
-        reading: Reading = Reading(),  # noqa: B008 - frozen
+        speech: ProtocolSet,
+        reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
         sequences: SequenceStore | None = None,
     ) -> None:
         super().__init__(link.flow)
         info = wire.DeviceInfo(
             id=device,
-            name=short(link.source),
+            name=short_source(link.source),
             source=link.source,
             link=link.kind,
             status="connecting",
             protocol=reading.protocol,
             message=f"Opening {link.source}.",
         )
-        self._portrait = Portrait(hub, info, speech.title)
+        self._portrait = DeviceState(hub, info, speech.title)
         self._set = self._portrait.set
         self._link = link
         self._hub, self._speech, self._reading = hub, speech, reading
         self._greeting = Greeting(self.send, link.source)
-        self.senders = Senders(hub, self._portrait, speech.title)
+        self.senders = LinkDevices(hub, self._portrait, speech.title)
         self._figures = self.senders.own.figures
         self.latency = self._figures.latency  # s, from the arrival of bytes until their samples are handed on
         self._incidents = self.senders.own.incidents
-        self._advice = Advice(self._incidents, speech.messages_in, speech.title)
-        self._intake: Reader | None = None
+        self._advice = StreamDiagnostics(self._incidents, speech.messages_in, speech.title)
+        self._intake: StreamDecoder | None = None
         self._decoder: object = None
         self.restarts = Restarts(link.kind, sequences)
-        self._unknown = Unknown(speech.guess)
+        self._unknown = ProtocolDetector(speech.guess)
         self._opened_at: float | None = None
         self._outage = Outage()
-        self._patience, self._deafness = Patience(), Deafness()
+        self._patience, self._deafness = SilenceWatchdog(), DecodeWatchdog()
         self._slices = Slices()
         link.flow.at_once = self._slices.size
         self._left_out = LeftOut(self._incidents, self._figures, link.source)
@@ -114,7 +114,7 @@ class Session(Audience):
         return self._portrait.info
 
     @property
-    def reading(self) -> Reading:
+    def reading(self) -> DecodeOptions:
         """How its bytes are read."""
         return self._reading
 
@@ -151,7 +151,7 @@ class Session(Audience):
         self._retry_s = FIRST_RETRY_S
         self._retry_now.set()
 
-    async def read_as(self, reading: Reading) -> None:
+    async def read_as(self, reading: DecodeOptions) -> None:
         """Read what comes from now on in another way: with a key, as another protocol. Id, channels and history stay.
 
         A twin has the key that its source has, so it is powered anew; any other link stays open.
@@ -165,8 +165,8 @@ class Session(Audience):
         self._drain(final=True)
         self._reading = reading
         self.senders.read_anew()
-        self._advice = Advice(self._incidents, self._speech.messages_in, self._speech.title)
-        self._intake, self._unknown = None, Unknown(self._speech.guess)
+        self._advice = StreamDiagnostics(self._incidents, self._speech.messages_in, self._speech.title)
+        self._intake, self._unknown = None, ProtocolDetector(self._speech.guess)
         self._set(wants="", rearm=[])
         if protocol := reading.protocol or self.info.protocol:
             self._begin(protocol)
@@ -198,7 +198,7 @@ class Session(Audience):
     def _connected(self, *, same: bool) -> None:
         """Begin anew. The same devices are read as before: what they speak would not be told from others' noise."""
         self._opened_at = self._hub.now()
-        self._unknown = Unknown(self._speech.guess)
+        self._unknown = ProtocolDetector(self._speech.guess)
         self._link.flow.whole = True  # until it is known whether ends of datagrams matter
         self._intake = None
         self._greeting.anew()
@@ -338,8 +338,8 @@ class Session(Audience):
         about = self._speech.about(protocol)
         self.restarts.begin(decoder, self._reading)
         self._link.flow.whole = about.datagrams
-        line = Line.of(self._link)
-        self._intake = Reader(self._hub, self.senders, decoder, line=line, about=about, on_events=self._heard)
+        line = LinkTiming.of(self._link)
+        self._intake = StreamDecoder(self._hub, self.senders, decoder, line=line, about=about, on_events=self._heard)
         read = {"time_unit": self._reading.time_unit, "rotation": self._reading.rotation}
         self._set(protocol=protocol, name=self._portrait.name(self.info.product, protocol), **read)
         for chunk in self._unknown.taken():
@@ -351,7 +351,7 @@ class Session(Audience):
         if chunk.anew:
             self._decode(final=True)
             self._begin(self.info.protocol)
-            self._incidents.again(f"{short(self.info.source)} starts again.", chunk.arrival_ns / 1e9)
+            self._incidents.again(f"{short_source(self.info.source)} starts again.", chunk.arrival_ns / 1e9)
         assert self._intake is not None
         self._intake.feed(chunk)
 
@@ -469,7 +469,7 @@ class Session(Audience):
                 hint = self.senders.own.silence_hint or LINK_SILENT_HINT
                 self._fell_silent(f"No byte from {self.info.source} for {quiet:.1f} s; the link is still open.", hint)
             elif self.info.status == "live" and self._deafness.look(now, self.senders.figures, self._patience.hushed):
-                self._fell_silent(*(self._advice.refusal(self._figures) or not_understood(self._link)))
+                self._fell_silent(*(self._advice.refusal(self._figures) or undecodable_text(self._link)))
             elif self.info.status == "connecting" and quiet > SILENT_S and last is None:
                 hint = "Is the device powered, connected and set to send?"
                 self._set(message=f"{self.info.source} is open, 0 B so far.", hint=hint)

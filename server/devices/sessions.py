@@ -8,14 +8,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from server import wire
-from server.devices.decode_options import OPTIONS, Reading, ReadingError, taken_from
-from server.devices.protocol_detection import Speech
+from server.devices.decode_options import OPTIONS, DecodeOptions, ReadingError, parse_source_options
+from server.devices.protocol_detection import ProtocolSet
 from server.devices.sequence_store import EVERY_S, SequenceStore
 from server.devices.session import Session
 from server.links.base import Link, LinkError, LinkSettings
-from server.links.replay import expanded
-from server.links.source_url import Source
-from server.listeners import Listeners
+from server.links.replay import split_devices
+from server.links.source_url import SourceUrl
+from server.listeners import CallbackList
 from server.streaming.hub import Hub
 
 TICK_S = 0.1
@@ -44,7 +44,7 @@ class Sessions:
         self,
         hub: Hub,
         open_link: OpenLink,
-        speech: Speech,
+        speech: ProtocolSet,
         settings: LinkSettings,
         *,
         wall_ns: Callable[[], int] = time.time_ns,
@@ -58,7 +58,7 @@ class Sessions:
         self._sequences = sequences or SequenceStore(None)
         self._saving: asyncio.Task[None] | None = None
         self._sessions: dict[str, Session] = {}
-        self._added: Listeners[[Session]] = Listeners()
+        self._added: CallbackList[[Session]] = CallbackList()
         self._next_id = 1
         self._ticker: asyncio.Task[None] | None = None
         self._wall_offset_ns = wall_ns() - settings.now_ns()
@@ -76,7 +76,7 @@ class Sessions:
         await asyncio.gather(*(self.remove(device) for device in list(self._sessions)))
         await asyncio.to_thread(self._sequences.save)
 
-    def add(self, source: str, reading: Reading = Reading()) -> Session:  # noqa: B008 - frozen
+    def add(self, source: str, reading: DecodeOptions = DecodeOptions()) -> Session:  # noqa: B008 - frozen
         """Open a source.
 
         Args:
@@ -85,7 +85,7 @@ class Sessions:
             LinkError: kind "bad-source", "busy" when it is open already, or "full" when there are too many.
         """
         try:
-            source, reading = taken_from(source, reading)
+            source, reading = parse_source_options(source, reading)
         except ReadingError as error:
             place = source.partition("?")[0]
             raise LinkError("bad-source", f"The source {place!r} cannot be used: {error}.", OPTIONS_HINT) from None
@@ -108,13 +108,13 @@ class Sessions:
         Raises:
             LinkError: kind "bad-source".
         """
-        wanted = Source.parse(source)
-        found = (one for one in self._sessions.values() if Source.parse(one.info.source).same_place(wanted))
+        wanted = SourceUrl.parse(source)
+        found = (one for one in self._sessions.values() if SourceUrl.parse(one.info.source).same_place(wanted))
         return next(found, None)
 
-    def add_all(self, source: str, reading: Reading = Reading()) -> list[Session]:  # noqa: B008 - frozen
+    def add_all(self, source: str, reading: DecodeOptions = DecodeOptions()) -> list[Session]:  # noqa: B008 - frozen
         """Open a source; of a recording with several devices, each. As `add`; at least one."""
-        return [self.add(one, reading) for one in expanded(source)]
+        return [self.add(one, reading) for one in split_devices(source)]
 
     def on_added(self, callback: Callable[[Session], None]) -> None:
         """Call `callback` with every session, before it starts."""

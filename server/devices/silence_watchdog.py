@@ -15,7 +15,7 @@ SLOWEST_S = 10.0
 LINK_SILENT_HINT = "Is the device powered and in measurement state? It is shown again as soon as it speaks."
 
 
-class Patience:
+class SilenceWatchdog:
     """With one device.
 
     Args:

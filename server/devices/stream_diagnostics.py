@@ -19,9 +19,9 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from protocols.events import Doubt
-from server.devices.event_reporter import Incidents
+from server.devices.event_reporter import EventReporter
 from server.devices.jitter_causes import NETWORKS
-from server.devices.link_stats import Figures
+from server.devices.link_stats import LinkStatistics
 from server.wire import DeviceInfo, Level, Wants
 
 LOOK_S = 5.0
@@ -62,7 +62,7 @@ EXPOSED_HINT = "Set the device to Safety, or to Secure with a key, and --min-mod
 UNLESS_LIVE = ("bad_hmac",)  # beside frames that fit, one that does not is damaged or forged, and counted
 
 
-class Advice:
+class StreamDiagnostics:
     """What is told about one device.
 
     Args:
@@ -76,7 +76,7 @@ class Advice:
 
     def __init__(
         self,
-        incidents: Incidents,
+        incidents: EventReporter,
         messages_in: Callable[[bytes], Mapping[str, int]],
         title: Callable[[str], str],
     ) -> None:
@@ -111,7 +111,7 @@ class Advice:
                 return True
         return False
 
-    def refusal(self, figures: Figures) -> tuple[str, str] | None:
+    def refusal(self, figures: LinkStatistics) -> tuple[str, str] | None:
         """Message and hint of a device of which every frame was refused lately, and none was damaged; else None."""
         before, self._refused_before = self._refused_before, dict(figures.rejects_by)
         new = {reason: count - before.get(reason, 0) for reason, count in figures.rejects_by.items()}

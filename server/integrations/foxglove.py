@@ -21,8 +21,8 @@ from typing import Any
 
 from server.auth import Access
 from server.integrations.proxy import ViewError
-from server.integrations.shared_secret import Door, new_secret
-from server.integrations.viewer_process import Aside
+from server.integrations.shared_secret import SecretEndpoint, new_secret
+from server.integrations.viewer_process import ViewerProcess
 from server.streaming.hub import Hub
 
 MODULE = "server.integrations.foxglove_worker"
@@ -49,7 +49,7 @@ class Foxglove:
         self._access = access
         self._secret = new_secret()
         self._task: asyncio.Task[None] | None = None
-        self._aside: Aside | None = None
+        self._aside: ViewerProcess | None = None
         self._ended = asyncio.Event()
         self._served: asyncio.Future[int] | None = None
 
@@ -64,7 +64,7 @@ class Foxglove:
             self._served = asyncio.get_running_loop().create_future()
             self._task = asyncio.create_task(self._keep_running(), name="foxglove")
 
-    async def door(self) -> Door:
+    async def door(self) -> SecretEndpoint:
         """Where it listens, on loopback, and what to say there.
 
         Raises:
@@ -74,7 +74,7 @@ class Foxglove:
             raise ViewError("This server does not speak the Foxglove protocol.", "Start it with --foxglove.")
         try:
             async with asyncio.timeout(START_S):
-                return Door(await asyncio.shield(self._served), self._secret)
+                return SecretEndpoint(await asyncio.shield(self._served), self._secret)
         except TimeoutError:
             raise ViewError("The Foxglove bridge is not there.", "The events of the page say why.") from None
 
@@ -92,7 +92,7 @@ class Foxglove:
         while True:
             began = loop.time()
             self._ended.clear()
-            self._aside = Aside(self._hub, MODULE, self._told, self._crashed)
+            self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed)
             try:
                 with contextlib.suppress(OSError):
                     await self._aside.start()

@@ -43,7 +43,7 @@ Admit = Callable[[ServerConnection, Request], Response | None]
 
 
 @dataclass(eq=False)
-class Viewer:
+class FoxgloveClient:
     """One who is connected."""
 
     words: deque[str] = field(default_factory=deque)  # never dropped
@@ -65,8 +65,8 @@ class FoxgloveServer:
         self._changed = changed
         self._lock = threading.Lock()
         self._channels: dict[int, dict[str, Any]] = {}
-        self._viewers: dict[Viewer, None] = {}
-        self._listeners: dict[int, list[tuple[Viewer, int]]] = {}  # by channel: whom, under which subscription
+        self._viewers: dict[FoxgloveClient, None] = {}
+        self._listeners: dict[int, list[tuple[FoxgloveClient, int]]] = {}  # by channel: whom, under which subscription
         self._next = 1
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -123,7 +123,7 @@ class FoxgloveServer:
             viewer.words.append(text)
             self._wake(viewer)
 
-    def _wake(self, viewer: Viewer) -> None:
+    def _wake(self, viewer: FoxgloveClient) -> None:
         if not viewer.wake.is_set() and self._loop is not None:
             self._loop.call_soon_threadsafe(viewer.wake.set)
 
@@ -150,7 +150,7 @@ class FoxgloveServer:
         await asyncio.get_running_loop().create_future()  # for ever: the process ends with its standard input
 
     async def _attend(self, socket: ServerConnection) -> None:
-        viewer = Viewer()
+        viewer = FoxgloveClient()
         with self._lock:
             is_full = len(self._viewers) >= MOST_VIEWERS
             if not is_full:
@@ -174,7 +174,7 @@ class FoxgloveServer:
                 self._unsubscribe(viewer, list(viewer.channels))
             self._changed()
 
-    def _hear(self, viewer: Viewer, message: str | bytes) -> None:
+    def _hear(self, viewer: FoxgloveClient, message: str | bytes) -> None:
         try:
             said = json.loads(message) if isinstance(message, str) else {}
             with self._lock:
@@ -192,14 +192,14 @@ class FoxgloveServer:
             return
         self._changed()
 
-    def _subscribe(self, viewer: Viewer, subscription: int, channel: int) -> None:
+    def _subscribe(self, viewer: FoxgloveClient, subscription: int, channel: int) -> None:
         if type(subscription) is not int or not 0 <= subscription < 1 << 32 or subscription in viewer.channels:
             raise ValueError
         if channel in self._channels and len(viewer.channels) < MOST_SUBSCRIPTIONS:  # it may be gone by now
             viewer.channels[subscription] = channel
             self._listeners.setdefault(channel, []).append((viewer, subscription))
 
-    def _unsubscribe(self, viewer: Viewer, subscriptions: Sequence[int]) -> None:
+    def _unsubscribe(self, viewer: FoxgloveClient, subscriptions: Sequence[int]) -> None:
         for subscription in subscriptions:
             channel = viewer.channels.pop(subscription, None)
             if channel is not None:
@@ -210,7 +210,7 @@ class FoxgloveServer:
                     del self._listeners[channel]
 
 
-async def _send(socket: ServerConnection, viewer: Viewer) -> None:
+async def _send(socket: ServerConnection, viewer: FoxgloveClient) -> None:
     with contextlib.suppress(ConnectionClosed):
         while True:
             while viewer.words:

@@ -34,17 +34,17 @@ from recordings.topics import EVENTS, Encoder, named, schema_of, stamps, topic_o
 from server.auth import Access, RefusedError
 from server.config import Config
 from server.integrations.foxglove_server import FoxgloveServer
-from server.integrations.shared_secret import knows
-from server.integrations.viewer_client import Told
+from server.integrations.shared_secret import has_secret
+from server.integrations.viewer_client import ViewerClient
 from server.version import VERSION
-from server.wire_codec import Samples
+from server.wire_codec import SampleFrame
 
 LISTS = ("allowed_hosts", "allowed_origins")  # JSON has no tuples
 PATH = "/foxglove"  # of our own port: the same rules hold
 
 
 @dataclass(slots=True)
-class Topics:
+class TopicRegistry:
     """What one channel of ours goes out as."""
 
     device: str  # its name; a device is known by another once it has told who it is
@@ -61,7 +61,7 @@ class Topics:
         return [id for id in (self.plain, self.transform, self.fix) if id]
 
 
-class Porter:
+class ConnectionGuard:
     """Who is let in.
 
     Args:
@@ -79,7 +79,7 @@ class Porter:
             headers = {name.lower(): request.headers[name] for name in request.headers}
         except MultipleValuesError:
             return connection.respond(HTTPStatus.BAD_REQUEST, "A header came twice.\n")
-        if knows(headers, self._secret):
+        if has_secret(headers, self._secret):
             return None
         if urlsplit(headers.get("origin", "")).scheme not in ("", "http", "https"):
             del headers["origin"]  # a program with a page of its own (file://, app://): no page of the web can say so
@@ -101,21 +101,21 @@ class Porter:
         return None
 
 
-class Bridge:
+class FoxgloveBridge:
     """Devices and channels as told, to whoever has subscribed."""
 
-    def __init__(self, told: Told) -> None:
+    def __init__(self, told: ViewerClient) -> None:
         self._told = told
         self._lock = threading.RLock()
         self._server = FoxgloveServer(f"imuscope {VERSION}", self._subscribe)
-        self._topics: dict[int, Topics] = {}
+        self._topics: dict[int, TopicRegistry] = {}
         self._taken: set[str] = set()
         self._asked: list[int] = []
         self._log = self._well_known(EVENTS, well_known.Log)
         self._next_event = 0
-        self._heights: dict[int, Samples | None] = {}  # of places that come without; None: not heard yet
+        self._heights: dict[int, SampleFrame | None] = {}  # of places that come without; None: not heard yet
 
-    def serve(self, port: int, porter: Porter) -> None:
+    def serve(self, port: int, porter: ConnectionGuard) -> None:
         """Begin to listen, and say where."""
         try:
             served = self._server.start(port, porter.admit)
@@ -141,7 +141,7 @@ class Bridge:
                 self._also(self._topics[id], info, told[info["device"]])
         self._subscribe()
 
-    def hear(self, message: Sequence[Samples]) -> None:
+    def hear(self, message: Sequence[SampleFrame]) -> None:
         """Samples that came together: encode what is subscribed to."""
         for samples in message:  # a height may come behind its place
             if samples.channel in self._heights and samples.n:
@@ -149,7 +149,7 @@ class Bridge:
         for samples in message:
             self._send(samples)
 
-    def _send(self, samples: Samples) -> None:
+    def _send(self, samples: SampleFrame) -> None:
         topics = self._topics.get(samples.channel)
         if topics is None or samples.n == 0:
             return
@@ -174,14 +174,14 @@ class Bridge:
 
     # ── topics ───────────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _advertise(self, device: str, info: Mapping[str, Any]) -> Topics:
+    def _advertise(self, device: str, info: Mapping[str, Any]) -> TopicRegistry:
         topic = topic_of(device, info, self._taken)
         self._taken.add(topic)
         schema = schema_of(info)
         plain = self._server.advertise(topic, "json", schema["title"], json.dumps(schema).encode(), "jsonschema")
-        return Topics(device, Encoder(info), plain, topics=[topic])
+        return TopicRegistry(device, Encoder(info), plain, topics=[topic])
 
-    def _also(self, topics: Topics, info: Mapping[str, Any], device: Device) -> None:
+    def _also(self, topics: TopicRegistry, info: Mapping[str, Any], device: Device) -> None:
         """The well-known form of an attitude and of a position."""
         topics.attitude, topics.position = device.attitude, device.position
         if device.attitude and device.attitude.channel == info["id"] and not topics.transform:
@@ -194,19 +194,19 @@ class Bridge:
         schema = message.get_schema()
         return self._server.advertise(topic, "protobuf", schema.name, schema.data, schema.encoding)
 
-    def _named(self, topics: Topics, what: str, message: Any) -> int:
+    def _named(self, topics: TopicRegistry, what: str, message: Any) -> int:
         topic = named(topics.device, what, taken=self._taken)
         self._taken.add(topic)
         topics.topics.append(topic)
         return self._well_known(topic, message)
 
-    def _transforms(self, topics: Topics, samples: Samples) -> None:
+    def _transforms(self, topics: TopicRegistry, samples: SampleFrame) -> None:
         assert topics.attitude is not None
         times = stamps(samples.columns[0], samples.columns[1])
         for row, body in well_known.transforms(topics.device, topics.attitude, samples.columns[2:], times):
             self._server.send(topics.transform, int(times[row]), body)
 
-    def _fixes(self, topics: Topics, samples: Samples) -> None:
+    def _fixes(self, topics: TopicRegistry, samples: SampleFrame) -> None:
         assert topics.position is not None
         times = stamps(samples.columns[0], samples.columns[1])
         told = self._heights.get(topics.position.height)
@@ -232,12 +232,12 @@ class Bridge:
 def main() -> None:
     """Until standard input ends."""
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # whoever is refused: server/auth.py's words are enough
-    told = Told()
-    bridge = Bridge(told)
+    told = ViewerClient()
+    bridge = FoxgloveBridge(told)
     told.heard_events = bridge.events
     for message in told.messages():
         if isinstance(message, Mapping):
-            bridge.serve(int(message["port"]), Porter(str(message["secret"]), message["rules"]))
+            bridge.serve(int(message["port"]), ConnectionGuard(str(message["secret"]), message["rules"]))
             continue
         if told.changed:
             told.changed = False

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from server.wire_codec import Samples
+from server.wire_codec import SampleFrame
 
 MESSAGES_PER_S = 30.0
 ON_ITS_WAY_S = 0.012
@@ -29,7 +29,7 @@ OVERDUE_S = 0.5  # what waits longer has a time that makes no sense here
 MOST_WAITING = 32  # messages, while nobody looks
 
 
-class Playout:
+class PlayoutBuffer:
     """The rows of one channel, each in its time.
 
     Args:
@@ -46,7 +46,7 @@ class Playout:
         """There are rows whose time has not come."""
         return bool(self._coming)
 
-    def hear(self, samples: Samples, heard: float) -> None:
+    def hear(self, samples: SampleFrame, heard: float) -> None:
         """Rows came, at least one.
 
         Args:

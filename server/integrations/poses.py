@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from recordings.rotations import ENU_FROM, READ, Quaternion, Vector, multiply
 from recordings.rrd import entities, enu
-from server.integrations.playout_buffer import Playout
-from server.wire_codec import Samples
+from server.integrations.playout_buffer import PlayoutBuffer
+from server.wire_codec import SampleFrame
 
 Floats = NDArray[np.float64]
 Info = Mapping[str, Any]
@@ -30,7 +30,7 @@ PACE_S = 0.1  # a track has no more points than that
 TRACK_S = 600.0
 
 
-class Look:
+class DeviceView:
     """One device, as a scene shows it.
 
     Args:
@@ -55,7 +55,7 @@ class Look:
         self.place: Vector | None = None
         self._origin: enu.Origin | None = None
         self._track: Floats = np.zeros((0, 4))  # time (unix s), east, north, up; ascending
-        self._playout = Playout()
+        self._playout = PlayoutBuffer()
 
     @property
     def waits(self) -> bool:
@@ -75,7 +75,7 @@ class Look:
         q = self.q_frame_from_body
         return None if q is None else multiply(ENU_FROM[self.frame], q)
 
-    def hear(self, samples: Samples, heard: float | None = None) -> None:
+    def hear(self, samples: SampleFrame, heard: float | None = None) -> None:
         """Newer samples of a channel, or of a position older ones.
 
         Args:
@@ -122,7 +122,7 @@ class Look:
         """Begin anew: what is played has jumped."""
         self._track = np.zeros((0, 4))
 
-    def _hear_place(self, samples: Samples) -> None:
+    def _hear_place(self, samples: SampleFrame) -> None:
         rows = self._places(samples)
         if len(rows) == 0:
             return
@@ -137,7 +137,7 @@ class Look:
         track = np.concatenate(both)
         self._track = track[track[:, 0] >= track[-1, 0] - TRACK_S]
 
-    def _places(self, samples: Samples) -> Floats:
+    def _places(self, samples: SampleFrame) -> Floats:
         """Rows of time, east, north, up; those that are no places left out."""
         assert self.position is not None
         own = samples.columns[2:]
@@ -155,10 +155,10 @@ class Look:
         return np.column_stack((time[there], enu.enu_of(lat, lon, height, self._origin)))
 
 
-def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[Look]:
+def looks_of(devices: Sequence[Mapping[str, Any]], channels: Sequence[Info]) -> list[DeviceView]:
     """All devices that tell how they lie, in order."""
     found = [
-        Look(device, [info for info in channels if info["device"] == device.id])
+        DeviceView(device, [info for info in channels if info["device"] == device.id])
         for device in entities.devices_of(devices, channels)
     ]
     return [look for look in found if look.attitude]

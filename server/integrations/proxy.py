@@ -24,7 +24,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from server.auth import refuse
-from server.integrations.shared_secret import Door
+from server.integrations.shared_secret import SecretEndpoint
 from server.wire import Problem
 
 OPEN_S = 10.0
@@ -76,7 +76,7 @@ class ViewError(Exception):
         return "not-found" if self.status == 404 else "no-view"
 
 
-async def fetch(door: Door, path: str, *, most: int, gzip: bool) -> Page:
+async def fetch(door: SecretEndpoint, path: str, *, most: int, gzip: bool) -> Page:
     """A file of a viewer's server.
 
     Args:
@@ -94,7 +94,7 @@ async def fetch(door: Door, path: str, *, most: int, gzip: bool) -> Page:
     return page
 
 
-def _fetch(door: Door, path: str, most: int, gzip: bool) -> Page:
+def _fetch(door: SecretEndpoint, path: str, most: int, gzip: bool) -> Page:
     connection = http.client.HTTPConnection("127.0.0.1", door.port, timeout=OPEN_S)
     try:
         headers = {"Accept-Encoding": "gzip" if gzip else "identity", **door.headers}
@@ -109,7 +109,7 @@ def _fetch(door: Door, path: str, most: int, gzip: bool) -> Page:
 
 async def relay(
     browser: WebSocket,
-    door: Door,
+    door: SecretEndpoint,
     *,
     speaks: Callable[[str], bool],
     most_up: int,
@@ -138,7 +138,7 @@ async def relay(
             proxy=None,
         )
     except (OSError, InvalidHandshake, TimeoutError):
-        await turn_away(browser, ViewError("The viewer does not answer.", "Try again in a moment."))
+        await reject(browser, ViewError("The viewer does not answer.", "Try again in a moment."))
         return
     try:
         await browser.accept(viewer.subprotocol)
@@ -147,7 +147,7 @@ async def relay(
         await viewer.close()
 
 
-async def turn_away(browser: WebSocket, why: ViewError) -> None:
+async def reject(browser: WebSocket, why: ViewError) -> None:
     """Refuse a WebSocket that was not accepted yet, in the one shape of errors."""
     problem = Problem(why.kind, why.message, why.hint)
     await refuse(browser.scope, browser.receive, browser.send, why.status, problem)

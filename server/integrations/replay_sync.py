@@ -14,23 +14,23 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from recordings.column_store import Columns
+from recordings.column_store import ColumnStore
 from server.integrations.poses import TRACK_S, looks_of
 
 JUMP_S = 2.0  # further than that between two looks, in what is played: a jump, unless it plays that fast
 TRACK_ROWS = 2000
 
-Rows = dict[str, list[list[float]]]
+SceneRows = dict[str, list[list[float]]]
 
 
-class Replayed:
+class ReplayFollower:
     """One recording, read at a head that a page moves.
 
     Args:
         now: monotonic, s.
     """
 
-    def __init__(self, store: Columns, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, store: ColumnStore, now: Callable[[], float] = time.monotonic) -> None:
         self._store = store
         self._now = now
         self.devices: list[Mapping[str, Any]] = store.manifest["devices"]
@@ -57,7 +57,7 @@ class Replayed:
         """Whoever was shown something has forgotten it."""
         self._shown = None
 
-    def news(self) -> dict[str, Rows] | None:
+    def news(self) -> dict[str, SceneRows] | None:
         """What is to be shown that was not, None when nothing is.
 
         Returns:

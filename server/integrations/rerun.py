@@ -1,8 +1,8 @@
 """The Rerun viewer: recordings streamed into it, and what devices send now.
 
     recording ──Columns──> python -m server.integrations.rrd_stream_worker ──.rrd on its standard output──> the browser
-    Hub ──viewer_process.py──> python -m server.integrations.rerun_worker ──batches, base64 in JSON lines──> Feed ──>
-    WebSocket of each
+    Hub ──viewer_process.py──> python -m server.integrations.rerun_worker ──batches, base64 in JSON lines──> RerunFeed
+    ──> WebSocket of each
 
 A batch is an `.rrd` in itself, so a viewer can begin with any of them once it has been told what is static. A Feed
 keeps that and the newest `KEPT_BYTES`; who comes late gets what is static, what is live, and between that the kept
@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from server.integrations.proxy import ViewError
-from server.integrations.rerun_remote import Elsewhere
-from server.integrations.viewer_process import Aside
+from server.integrations.rerun_remote import RemoteRerun
+from server.integrations.viewer_process import ViewerProcess
 from server.streaming.hub import Hub
 
 log = logging.getLogger("imuscope.views")
@@ -76,7 +76,7 @@ async def recording_stream(wish: Mapping[str, Any], slots: asyncio.Semaphore) ->
 
 
 @dataclass(slots=True, eq=False)
-class Viewer:
+class RerunViewer:
     """What waits for one browser: what is static, then what is live, then what was before."""
 
     wake: asyncio.Event = field(default_factory=asyncio.Event)
@@ -129,7 +129,7 @@ class Viewer:
             await self.wake.wait()
 
 
-class Feed:
+class RerunFeed:
     """One live stream and who looks at it.
 
     Args:
@@ -139,15 +139,15 @@ class Feed:
     def __init__(self, hub: Hub, device: str = "") -> None:
         self._hub = hub
         self._device = device
-        self._aside: Aside | None = None
+        self._aside: ViewerProcess | None = None
         self._still: list[bytes] = []
         self._kept: deque[tuple[float, bytes]] = deque()
         self._size = 0
-        self.viewers: set[Viewer] = set()
+        self.viewers: set[RerunViewer] = set()
 
     async def start(self) -> None:
         """Begin to stream."""
-        self._aside = Aside(self._hub, FEED, self._told, self._crashed)
+        self._aside = ViewerProcess(self._hub, FEED, self._told, self._crashed)
         try:
             await self._aside.start()
         except OSError as error:
@@ -162,9 +162,9 @@ class Feed:
         if self._aside is not None:
             await self._aside.stop()
 
-    def join(self) -> Viewer:
+    def join(self) -> RerunViewer:
         """One more looks: what is static, then what is kept, newest first."""
-        viewer = Viewer(still=deque(self._still))
+        viewer = RerunViewer(still=deque(self._still))
         for _, batch in sorted(self._kept, key=lambda one: -one[0]):
             viewer.remember(batch)
         self.viewers.add(viewer)
@@ -220,8 +220,8 @@ class Rerun:
         self._hub = hub
         self._idle_s = idle_s
         self._starting = asyncio.Lock()
-        self._elsewhere = Elsewhere(hub, connect) if connect else None
-        self.feeds: dict[str, Feed] = {}
+        self._elsewhere = RemoteRerun(hub, connect) if connect else None
+        self.feeds: dict[str, RerunFeed] = {}
         self.slots = asyncio.Semaphore(MOST_STREAMS)
 
     async def start(self) -> None:
@@ -230,7 +230,7 @@ class Rerun:
             self._elsewhere.start()
 
     @contextlib.asynccontextmanager
-    async def look(self, device: str) -> AsyncIterator[tuple[Feed, Viewer]]:
+    async def look(self, device: str) -> AsyncIterator[tuple[RerunFeed, RerunViewer]]:
         """A viewer of a device's stream, or of all devices', for as long as the block lasts.
 
         Raises:
@@ -243,7 +243,7 @@ class Rerun:
             if feed is None or not feed.is_running:
                 if feed is None and len(self.feeds) >= MOST_FEEDS:
                     raise ViewError(f"{MOST_FEEDS} streams run already.", "Close one of their pages.")
-                feed = Feed(self._hub, device)
+                feed = RerunFeed(self._hub, device)
                 await feed.start()
                 self.feeds[device] = feed
         viewer = feed.join()
@@ -254,7 +254,7 @@ class Rerun:
             if not feed.viewers:
                 asyncio.get_running_loop().call_later(self._idle_s, self._leave, device, feed)
 
-    def _leave(self, device: str, feed: Feed) -> None:
+    def _leave(self, device: str, feed: RerunFeed) -> None:
         if not feed.viewers and self.feeds.get(device) is feed:
             del self.feeds[device]
             self._stopping = asyncio.get_running_loop().create_task(feed.stop(), name="rerun feed stops")

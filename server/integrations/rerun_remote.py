@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from server import wire
-from server.integrations.viewer_process import Aside
+from server.integrations.viewer_process import ViewerProcess
 from server.streaming.hub import Hub
 
 MODULE = "server.integrations.rerun_worker"
@@ -27,7 +27,7 @@ AGAIN_S, LONGEST_S = 2.0, 60.0
 STUCK_S = 5.0
 
 
-class Elsewhere:
+class RemoteRerun:
     """A stream to one viewer elsewhere. To be used in the hub's event loop.
 
     Args:
@@ -43,7 +43,7 @@ class Elsewhere:
         self._first_pause = self._pause = again_s
         self._ended = asyncio.Event()
         self._reached: bool | None = None  # as told last
-        self._aside: Aside | None = None
+        self._aside: ViewerProcess | None = None
         self._task: asyncio.Task[None] | None = None
 
     @property
@@ -64,7 +64,7 @@ class Elsewhere:
     async def _keep_running(self) -> None:
         while True:
             self._ended.clear()
-            self._aside = Aside(self._hub, MODULE, self._told, self._crashed)
+            self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed)
             try:
                 with contextlib.suppress(OSError):
                     await self._aside.start()

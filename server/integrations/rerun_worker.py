@@ -29,8 +29,8 @@ from recordings.rrd.blueprint import blueprint
 from recordings.rrd.chunks import Array, Times, nanoseconds
 from recordings.rrd.entities import Device, devices_of
 from recordings.rrd.enu import Origin, is_place
-from server.integrations.viewer_client import Told
-from server.wire_codec import Samples
+from server.integrations.viewer_client import ViewerClient
+from server.wire_codec import SampleFrame
 
 PERIOD_S = 0.05
 PAUSE_S = 0.5  # at least, between two layouts
@@ -42,10 +42,10 @@ STEADY_S = 5.0  # having taken everything for so long, it is there
 SAID_BYTES = 700_000  # of one batch: a line of standard output has a limit
 
 
-class Feed:
+class RerunBatcher:
     """The stream and what it is about."""
 
-    def __init__(self, told: Told, wish: Mapping[str, Any]) -> None:
+    def __init__(self, told: ViewerClient, wish: Mapping[str, Any]) -> None:
         self._told = told
         self._device = str(wish["device"])
         self._remote = str(wish["connect"])
@@ -60,8 +60,8 @@ class Feed:
         self._heights: dict[int, float] = {}
         self._ways: dict[str, deque[tuple[Array, Array]]] = {}
         self._drawn: dict[str, float] = {}
-        self._live: dict[int, list[Samples]] = {}
-        self._past: list[Samples] = []
+        self._live: dict[int, list[SampleFrame]] = {}
+        self._past: list[SampleFrame] = []
         self._next = 0.0
         self._laid_out = 0.0
         self._taken = self._refused = 0.0  # since when a viewer elsewhere takes everything, or nothing
@@ -106,7 +106,7 @@ class Feed:
         self._say(is_still=True, anew=not first)
         self._told.subscribe(list(self._infos), past=list(self._infos), history=HISTORY_S if first else 0.0)
 
-    def take(self, samples: Sequence[Samples]) -> None:
+    def take(self, samples: Sequence[SampleFrame]) -> None:
         """Samples: live ones wait until a batch is due, history goes out as it comes, newest first."""
         for one in samples:
             if one.channel in self._infos and one.n:
@@ -157,7 +157,7 @@ class Feed:
             self._told.say(op="reached")
         return True
 
-    def _send(self, number: int, parts: Sequence[Samples], *, live: bool = True) -> None:
+    def _send(self, number: int, parts: Sequence[SampleFrame], *, live: bool = True) -> None:
         info = self._infos[number]
         device = self._devices[info["device"]]
         columns = [np.concatenate(column) for column in zip(*(one.columns for one in parts), strict=True)]
@@ -229,13 +229,13 @@ class Feed:
 
 def main() -> None:
     """Feed until the server ends."""
-    told = Told()
-    feed: Feed | None = None
+    told = ViewerClient()
+    feed: RerunBatcher | None = None
     try:
         for message in told.messages():
             if isinstance(message, Mapping):
                 if message["op"] == "open":
-                    feed = Feed(told, message)
+                    feed = RerunBatcher(told, message)
             elif feed is not None:
                 if told.changed:
                     feed.lay_out()

@@ -13,17 +13,17 @@ import os
 import sys
 from pathlib import Path
 
-from recordings.column_store import Columns
-from recordings.parent_death import end_with_parent
+from recordings.column_store import ColumnStore
+from recordings.parent_death import die_with_parent
 
 
 def main() -> int:
     """Stream what standard input asks for."""
-    end_with_parent()
+    die_with_parent()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
     told = json.loads(sys.stdin.read())
-    columns = Columns(Path(told["store"]))
+    columns = ColumnStore(Path(told["store"]))
     from recordings.rrd.writer import Work, fill, stream_of
 
     t0 = -math.inf if told["t0"] is None else told["t0"]

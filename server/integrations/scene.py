@@ -32,8 +32,8 @@ from viser import _messages
 
 from recordings.rotations import ENU_FROM, Quaternion, Vector, about_z, from_x, multiply, yaw_of
 from server.integrations.meshes import MOST_BYTES, Mesh, MeshError, read
-from server.integrations.poses import Look
-from server.integrations.shared_secret import closed
+from server.integrations.poses import DeviceView
+from server.integrations.shared_secret import require_secret
 
 SLOW_PER_S = 15.0
 TRACK_PER_S = 2.0
@@ -78,7 +78,7 @@ class Arrow:
 
 
 @dataclass(slots=True)
-class Stand:
+class SceneDevice:
     """The nodes of one device."""
 
     base: tuple[float, float, float]
@@ -102,12 +102,12 @@ class Scene:
     """
 
     def __init__(self, title: str, secret: str) -> None:
-        with closed(secret):
+        with require_secret(secret):
             self._server = viser.ViserServer("127.0.0.1", 0, label=title, verbose=False)
         self.port = self._server.get_port()
         self._lock = threading.RLock()
-        self._looks: Sequence[Look] = ()
-        self._stands: dict[str, Stand] = {}
+        self._looks: Sequence[DeviceView] = ()
+        self._stands: dict[str, SceneDevice] = {}
         self._mesh: Mesh | None = None
         self._next_slow = self._next_track = 0.0
         _closed_to_strangers(self._server)
@@ -121,7 +121,7 @@ class Scene:
         """Stop serving it."""
         self._server.stop()
 
-    def arrange(self, looks: Sequence[Look]) -> None:
+    def arrange(self, looks: Sequence[DeviceView]) -> None:
         """Show these devices; what was shown before goes."""
         with self._lock:
             self._looks = looks
@@ -152,7 +152,7 @@ class Scene:
 
     # ── what moves ───────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _move(self, look: Look, stand: Stand, *, slow: bool, track: bool) -> None:
+    def _move(self, look: DeviceView, stand: SceneDevice, *, slow: bool, track: bool) -> None:
         q = look.q_frame_from_body
         if q is not None and q != stand.shown:
             stand.shown = q
@@ -189,7 +189,7 @@ class Scene:
         self._server.initial_camera.position = (0.8 * far, -1.7 * far, 0.9 * far)
         self._next_slow = self._next_track = 0.0
 
-    def _stand(self, path: str, look: Look, base: tuple[float, float, float]) -> Stand:
+    def _stand(self, path: str, look: DeviceView, base: tuple[float, float, float]) -> SceneDevice:
         scene = self._server.scene
         root = scene.add_frame(path, show_axes=False, position=base)
         name = f"{look.title}, {look.frame}"
@@ -216,7 +216,7 @@ class Scene:
         track = scene.add_line_segments(
             f"{path}/track", np.zeros((0, 2, 3), np.float32), np.array(TRACK), thickness=2.0, thickness_units="screen"
         )
-        return Stand(base, root, frame, body, gravity, field, track)
+        return SceneDevice(base, root, frame, body, gravity, field, track)
 
     def _arrow(self, name: str, words: str, colour: tuple[int, int, int]) -> Arrow:
         scene = self._server.scene

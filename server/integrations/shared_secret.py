@@ -26,7 +26,7 @@ HEADER = "x-imuscope-door"
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class SecretEndpoint:
     """Where a viewer's process listens, and what to say there."""
 
     port: int
@@ -41,19 +41,19 @@ def new_secret() -> str:
     return secrets.token_urlsafe(24)
 
 
-def knows(headers: Mapping[str, str], secret: str) -> bool:
+def has_secret(headers: Mapping[str, str], secret: str) -> bool:
     """Does this request come from us?"""
     return hmac.compare_digest(headers.get(HEADER, "").encode(), secret.encode())
 
 
 @contextmanager
-def closed(secret: str) -> Iterator[None]:
+def require_secret(secret: str) -> Iterator[None]:
     """A server of the `websockets` library that a library of others starts within the block lets nobody else in."""
     serve = websockets.asyncio.server.serve
 
     def serve_us(handler: Any, host: str, port: int, *, process_request: Any = None, **options: Any) -> Any:
         def at_the_door(connection: ServerConnection, request: Request) -> Response | None:
-            if not knows(request.headers, secret):
+            if not has_secret(request.headers, secret):
                 return connection.respond(HTTPStatus.FORBIDDEN, "Open it through imuscope.\n")
             answer: Response | None = process_request(connection, request) if process_request else None
             return answer

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 from server.integrations.viewer_process import HEAD, SAMPLES, TEXT
-from server.wire_codec import Samples, WireError, decode_samples
+from server.wire_codec import SampleFrame, WireError, decode_samples
 
 
-class Told:
+class ViewerClient:
     """What has been told so far, and what is told next.
 
     Attributes:
@@ -49,13 +49,13 @@ class Told:
         """Have the samples of these channels from now on; replaces the last one."""
         self.say(op="subscribe", channels=list(channels), past=list(past), history=history)
 
-    def messages(self) -> Iterator[list[Samples] | Mapping[str, Any]]:
+    def messages(self) -> Iterator[list[SampleFrame] | Mapping[str, Any]]:
         """Samples as they come, and what our side of the view says; ends with the server."""
         for message in self.messages_until(lambda: None):
             assert message is not None
             yield message
 
-    def messages_until(self, due: Callable[[], float | None]) -> Iterator[list[Samples] | Mapping[str, Any] | None]:
+    def messages_until(self, due: Callable[[], float | None]) -> Iterator[list[SampleFrame] | Mapping[str, Any] | None]:
         """The same, and None when it is time for something else.
 
         Args:

@@ -1,6 +1,6 @@
 """How does a viewer get the samples without being part of the server? It is a process, and a client of the wire.
 
-    Hub ──> Outbox ──> stdin of the process:   u32 size (little-endian) │ u8 sort │ body
+    Hub ──> SendQueue ──> stdin of the process:   u32 size (little-endian) │ u8 sort │ body
                                                sort 0: a text frame of server/wire.py
                                                sort 1: sample frames of server/wire.py
                                                sort 2: JSON from our side of the view
@@ -34,7 +34,7 @@ from typing import Any
 
 from server import wire, wire_codec
 from server.streaming.hub import FLUSH_NOBODY_S, Hub
-from server.streaming.send_queue import History, Outbox
+from server.streaming.send_queue import HistoryStream, SendQueue
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAD = struct.Struct("<IB")
@@ -48,7 +48,7 @@ LAST_WORDS = 6  # lines of its standard error that are told after a crash
 log = logging.getLogger("imuscope.views")
 
 
-class Aside:
+class ViewerProcess:
     """One process that views what the hub has.
 
     Args:
@@ -72,7 +72,7 @@ class Aside:
         self._on_crash = on_crash
         self._pause_s = 1 / per_s
         self._wake, self._spoken = asyncio.Event(), asyncio.Event()
-        self._outbox = Outbox(self._wake.set)
+        self._outbox = SendQueue(self._wake.set)
         self._outbox.interval_s = FLUSH_NOBODY_S
         self._outbox.is_browser = False
         self._ours: deque[bytes] = deque()
@@ -201,7 +201,7 @@ class Aside:
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
         self._outbox.interval_s = EARLY * self._pause_s if channels else FLUSH_NOBODY_S
-        self._outbox.subscribe(channels, History(spans), wire_codec.encode_text(wire.Backfilled()))
+        self._outbox.subscribe(channels, HistoryStream(spans), wire_codec.encode_text(wire.Backfilled()))
 
     async def _overhear(self) -> None:
         assert self._process is not None

@@ -27,9 +27,9 @@ from typing import Any
 
 from server.integrations.playout_buffer import MESSAGES_PER_S
 from server.integrations.proxy import ViewError
-from server.integrations.replay_sync import Replayed
-from server.integrations.shared_secret import Door, new_secret
-from server.integrations.viewer_process import Aside
+from server.integrations.replay_sync import ReplayFollower
+from server.integrations.shared_secret import SecretEndpoint, new_secret
+from server.integrations.viewer_process import ViewerProcess
 from server.streaming.hub import Hub
 
 MODULE = "server.integrations.viser_worker"
@@ -58,10 +58,10 @@ class Viser:
     def __init__(self, hub: Hub, idle_s: float = IDLE_S) -> None:
         self._hub = hub
         self._idle_s = idle_s
-        self._aside: Aside | None = None
+        self._aside: ViewerProcess | None = None
         self._secret = new_secret()
         self._scenes: dict[str, SceneState] = {}
-        self._replays: dict[str, Replayed] = {}
+        self._replays: dict[str, ReplayFollower] = {}
         self._starts: deque[float] = deque(maxlen=MOST_STARTS)
         self._starting = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -71,7 +71,7 @@ class Viser:
         """Of viser's process; None while it does not run."""
         return None if self._aside is None else self._aside.pid
 
-    async def door(self, key: str) -> Door:
+    async def door(self, key: str) -> SecretEndpoint:
         """Where the scene of this key is served; begins it when it is not there.
 
         Raises:
@@ -92,7 +92,7 @@ class Viser:
                 self._leave_later(key)
         try:
             async with asyncio.timeout(START_S):
-                return Door(await asyncio.shield(scene.port), self._secret)
+                return SecretEndpoint(await asyncio.shield(scene.port), self._secret)
         except TimeoutError:
             raise ViewError(f"viser did not start within {START_S:g} s.", "The server's log may say why.") from None
 
@@ -113,7 +113,7 @@ class Viser:
             if scene.viewers == 0:
                 self._leave_later(key)
 
-    def begin(self, replayed: Replayed) -> str:
+    def begin(self, replayed: ReplayFollower) -> str:
         """A scene of a recording; returns its key. To be ended with `end`."""
         key = f"replay-{secrets.token_hex(8)}"
         self._replays[key] = replayed
@@ -158,7 +158,7 @@ class Viser:
         if len(self._starts) == MOST_STARTS and now - self._starts[0] < STARTS_WITHIN_S:
             raise ViewError("viser ended by itself several times.", "Try again in a minute; the events say why.")
         self._starts.append(now)
-        self._aside = Aside(self._hub, MODULE, self._told, self._crashed, MESSAGES_PER_S)
+        self._aside = ViewerProcess(self._hub, MODULE, self._told, self._crashed, MESSAGES_PER_S)
         try:
             await self._aside.start()
         except OSError as error:
@@ -192,7 +192,7 @@ class Viser:
         self._hub.event("", "device", "caution", text, data={"said": words[-500:]})
         self._run(self._after_crash(self._aside))
 
-    async def _after_crash(self, aside: Aside | None) -> None:
+    async def _after_crash(self, aside: ViewerProcess | None) -> None:
         async with self._starting:
             if aside is not None and self._aside is aside:
                 await self._stop("viser ended by itself.")

@@ -17,24 +17,24 @@ from typing import Any
 
 import numpy as np
 
-from server.integrations.poses import TRACK_S, Look, looks_of
+from server.integrations.poses import TRACK_S, DeviceView, looks_of
 from server.integrations.scene import Scene
-from server.integrations.viewer_client import Told
-from server.wire_codec import Samples
+from server.integrations.viewer_client import ViewerClient
+from server.wire_codec import SampleFrame
 
 SHOWN_PER_S = 60.0
 
 
-class Stage:
+class SceneManager:
     """All scenes, and the devices in them."""
 
-    def __init__(self, told: Told) -> None:
+    def __init__(self, told: ViewerClient) -> None:
         self._told = told
         self._scenes: dict[str, Scene] = {}
-        self._looks: list[Look] = []
-        self._by_channel: dict[int, list[Look]] = {}
+        self._looks: list[DeviceView] = []
+        self._by_channel: dict[int, list[DeviceView]] = {}
         self._known: list[tuple[str, tuple[int, ...]]] = []
-        self._recorded: dict[str, list[Look]] = {}
+        self._recorded: dict[str, list[DeviceView]] = {}
         self._next = 0.0
 
     def due(self) -> float | None:
@@ -51,7 +51,7 @@ class Stage:
             if key not in self._recorded:
                 scene.show(now)
 
-    def hear(self, message: Sequence[Samples] | Mapping[str, Any]) -> None:
+    def hear(self, message: Sequence[SampleFrame] | Mapping[str, Any]) -> None:
         """What came next."""
         if isinstance(message, Mapping):
             self._obey(message)
@@ -90,13 +90,13 @@ class Stage:
         for name, history in (("past", True), ("rows", False)):
             for number, columns in words.get(name, {}).items():
                 arrays = [np.array(column, np.float64) for column in columns]
-                samples = Samples(int(number), 0, len(arrays[0]), 0, history, 0.0, arrays)
+                samples = SampleFrame(int(number), 0, len(arrays[0]), 0, history, 0.0, arrays)
                 for look in looks:
                     look.hear(samples)
         if key in self._scenes:
             self._scenes[key].show(time.monotonic())
 
-    def _of(self, key: str) -> list[Look]:
+    def _of(self, key: str) -> list[DeviceView]:
         if key in self._recorded:
             return self._recorded[key]
         return [look for look in self._looks if key in ("", look.id)]
@@ -125,8 +125,8 @@ class Stage:
 
 def main() -> None:
     """Until standard input ends."""
-    told = Told()
-    stage = Stage(told)
+    told = ViewerClient()
+    stage = SceneManager(told)
     for message in told.messages_until(stage.due):
         if message is None:
             stage.show()

@@ -23,13 +23,13 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.concurrency import run_in_threadpool
 
-from recordings.library import Entry, Library
+from recordings.library import Library, LibraryEntry
 from recordings.mcap_writer import RecordingError
 from server.library.api_models import Marker, RecordedDevice, RecordingInfo
 from server.streaming.hub import Hub
 
 if TYPE_CHECKING:
-    from server.library.column_cache import Shelf
+    from server.library.column_cache import ColumnCache
 
 log = logging.getLogger("imuscope.library")
 
@@ -50,7 +50,7 @@ class Catalogue:
 
     def __init__(self, hub: Hub, data: Path) -> None:
         self.library = Library(data / FOLDER)
-        self.shelf: Shelf | None = None
+        self.shelf: ColumnCache | None = None
         self._hub = hub
         self._paths: dict[str, Path] = {}
         self._stamp: object = None
@@ -85,7 +85,7 @@ class Catalogue:
         """Those that were put in later. KeyError: there is none of that id."""
         return [Marker(**asdict(marker)) for marker in self.library.get(recording).edits.markers]
 
-    def told(self, entry: Entry) -> RecordingInfo:
+    def told(self, entry: LibraryEntry) -> RecordingInfo:
         """An entry as the API tells it."""
         found, edits = entry.peek, entry.edits
         recording = self.is_recording(entry)
@@ -114,7 +114,7 @@ class Catalogue:
             deleted=entry.deleted,
         )
 
-    def rename(self, recording: str, name: str) -> Entry:
+    def rename(self, recording: str, name: str) -> LibraryEntry:
         """Give its file another name; what was decoded of it goes on to be found. Raises as Library.rename does."""
         was, before = self.library.get(recording), self._store(recording)
         entry = self.library.rename(recording, name)
@@ -132,7 +132,7 @@ class Catalogue:
         except (KeyError, OSError):
             return None
 
-    def is_recording(self, entry: Entry) -> bool:
+    def is_recording(self, entry: LibraryEntry) -> bool:
         """Is it being written now?"""
         now = self._hub.recorder
         return now is not None and now.running and entry.deleted is None and entry.path.stem == now.id
@@ -164,7 +164,7 @@ class Catalogue:
             return
         self.changed()
 
-    def _look_into_one(self, entries: list[Entry]) -> None:
+    def _look_into_one(self, entries: list[LibraryEntry]) -> None:
         """The newest of those that nobody opened is opened for the list, unless one is already."""
         busy = self._looking or (self._hub.recorder is not None and self._hub.recorder.running)
         if self.shelf is None or busy or time.monotonic() - self._listed > LOOKED_AT_S:
@@ -217,7 +217,7 @@ class Catalogue:
         self._stamp = stamp
         self._look_into_one(entries)
 
-    async def _learn(self, entries: list[Entry]) -> bool:
+    async def _learn(self, entries: list[LibraryEntry]) -> bool:
         """Keep what is to be known of recordings that were opened since; whether there was one."""
         learned = False
         for entry in entries:
@@ -229,6 +229,6 @@ class Catalogue:
                 learned = True
         return learned
 
-    def _is_open(self, entry: Entry) -> bool:
+    def _is_open(self, entry: LibraryEntry) -> bool:
         store = self._store(entry.id)
         return store is not None and store.is_dir()

@@ -27,7 +27,7 @@ _ASIDE = re.compile(r"\..+\.[0-9a-f]{8}")
 _WRITTEN_ASIDE = ("recordings", "recordings/.index", "snapshots", "trials")  # where small files are
 
 
-class Tenancy:
+class DataFolderLock:
     """A data folder in use by this process, from `begin` until `end`."""
 
     def __init__(self, data: Path) -> None:

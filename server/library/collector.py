@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from protocols.schema import Message
-from recordings.column_store import ColumnsWriter, Shape
+from recordings.column_store import ChannelLayout, ColumnStoreWriter
 from recordings.euler import euler_columns
-from recordings.health_history import FaredWriter
+from recordings.health_history import HealthHistoryWriter
 from recordings.payloads import BYTES, SHAPE, PayloadsWriter
 from server import wire
-from server.streaming.channels import Piece, clock_alone
+from server.streaming.channels import ChannelRows, clock_alone
 from server.streaming.hub import Dated, Hub
 from server.streaming.unknown_payloads import Payloads, described
 
@@ -36,13 +36,13 @@ CLOCKS = {
 }
 
 
-class Collector(Hub):
+class RecordingSink(Hub):
     """Takes what a hub takes, and writes samples to a store."""
 
     tells_every_gap = True  # a plot of the whole shows each where it was, and nobody's log is flooded
     keeps_clocks = True  # for those who export them
 
-    def __init__(self, writer: ColumnsWriter, fared: FaredWriter) -> None:
+    def __init__(self, writer: ColumnStoreWriter, fared: HealthHistoryWriter) -> None:
         super().__init__(self._time, history_s=0)
         self.time = 0.0  # arrival of what is decoded now, unix s
         self.infos: dict[int, wire.ChannelInfo] = {}
@@ -78,10 +78,10 @@ class Collector(Hub):
         number = self._number
         self.infos[number] = replace(info, id=number)
         status = tuple(info.kind == "status" and bool(column.bits) for column in info.columns)
-        self._writer.channel(number, Shape(tuple(column.dtype for column in info.columns), status))
+        self._writer.channel(number, ChannelLayout(tuple(column.dtype for column in info.columns), status))
         return number
 
-    def publish(self, pieces: Iterable[Piece]) -> None:
+    def publish(self, pieces: Iterable[ChannelRows]) -> None:
         leading: dict[tuple[str, str], int] = {}  # a message's samples are counted once, by the first of its quantities
         for piece in pieces:
             info = self.infos[piece.channel]
@@ -140,7 +140,7 @@ class Collector(Hub):
             info = self.clocks[key] = wire.ChannelInfo(
                 number, device, message.name, message.name, "Clock", "counter", "", "", columns, verified=verified
             )
-            self._writer.channel(number, Shape(tuple(dtypes.values()), (False,) * len(columns)))
+            self._writer.channel(number, ChannelLayout(tuple(dtypes.values()), (False,) * len(columns)))
         return info.id
 
     def keep_payloads(self, parts: Sequence[Payloads]) -> None:
@@ -166,7 +166,7 @@ class Collector(Hub):
         info["columns"][0]["dtype"] = BYTES
         return info
 
-    def _angles(self, piece: Piece) -> None:
+    def _angles(self, piece: ChannelRows) -> None:
         """Euler angles of what is not sent as such (recordings/euler.py)."""
         number = self._derived.get(piece.channel)
         if number is None:

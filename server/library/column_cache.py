@@ -1,7 +1,7 @@
 """Which recordings are open? A recording is decoded once, aside, and its columns are kept until something changes.
 
-    open(id) ── columns there? ──> Columns                      milliseconds, whatever the length
-                └─ no ──> a process of its own decodes ──> progress 0..1, and what is there so far ──> Columns
+    open(id) ── columns there? ──> ColumnStore                      milliseconds, whatever the length
+                └─ no ──> a process of its own decodes ──> progress 0..1, and what is there so far ──> ColumnStore
 
 A process of its own, because decoding an hour takes seconds of a core: live devices must not feel it, and a decoder
 that falls over takes nothing with it. It takes a second to start; where somebody looks at the library it is started
@@ -25,9 +25,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings.column_store import VERSION, Columns
+from recordings.column_store import VERSION, ColumnStore
 from recordings.mcap_writer import RecordingError
-from server.devices.decode_options import Reading, words_of
+from server.devices.decode_options import DecodeOptions, words_of
 from server.library.sources import decoding_mark
 from server.library.worker import Worker
 
@@ -44,17 +44,17 @@ OPENER = "server.library.decode_worker"
 
 
 @dataclass(slots=True)
-class Opening:
+class DecodeJob:
     """A recording that is being decoded; `partial`: what is decoded so far, where that can be read."""
 
     progress: float = 0.0
-    partial: Columns | None = None
+    partial: ColumnStore | None = None
     error: RecordingError | None = None
     task: asyncio.Task[None] | None = None
     failed_at: float = 0.0
 
 
-class Shelf:
+class ColumnCache:
     """The opened recordings of one data folder.
 
     Args:
@@ -67,13 +67,13 @@ class Shelf:
         self,
         data: Path,
         path_of: Callable[[str], Path],
-        usual: Reading = Reading(),  # noqa: B008 - frozen
+        usual: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
     ) -> None:
         self._cache = data / CACHE / "columns"
         self._path_of = path_of
         self._usual = words_of(usual)
-        self._open: OrderedDict[Path, Columns] = OrderedDict()
-        self._opening: dict[Path, Opening] = {}
+        self._open: OrderedDict[Path, ColumnStore] = OrderedDict()
+        self._opening: dict[Path, DecodeJob] = {}
         self._turns = asyncio.Semaphore(AT_ONCE)
         self._spare: Worker | None = None
         self._spare_ends: asyncio.TimerHandle | None = None
@@ -95,11 +95,11 @@ class Shelf:
         told = (path.name, stamp.st_size, stamp.st_mtime_ns, VERSION, decoding_mark(), how)
         return self._cache / hashlib.sha256(repr(told).encode()).hexdigest()[:24]
 
-    def peek(self, recording: str) -> Columns | None:
+    def peek(self, recording: str) -> ColumnStore | None:
         """The columns, if they are there."""
         return self._columns(self.store_of(recording))
 
-    def open(self, recording: str) -> Columns | Opening:
+    def open(self, recording: str) -> ColumnStore | DecodeJob:
         """The columns, or how far their making is; making begins with this call.
 
         Raises:
@@ -113,12 +113,12 @@ class Shelf:
         if opening is not None and opening.error is not None and time.monotonic() - opening.failed_at > FAILED_FOR_S:
             opening = None
         if opening is None:
-            opening = self._opening[store] = Opening()
+            opening = self._opening[store] = DecodeJob()
             work = self._decode(recording, store, opening)
             opening.task = asyncio.get_running_loop().create_task(work, name=f"opening {recording}")
         return opening
 
-    async def opened(self, recording: str) -> Columns:
+    async def opened(self, recording: str) -> ColumnStore:
         """The columns, waited for.
 
         Raises:
@@ -127,7 +127,7 @@ class Shelf:
         """
         for _ in range(TRIES):
             found = self.open(recording)
-            if isinstance(found, Columns):
+            if isinstance(found, ColumnStore):
                 return found
             if found.task is not None:
                 await asyncio.shield(found.task)
@@ -138,10 +138,10 @@ class Shelf:
                 return made
         raise RecordingError("The recording changed while it was opened.", "Open it again.")
 
-    async def so_far(self, recording: str) -> Columns:
+    async def so_far(self, recording: str) -> ColumnStore:
         """The columns, or as much of them as is decoded. Raises as `opened` does."""
         found = self.open(recording)
-        if isinstance(found, Opening) and found.partial is not None and found.error is None:
+        if isinstance(found, DecodeJob) and found.partial is not None and found.error is None:
             return found.partial
         return await self.opened(recording)
 
@@ -184,11 +184,11 @@ class Shelf:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _columns(self, store: Path) -> Columns | None:
+    def _columns(self, store: Path) -> ColumnStore | None:
         found = self._open.get(store)
         if found is None:
             try:
-                found = Columns(store)
+                found = ColumnStore(store)
             except (OSError, ValueError, KeyError):
                 return None
             self._open[store] = found
@@ -200,7 +200,7 @@ class Shelf:
             self._open.popitem(last=False)
         return found
 
-    async def _decode(self, recording: str, store: Path, opening: Opening) -> None:
+    async def _decode(self, recording: str, store: Path, opening: DecodeJob) -> None:
         try:
             self._cache.mkdir(parents=True, exist_ok=True)
             await asyncio.to_thread(_sweep, self._cache, CACHE_BYTES)
@@ -215,7 +215,7 @@ class Shelf:
             opening.failed_at = time.monotonic()
         opening.task = None
 
-    async def _run(self, recording: str, store: Path, opening: Opening) -> None:
+    async def _run(self, recording: str, store: Path, opening: DecodeJob) -> None:
         wish = {"path": str(self._path_of(recording)), "store": str(store), "reading": self._usual}
         worker = await self._taken()
         try:
@@ -225,7 +225,7 @@ class Shelf:
                     opening.progress = told["progress"]
                 elif "shown" in told:
                     with contextlib.suppress(OSError, ValueError, KeyError):  # it may be done by now
-                        opening.partial = Columns(Path(told["shown"]))
+                        opening.partial = ColumnStore(Path(told["shown"]))
             if await worker.wait() != 0:
                 raise RecordingError("Opening it failed.", "The log has details.")
         finally:

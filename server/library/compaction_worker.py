@@ -22,7 +22,7 @@ log = logging.getLogger("imuscope.packer")
 BATCH = 32  # recordings for one process
 
 
-class Packer:
+class CompactionWorker:
     """Packs what it is given.
 
     Args:
@@ -100,4 +100,4 @@ def left_behind(folder: Path) -> list[Path]:
     for aside in folder.glob(f".*{compaction.ASIDE}"):
         if not file_lock.is_in_use(aside):
             aside.unlink(missing_ok=True)
-    return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if compaction.is_loose(path)]
+    return [path for path in sorted(folder.glob(f"*{SUFFIX}")) if compaction.is_uncompacted(path)]

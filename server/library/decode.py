@@ -3,7 +3,8 @@
 By the very same way. The recorded chunks, each with the time at which it arrived, go through decoder and intake as they
 did when they came, only as fast as the machine can; what would have gone to browsers goes into a store of columns:
 
-    Source.parts() ──> Reader of each device ──> Collector (in place of the hub) ──> ColumnsWriter ──> Columns
+    Source.parts() ──> StreamDecoder of each device ──> RecordingSink (in place of the hub) ──> ColumnStoreWriter ──>
+    ColumnStore
                                                  events, devices, channels       ──> its manifest
                                                  rates, delays, the clock        ──> fared.bin, second by second
 
@@ -11,7 +12,8 @@ So an old file has what today's decoder makes of it, and a recording looks as it
 bytes (markers, what a person did, how the link fared) is taken over; what follows from the bytes (gaps, rejects, steps
 of the clock, answers) is found anew.
 
-A long file is shown while it is decoded: again and again what is there so far can be read like the whole (`Showing`).
+A long file is shown while it is decoded: again and again what is there so far can be read like the whole
+(`ProgressPublisher`).
 
 Memory is bounded by one part and the blocks that wait to be written.
 """
@@ -28,20 +30,20 @@ import numpy as np
 
 from protocols.events import Doubts
 from recordings.capture_timing import BLIND_RATE
-from recordings.column_store import Columns, ColumnsWriter
-from recordings.health_history import FaredWriter
+from recordings.column_store import ColumnStore, ColumnStoreWriter
+from recordings.health_history import HealthHistoryWriter
 from recordings.importers import CaptureSource
 from recordings.mcap_writer import EVENTS, NOTES, SNAPSHOT
-from recordings.sources import McapSource, Part, Source
+from recordings.sources import ChunkBlock, McapSource, Source
 from recordings.tabular import TableSource
 from server import wire, wire_codec
-from server.devices.decode_options import Reading, recorded
-from server.devices.device_demux import Reader, Senders
-from server.devices.device_state import Portrait, short
-from server.devices.ingest import Line
-from server.devices.protocol_detection import GUESS_SCORE, Speech
+from server.devices.decode_options import DecodeOptions, recorded
+from server.devices.device_demux import LinkDevices, StreamDecoder
+from server.devices.device_state import DeviceState, short_source
+from server.devices.ingest import LinkTiming
+from server.devices.protocol_detection import GUESS_SCORE, ProtocolSet
 from server.devices.stream_diagnostics import REMEDIES
-from server.library.collector import Collector
+from server.library.collector import RecordingSink
 from server.library.decode_tables import decode_tables
 from server.links.base import LinkKind
 
@@ -59,7 +61,13 @@ class _Device:
     """One device of the file while it is decoded."""
 
     def __init__(
-        self, hub: Collector, name: str, source: Source, speech: Speech, reading: Reading, usual: Reading
+        self,
+        hub: RecordingSink,
+        name: str,
+        source: Source,
+        speech: ProtocolSet,
+        reading: DecodeOptions,
+        usual: DecodeOptions,
     ) -> None:
         told = source.devices.get(name)
         about: Mapping[str, str] = told.about if told is not None else {}
@@ -70,7 +78,7 @@ class _Device:
         link = about.get("link", "file")
         info = wire.DeviceInfo(
             id=name,
-            name=about.get("name") or short(about.get("source", "") or source.path.name),
+            name=about.get("name") or short_source(about.get("source", "") or source.path.name),
             source=about.get("source", "") or source.path.name,
             link=link if link in get_args(LinkKind) else "file",  # type: ignore[arg-type]
             status="ended",
@@ -80,13 +88,13 @@ class _Device:
             firmware=about.get("firmware", ""),
             baud=int(about["baud"]) if about.get("baud", "").isdecimal() else None,
         )
-        self.portrait = Portrait(hub, info, speech.title)
-        self.senders = Senders(hub, self.portrait, speech.title)
+        self.portrait = DeviceState(hub, info, speech.title)
+        self.senders = LinkDevices(hub, self.portrait, speech.title)
         self._link = info.link
         self._timed = source.timed
         self._baud = info.baud
-        self._reader: Reader | None = None
-        self._waiting: list[Part] = []
+        self._reader: StreamDecoder | None = None
+        self._waiting: list[ChunkBlock] = []
         self._fed = 0
         self._drained = 0  # when the last chunk arrived that is decoded, ns
         self._next_tick = 0.0
@@ -116,14 +124,14 @@ class _Device:
 
     def _begin(self) -> None:
         byte_time_ns, capacity = (10e9 / self._baud, self._baud / 10) if self._baud else (0, None)
-        line = Line(byte_time_ns, self._link, capacity, timed=self._timed)
+        line = LinkTiming(byte_time_ns, self._link, capacity, timed=self._timed)
         self._settle_unit()
         decoder = self._speech.decoder(self.protocol, self._reading, self._link)
         about = self._speech.about(self.protocol)
         self.portrait.set(protocol=self.protocol)
-        self._reader = Reader(self._hub, self.senders, decoder, line=line, about=about)
+        self._reader = StreamDecoder(self._hub, self.senders, decoder, line=line, about=about)
 
-    def take(self, part: Part) -> None:
+    def take(self, part: ChunkBlock) -> None:
         """Bytes that came from it."""
         if self._reader is None:
             self._waiting.append(part)
@@ -145,7 +153,7 @@ class _Device:
                 self._feed(self._reader, part)
             self._waiting.clear()
 
-    def _feed(self, reader: Reader, part: Part) -> None:
+    def _feed(self, reader: StreamDecoder, part: ChunkBlock) -> None:
         first = 0
         while first < len(part.ends):
             start = int(part.ends[first - 1]) if first else 0
@@ -164,7 +172,7 @@ class _Device:
         self.senders.own.figures.heard(len(part.data), self._hub.time)
         self._hub.fared.heard(self.portrait.info.id, part.ends, part.times)
 
-    def _drain(self, reader: Reader) -> None:
+    def _drain(self, reader: StreamDecoder) -> None:
         self._fed = 0
         reader.drain()
         self._tell_clocks()
@@ -201,7 +209,7 @@ class _Device:
                 own.incidents.say("device", "caution", text, data={"reason": reason, "count": count})
 
 
-class Showing:
+class ProgressPublisher:
     """Shows what is decoded so far, now and then: soon at first, and never so often that it takes longer.
 
     Args:
@@ -227,12 +235,12 @@ class Showing:
 def decode(
     source: Source,
     folder: Path,
-    speech: Speech,
-    reading: Reading = Reading(),  # noqa: B008 - frozen
+    speech: ProtocolSet,
+    reading: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
     progress: Callable[[float], None] = lambda share: None,
     shown: Callable[[Path], None] = lambda folder: None,
-    usual: Reading = Reading(),  # noqa: B008 - frozen
-) -> Columns:
+    usual: DecodeOptions = DecodeOptions(),  # noqa: B008 - frozen
+) -> ColumnStore:
     """Decode a file into a store.
 
     Args:
@@ -240,17 +248,17 @@ def decode(
         reading: what a person said about it; a protocol named here is that of every device.
         progress: called with 0..1, from the thread that decodes.
         usual: what is said of sources here, where neither a person nor the recording says otherwise.
-        shown: called with a folder for Columns that has what is decoded so far, until the store itself is there.
+        shown: called with a folder for ColumnStore that has what is decoded so far, until the store itself is there.
     Raises:
         RecordingError, OSError: the file cannot be read, or the store not be written; nothing is left behind.
     """
-    writer = ColumnsWriter(folder)
+    writer = ColumnStoreWriter(folder)
     try:
         if isinstance(source, TableSource):
-            return decode_tables(source, writer, progress, Showing(shown))
-        fared = FaredWriter(writer.aside)
-        hub = Collector(writer, fared)
-        showing = Showing(shown)
+            return decode_tables(source, writer, progress, ProgressPublisher(shown))
+        fared = HealthHistoryWriter(writer.aside)
+        hub = RecordingSink(writer, fared)
+        showing = ProgressPublisher(shown)
         devices = {name: _Device(hub, name, source, speech, reading, usual) for name in source.devices}
         spans: dict[str, list[int]] = {}
         for part in source.parts():
@@ -265,7 +273,7 @@ def decode(
                 hub.flush()
                 manifest = _manifest(source, hub, devices, spans, most_events=EVENTS_SHOWN)
                 manifest |= {"progress": part.done, "ended": max(manifest["ended"], _end(source))}
-                showing.show(writer.show(wire_codec.plain(manifest)))
+                showing.show(writer.show(wire_codec.to_json_safe(manifest)))
         for device in devices.values():
             device.end()
         for name, count in hub.payloads_left_out.items():
@@ -276,7 +284,7 @@ def decode(
             for name in devices:
                 hub.event(name, "clock", "caution", words, data={"kind": "guessed"})
         hub.close()
-        return writer.finish(wire_codec.plain(_manifest(source, hub, devices, spans)))
+        return writer.finish(wire_codec.to_json_safe(_manifest(source, hub, devices, spans)))
     except BaseException:
         writer.abandon()
         raise
@@ -289,7 +297,7 @@ def _end(source: Source) -> float:
 
 def _manifest(
     source: Source,
-    hub: Collector,
+    hub: RecordingSink,
     devices: Mapping[str, _Device],
     spans: Mapping[str, list[int]],
     most_events: int | None = None,
@@ -390,7 +398,7 @@ def _note(body: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def usual_interval(columns: Columns, channel: int) -> float:
+def usual_interval(columns: ColumnStore, channel: int) -> float:
     """The usual time between two samples of a channel, s; 0 while it has fewer than two."""
     rows = columns.exact(channel, 0, 4096, columns=[])
     steps = np.diff(np.where(np.isnan(rows.time), rows.arrival, rows.time))

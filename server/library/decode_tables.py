@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from recordings.column_store import Columns, ColumnsWriter, Shape
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
 from recordings.mcap_writer import RecordingError
-from recordings.tabular import DEVICE, Rows, TableSource, grouped
+from recordings.tabular import DEVICE, TableRows, TableSource, grouped
 from server import wire, wire_codec
 
 if TYPE_CHECKING:
-    from server.library.decode import Showing
+    from server.library.decode import ProgressPublisher
 
 AXES = ("x", "y", "z", "w")
 
@@ -26,14 +26,14 @@ AXES = ("x", "y", "z", "w")
 class _Tables:
     """The channels of the tables that have been met."""
 
-    def __init__(self, writer: ColumnsWriter) -> None:
+    def __init__(self, writer: ColumnStoreWriter) -> None:
         self.infos: list[wire.ChannelInfo] = []
         self.counts: dict[str, int] = {}
         self.first, self.last = np.inf, -np.inf
         self._writer = writer
         self._plans: dict[str, list[tuple[int, list[str]]]] = {}
 
-    def take(self, rows: Rows) -> None:
+    def take(self, rows: TableRows) -> None:
         """A block of rows."""
         if not len(rows.time):
             return
@@ -46,7 +46,7 @@ class _Tables:
         self.first = min(self.first, float(rows.arrival.min()))
         self.last = max(self.last, float(rows.arrival.max()))
 
-    def _begin(self, rows: Rows) -> list[tuple[int, list[str]]]:
+    def _begin(self, rows: TableRows) -> list[tuple[int, list[str]]]:
         plan = []
         for name, members in grouped(list(rows.columns)):
             units = {rows.columns[heading][1] for heading, _ in members}
@@ -68,15 +68,15 @@ class _Tables:
                 frame="",
                 columns=columns,
             )
-            self._writer.channel(info.id, Shape(("f8",) * len(columns), (False,) * len(columns)))
+            self._writer.channel(info.id, ChannelLayout(("f8",) * len(columns), (False,) * len(columns)))
             self.infos.append(info)
             plan.append((info.id, [heading for heading, _ in members]))
         return plan
 
 
 def decode_tables(
-    source: TableSource, writer: ColumnsWriter, progress: Callable[[float], None], showing: Showing
-) -> Columns:
+    source: TableSource, writer: ColumnStoreWriter, progress: Callable[[float], None], showing: ProgressPublisher
+) -> ColumnStore:
     """Write the tables of a file into a store, shown now and then while it is made.
 
     Raises:
@@ -89,10 +89,10 @@ def decode_tables(
         progress(min(rows.done, 0.99))
         if showing.is_due and tables.infos:
             so_far = _manifest(source, tables) | {"progress": min(rows.done, 0.99), "ended": max(tables.last, last)}
-            showing.show(writer.show(wire_codec.plain(so_far)))
+            showing.show(writer.show(wire_codec.to_json_safe(so_far)))
     if not tables.infos:
         raise RecordingError(f"There are no numbers in {source.path.name}.", "A table needs a row at least.")
-    return writer.finish(wire_codec.plain(_manifest(source, tables)))
+    return writer.finish(wire_codec.to_json_safe(_manifest(source, tables)))
 
 
 def _manifest(source: TableSource, tables: _Tables) -> dict[str, Any]:

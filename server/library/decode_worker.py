@@ -17,8 +17,8 @@ from pathlib import Path
 from recordings.bounds import TooLong, bounded, bounded_by
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
-from recordings.parent_death import end_with_parent
-from server.devices.decode_options import Reading, reading
+from recordings.parent_death import die_with_parent
+from server.devices.decode_options import DecodeOptions, reading
 from server.devices.protocol_set import speech
 from server.library.decode import decode
 
@@ -27,7 +27,7 @@ STEP = 0.005
 
 def main() -> int:
     """Decode what standard input asks for; 0, or 1 when it could not be done and was told."""
-    end_with_parent()
+    die_with_parent()
     bounded()
     with contextlib.suppress(OSError):
         os.nice(5)  # live devices come first
@@ -48,7 +48,7 @@ def main() -> int:
         source = open_file(Path(wish["path"]))
         usual = reading(**wish.get("reading", {}))
         shown = lambda folder: _say(shown=str(folder))  # noqa: E731
-        decode(source, Path(wish["store"]), speech(), Reading(), progress, shown, usual)
+        decode(source, Path(wish["store"]), speech(), DecodeOptions(), progress, shown, usual)
     except RecordingError as error:
         _say(message=error.message, hint=error.hint)
         return 1

@@ -24,7 +24,7 @@ from recordings.mcap_writer import RecordingError
 from server import wire
 from server.library.api_models import Export, ExportPart, ExportSizes
 from server.library.catalogue import Catalogue
-from server.library.column_cache import Shelf
+from server.library.column_cache import ColumnCache
 from server.library.one_file import one_file
 from server.library.worker import Worker
 from server.streaming.hub import Hub
@@ -61,7 +61,7 @@ class _Job:
 class Exports:
     """All exports of a server."""
 
-    def __init__(self, hub: Hub, catalogue: Catalogue, shelf: Shelf, data: Path) -> None:
+    def __init__(self, hub: Hub, catalogue: Catalogue, shelf: ColumnCache, data: Path) -> None:
         self._hub = hub
         self._catalogue = catalogue
         self._shelf = shelf

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 
 from recordings.bounds import TooLong, bounded
-from recordings.exporters import FORMATS, Wish, export
+from recordings.exporters import FORMATS, ExportRequest, export
 from recordings.mcap_writer import RecordingError
-from recordings.parent_death import end_with_parent
+from recordings.parent_death import die_with_parent
 from server.library.export_worker import wish_of
 from server.library.one_file import one_file
 
@@ -35,7 +35,7 @@ WHOLE = 12_000  # up to so many rows of channels all is written
 SAMPLE = 6_000  # rows of channels in the first sample
 
 
-def sizes(wish: Wish, folder: Path) -> dict[str, int]:
+def sizes(wish: ExportRequest, folder: Path) -> dict[str, int]:
     """About how many bytes an export has, format by format; those that cannot be written are left out.
 
     Args:
@@ -59,7 +59,7 @@ def sizes(wish: Wish, folder: Path) -> dict[str, int]:
     return found
 
 
-def came(wish: Wish) -> dict[str, int]:
+def came(wish: ExportRequest) -> dict[str, int]:
     """About how many bytes came of each device in the stretch, as far as that was counted."""
     told = wish.columns.manifest
     whole = replace(wish, t0=-np.inf, t1=np.inf, channels=None)
@@ -72,7 +72,7 @@ def came(wish: Wish) -> dict[str, int]:
     return found
 
 
-def _samples(wish: Wish, total: int) -> list[Wish]:
+def _samples(wish: ExportRequest, total: int) -> list[ExportRequest]:
     """Two stretches about the middle, the second twice as long as the first."""
     first, last = wish.columns.span(base=wish.base) or (0.0, 0.0)
     first, last = max(first, wish.t0), min(last, wish.t1)
@@ -80,12 +80,12 @@ def _samples(wish: Wish, total: int) -> list[Wish]:
     return [replace(wish, t0=middle - half * times, t1=middle + half * times) for times in (1, 2)]
 
 
-def _rows(wish: Wish) -> int:
+def _rows(wish: ExportRequest) -> int:
     """Rows of all chosen channels together."""
     return sum(past - at for at, past in (wish.rows(info["id"]) for info in wish.infos))
 
 
-def _written(format: str, wish: Wish, folder: Path) -> int:
+def _written(format: str, wish: ExportRequest, folder: Path) -> int:
     with tempfile.TemporaryDirectory(dir=folder) as name:
         files = export(format, wish, Path(name) / f"sample{FORMATS[format].suffix}")
         return one_file(files, Path(name), "sample-zip").stat().st_size
@@ -95,7 +95,7 @@ def main() -> int:
     """Measure what standard input asks for; 0, or 1 when it could not be done."""
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices come first
-    end_with_parent()
+    die_with_parent()
     bounded()
     told = json.loads(sys.stdin.read())
     wish = wish_of({"source": "", "device": "", **told})

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from recordings.bounds import TooLong, bounded
-from recordings.column_store import Columns
-from recordings.exporters import Wish, export
+from recordings.column_store import ColumnStore
+from recordings.exporters import ExportRequest, export
 from recordings.mcap_writer import RecordingError
-from recordings.parent_death import end_with_parent
+from recordings.parent_death import die_with_parent
 
 STEP = 0.005
 
@@ -30,7 +30,7 @@ def main() -> int:
     with contextlib.suppress(OSError):
         os.nice(10)  # live devices come first, and opening recordings
     signal.signal(signal.SIGTERM, _end)
-    end_with_parent()
+    die_with_parent()
     bounded()
     told = json.loads(sys.stdin.read())
     shown = 0.0
@@ -59,10 +59,10 @@ def main() -> int:
     return 0
 
 
-def wish_of(told: dict[str, Any]) -> Wish:
+def wish_of(told: dict[str, Any]) -> ExportRequest:
     """The wish that standard input tells."""
-    return Wish(
-        Columns(Path(told["store"])),
+    return ExportRequest(
+        ColumnStore(Path(told["store"])),
         Path(told["source"]),
         told["title"],
         -math.inf if told["t0"] is None else told["t0"],

@@ -9,23 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from protocols.events import Event, Reply
-from protocols.transactions import RefusedError, SilentError
+from protocols.transactions import DeviceRejectedError, NoReplyError
 from protocols.xbus.log_header import CONFIGURATION, EMTS_DATA, head
-from server.configuration.device_controller import Desk, DeskError, JobError, Task
+from server.configuration.device_controller import ControlError, DeviceController, JobError, QueuedJob
 from server.links.base import LinkError
 
 FRAMES = {CONFIGURATION: "configuration", EMTS_DATA: "emts"}
 TITLE = "Read its configuration, for the recording"
 
 
-class Head:
+class MtbHeader:
     """Of one device in one recording.
 
     Args:
         tell: hears the frames, hex by name: {"configuration": "faff0d…"}, whenever one came, asked for or not.
     """
 
-    def __init__(self, desk: Desk, tell: Callable[[Mapping[str, str]], None]) -> None:
+    def __init__(self, desk: DeviceController, tell: Callable[[Mapping[str, str]], None]) -> None:
         self._desk = desk
         self._tell = tell
         self._asked = False
@@ -43,14 +43,14 @@ class Head:
         self._asked = True
         try:
             self._desk.add(TITLE, self._work)
-        except DeskError as error:
+        except ControlError as error:
             self._missing(error.message)
 
-    async def _work(self, task: Task) -> None:
+    async def _work(self, task: QueuedJob) -> None:
         desk = self._desk
         try:
             await desk.run(desk.driver.within(head(), desk.known))
-        except (RefusedError, SilentError, LinkError, DeskError) as error:
+        except (DeviceRejectedError, NoReplyError, LinkError, ControlError) as error:
             raise JobError(self._missing(str(error)), "The recording itself is complete.") from None
         task.job.message = "Its configuration is in the recording."
 

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recordings.column_store import Base, Buckets, Columns, Exact, summarised
+from recordings.column_store import Base, ColumnStore, ExactRows, MinMaxBuckets, downsample
 from recordings.statistics import norm_statistics, statistics
 from server import wire, wire_codec
 from server.streaming.hub import Channel
@@ -34,26 +34,26 @@ THINNED = ("quaternion", "matrix")
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class QueryResult:
     """Rows of one channel and what they are.
 
     Args:
         info: the channel.
-        rows: Exact or Buckets.
+        rows: Exact or MinMaxBuckets.
         columns: which of the channel's columns, by position.
     """
 
     info: wire.ChannelInfo
-    rows: Exact | Buckets
+    rows: ExactRows | MinMaxBuckets
     columns: tuple[int, ...]
 
     @property
     def exact(self) -> bool:
-        return isinstance(self.rows, Exact)
+        return isinstance(self.rows, ExactRows)
 
 
 def recorded(
-    store: Columns,
+    store: ColumnStore,
     info: wire.ChannelInfo,
     t0: float,
     t1: float,
@@ -61,33 +61,33 @@ def recorded(
     *,
     columns: Sequence[int] | None = None,
     base: Base = "device",
-) -> Answer:
+) -> QueryResult:
     """A stretch of a recorded channel; `width` 0 for all rows."""
     wanted = tuple(range(len(info.columns)) if columns is None else columns)
     if width and info.kind in THINNED:
-        return Answer(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), wanted), wanted)
+        return QueryResult(info, _picked(store.thinned(info.id, t0, t1, 2 * width, base=base), wanted), wanted)
     rows = store.query(info.id, t0, t1, width, columns=wanted, base=base)
-    if isinstance(rows, Buckets) and info.kind == "rows":
+    if isinstance(rows, MinMaxBuckets) and info.kind == "rows":
         rows = _picked(_newest(store, info.id, t1, base), wanted)
-    return Answer(info, rows, wanted)
+    return QueryResult(info, rows, wanted)
 
 
-def ordered(answer: Answer) -> Answer:
+def ordered(answer: QueryResult) -> QueryResult:
     """The same rows by their time, where they have one: a device sends some later than newer ones of another kind."""
     rows = answer.rows
-    if not isinstance(rows, Exact):
+    if not isinstance(rows, ExactRows):
         return answer
     key = np.where(np.isnan(rows.time), rows.arrival, rows.time)
     if not (key[1:] < key[:-1]).any():
         return answer
     order = np.argsort(key, kind="stable")
-    sorted_rows = Exact(rows.arrival[order], rows.time[order], [column[order] for column in rows.columns])
-    return Answer(answer.info, sorted_rows, answer.columns)
+    sorted_rows = ExactRows(rows.arrival[order], rows.time[order], [column[order] for column in rows.columns])
+    return QueryResult(answer.info, sorted_rows, answer.columns)
 
 
 def live(
     channel: Channel, t0: float, t1: float, width: int, *, columns: Sequence[int] | None = None, base: Base = "device"
-) -> Answer:
+) -> QueryResult:
     """The same of what the hub remembers."""
     return held(channel.info, kept(channel, t0, base), t0, t1, width, columns=columns, base=base)
 
@@ -108,34 +108,34 @@ def held(
     *,
     columns: Sequence[int] | None = None,
     base: Base = "device",
-) -> Answer:
+) -> QueryResult:
     """A stretch of that, in any thread."""
     wanted = tuple(range(len(info.columns)) if columns is None else columns)
     arrival, time = whole[0], whole[1]
     t = arrival if base == "arrival" else np.maximum.accumulate(np.where(np.isnan(time), arrival, time))
     lo, hi = np.searchsorted(t, t0, "left"), np.searchsorted(t, t1, "right")
-    rows = Exact(arrival[lo:hi], time[lo:hi], [column[lo:hi] for column in whole[2:]])
+    rows = ExactRows(arrival[lo:hi], time[lo:hi], [column[lo:hi] for column in whole[2:]])
     if not width or len(rows) <= 2 * width:
-        return Answer(info, _picked(rows, wanted), wanted)
+        return QueryResult(info, _picked(rows, wanted), wanted)
     if info.kind in THINNED:
         at = np.unique(np.linspace(0, len(rows) - 1, 2 * width).astype(np.int64))
-        thin = Exact(rows.arrival[at], rows.time[at], [column[at] for column in rows.columns])
-        return Answer(info, _picked(thin, wanted), wanted)
+        thin = ExactRows(rows.arrival[at], rows.time[at], [column[at] for column in rows.columns])
+        return QueryResult(info, _picked(thin, wanted), wanted)
     status = [info.kind == "status" and bool(info.columns[i].bits) for i in wanted]
-    return Answer(info, summarised(_picked(rows, wanted), t[lo:hi], status, (t0, t1, width)), wanted)
+    return QueryResult(info, downsample(_picked(rows, wanted), t[lo:hi], status, (t0, t1, width)), wanted)
 
 
-def _picked(rows: Exact, wanted: Sequence[int]) -> Exact:
-    return Exact(rows.arrival, rows.time, [rows.columns[i] for i in wanted])
+def _picked(rows: ExactRows, wanted: Sequence[int]) -> ExactRows:
+    return ExactRows(rows.arrival, rows.time, [rows.columns[i] for i in wanted])
 
 
-def _newest(store: Columns, channel: int, t1: float, base: Base) -> Exact:
+def _newest(store: ColumnStore, channel: int, t1: float, base: Base) -> ExactRows:
     """The rows that share the newest time not after `t1`."""
     last = store.row_at(channel, t1, base)
     near = store.exact(channel, max(0, last - 512), last + 1)
     clock = near.arrival if base == "arrival" else np.where(np.isnan(near.time), near.arrival, near.time)
     same = np.flatnonzero(clock == clock[-1]) if len(near) else np.empty(0, np.int64)
-    return Exact(near.arrival[same], near.time[same], [column[same] for column in near.columns])
+    return ExactRows(near.arrival[same], near.time[same], [column[same] for column in near.columns])
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +150,7 @@ class ColumnStatistics:
 
 
 def statistics_in(
-    store: Columns, info: wire.ChannelInfo, t0: float, t1: float, *, base: Base = "device"
+    store: ColumnStore, info: wire.ChannelInfo, t0: float, t1: float, *, base: Base = "device"
 ) -> list[ColumnStatistics]:
     """Of every column of a recorded channel, in order, around the circle where it wraps; then of a vector's length."""
     lo, hi = store.between(info.id, t0, t1, base)
@@ -168,12 +168,12 @@ def statistics_in(
 # -- for the page ------------------------------------------------------------------------------------------------------
 
 
-def frame_of(answer: Answer) -> bytes:
+def frame_of(answer: QueryResult) -> bytes:
     """One sample frame of the wire, b"" where there is nothing; of an answer that has all of the channel's columns."""
     rows = answer.rows
     if not len(rows):
         return b""
-    if isinstance(rows, Exact):
+    if isinstance(rows, ExactRows):
         columns: list[Array] = [rows.arrival, rows.time, *rows.columns]
     else:
         pairs = [np.column_stack(pair).reshape(-1) for pair in zip(rows.low, rows.high, strict=True)]
@@ -184,7 +184,7 @@ def frame_of(answer: Answer) -> bytes:
 # -- for programs ------------------------------------------------------------------------------------------------------
 
 
-def names_of(answer: Answer) -> list[tuple[str, str, Literal["", "low", "high"], int]]:
+def names_of(answer: QueryResult) -> list[tuple[str, str, Literal["", "low", "high"], int]]:
     """(name, unit, which, position in the answer) of every column of the table after the time columns."""
     out: list[tuple[str, str, Literal["", "low", "high"], int]] = []
     for at, position in enumerate(answer.columns):
@@ -199,16 +199,16 @@ def names_of(answer: Answer) -> list[tuple[str, str, Literal["", "low", "high"],
     return out
 
 
-def table_of(answer: Answer) -> dict[str, tuple[Array, str]]:
+def table_of(answer: QueryResult) -> dict[str, tuple[Array, str]]:
     """Name → (values, unit), in order; times in unix seconds."""
     rows = answer.rows
     out: dict[str, tuple[Array, str]] = {}
-    if isinstance(rows, Exact):
+    if isinstance(rows, ExactRows):
         out["time"], out["arrival"] = (rows.time, "s"), (rows.arrival, "s")
     else:
         out["t"], out["n"] = (rows.t, "s"), (rows.n, "")
     for name, unit, which, at in names_of(answer):
-        values = rows.columns[at] if isinstance(rows, Exact) else (rows.low if which == "low" else rows.high)[at]
+        values = rows.columns[at] if isinstance(rows, ExactRows) else (rows.low if which == "low" else rows.high)[at]
         out[name] = (values, unit)
     return out
 
@@ -216,7 +216,7 @@ def table_of(answer: Answer) -> dict[str, tuple[Array, str]]:
 PIECE = 4096  # rows that are spelled at once: a piece holds up the threads of live devices for a few ms
 
 
-def arrow_of(answer: Answer) -> Iterator[bytes]:
+def arrow_of(answer: QueryResult) -> Iterator[bytes]:
     """An Arrow IPC stream of one table, piece by piece; units are in the fields' metadata, the channel's in the
     schema's."""
     import pyarrow as pa
@@ -245,7 +245,7 @@ def _emptied(sink: io.BytesIO) -> bytes:
     return written
 
 
-def json_of(answer: Answer) -> Iterator[bytes]:
+def json_of(answer: QueryResult) -> Iterator[bytes]:
     """The table as JSON, column by column and piece by piece: {"channel", "exact", "units", "columns": {name:
     [values]}}; NaN is null."""
     table = table_of(answer)
@@ -272,4 +272,4 @@ def _spelled(value: object) -> bytes:
 def _plain(values: Array) -> list[Any]:
     if values.dtype.kind == "f":
         return [value if math.isfinite(value) else None for value in values.astype(np.float64).tolist()]
-    return [wire_codec.plain(value) for value in values.tolist()]
+    return [wire_codec.to_json_safe(value) for value in values.tolist()]

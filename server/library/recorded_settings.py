@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from protocols.schema import Field, Setting
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from server.configuration.controllers import driver_of
 from server.configuration.form_builder import flat
 from server.configuration.value_format import entry_comment, output_title, output_words, title_at, words
@@ -33,7 +33,7 @@ def settings_of(snapshot: Mapping[str, Any]) -> RecordedSettings:
     values, missing = _mapping(snapshot.get("values")), _mapping(snapshot.get("missing"))
     protocol, product, firmware = (_text(snapshot.get(name)) for name in ("protocol", "product", "firmware"))
     driver = driver_of(protocol)
-    known = Known(product, _text(snapshot.get("serial_number")), firmware)
+    known = DeviceContext(product, _text(snapshot.get("serial_number")), firmware)
     rows = {row.name: row for row in driver.settings(known)} if driver is not None else {}
     order = [name for name in rows if name in values] + [name for name in values if name not in rows]
     found = [_setting(name, rows.get(name), values[name]) for name in order if isinstance(values[name], Mapping)]

@@ -1,8 +1,8 @@
 """What is being recorded? One recording at a time, of any number of devices, and the button that begins and ends it.
 
-    devices, hub, desks ──Taking──> Tape (its own thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
+    devices, hub, desks ──Taking──> RecordingWriter (its own thread) ──> <data>/recordings/20261121T044324Z-MTi-630.mcap
                                                                     │ finished, or full and split
-                                                                    └──> Packer (a process) ──> small, indexed
+                                                                    └──> CompactionWorker (a process) ──> small, indexed
 
 Devices that appear later join a recording of all. An Xsens device is asked for its Configuration, which its own program
 wants at the head of a log; it pauses for that, once in a recording, through the queue of its desk
@@ -28,16 +28,16 @@ from typing import Any
 from recordings import quota
 from recordings.file_names import free_path
 from recordings.mcap_writer import RecordingError
-from recordings.recording_writer import Limits, Tape
+from recordings.recording_writer import Limits, RecordingWriter
 from server import wire
 from server.config import Config
-from server.configuration.controllers import Desks
-from server.devices.device_state import short
+from server.configuration.controllers import ControllerRegistry
+from server.devices.device_state import short_source
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.library.api_models import Mark
-from server.library.compaction_worker import Packer
-from server.library.recording_session import Taking
+from server.library.compaction_worker import CompactionWorker
+from server.library.recording_session import RecordingSession
 from server.streaming.hub import Hub
 from server.version import VERSION
 
@@ -58,7 +58,7 @@ class RecorderError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class RecordingOptions:
     """How recordings are made.
 
     Args:
@@ -76,10 +76,10 @@ class Plan:
     follow_clock: bool = True
 
 
-def plan_of(config: Config) -> Plan:
+def plan_of(config: Config) -> RecordingOptions:
     """What the configuration says about recordings."""
     limits = Limits(round(config.split_mb * 1e6), config.split_min * 60)
-    return Plan(config.data / FOLDER, limits, round(config.recordings_quota_gb * 1e9), config.record_head)
+    return RecordingOptions(config.data / FOLDER, limits, round(config.recordings_quota_gb * 1e9), config.record_head)
 
 
 class Recorder:
@@ -96,9 +96,9 @@ class Recorder:
         self,
         hub: Hub,
         sessions: Sessions,
-        desks: Desks | None,
-        plan: Plan,
-        packer: Packer | None,
+        desks: ControllerRegistry | None,
+        plan: RecordingOptions,
+        packer: CompactionWorker | None,
         wall_ns: Callable[[], int] | None = None,
     ) -> None:
         self.plan = plan
@@ -107,7 +107,7 @@ class Recorder:
         self._sessions = sessions
         self._desks = desks
         self._packer = packer
-        self._now: Taking | None = None
+        self._now: RecordingSession | None = None
         self._last = wire.RecorderState(running=False)
         self._watcher: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
@@ -139,7 +139,7 @@ class Recorder:
             self._loop = asyncio.get_running_loop()
             tape = await asyncio.to_thread(self._tape, words, title, path)
             every = devices is None
-            now = Taking(self._hub, self._desks, tape, title, every=every, ask_head=self.plan.ask_head)
+            now = RecordingSession(self._hub, self._desks, tape, title, every=every, ask_head=self.plan.ask_head)
             self._now = now
             for session in self._sessions.all if every else chosen:
                 now.join(session)
@@ -151,7 +151,7 @@ class Recorder:
     async def begin(self, sources: Sequence[str]) -> None:
         """Record all from the start of the server, before its sources are opened; where that cannot be, say so."""
         try:
-            await self.start(words=_words([short(source) for source in sources]))
+            await self.start(words=_words([short_source(source) for source in sources]))
         except RecordingError as error:
             self._last = wire.RecorderState(running=False, message=error.message, hint=error.hint)
             self._hub.set_recorder(self._last)
@@ -244,7 +244,7 @@ class Recorder:
             raise RecorderError("not-found", "No device was chosen.", "Leave `devices` out to record all.")
         return list(found.values())
 
-    def _tape(self, words: str, title: str, path: Path | None) -> Tape:
+    def _tape(self, words: str, title: str, path: Path | None) -> RecordingWriter:
         """In a thread: it makes a file."""
         folder = path.parent if path is not None else self.plan.folder
         if path is None:
@@ -267,7 +267,7 @@ class Recorder:
             "version": VERSION,
         }
         now_ns = lambda: round(self._hub.now() * 1e9)  # noqa: E731
-        return Tape(
+        return RecordingWriter(
             name,
             about,
             now_ns,
@@ -288,7 +288,7 @@ class Recorder:
             if self._loop is not None:
                 self._loop.call_soon_threadsafe(function, *arguments)
 
-    async def _end(self, now: Taking, *, why: RecordingError | None = None) -> None:
+    async def _end(self, now: RecordingSession, *, why: RecordingError | None = None) -> None:
         """Take everything off, wait for the file."""
         now.leave()
         await asyncio.to_thread(now.tape.stop)
@@ -316,7 +316,7 @@ class Recorder:
 
     # ── while it runs ────────────────────────────────────────────────────────────────────────────────────────────────
 
-    async def _watch(self, now: Taking) -> None:
+    async def _watch(self, now: RecordingSession) -> None:
         looks, shift_ns = 0, now.tape.shift_ns
         while self._now is now:
             await asyncio.sleep(LOOK_S)
@@ -341,7 +341,7 @@ class Recorder:
             names = ", ".join(path.stem for path in gone)
             self._soon(self._notice, f"Over the quota, the oldest recordings were deleted: {names}.")
 
-    def _clock_was_set(self, now: Taking, by_ns: int) -> None:
+    def _clock_was_set(self, now: RecordingSession, by_ns: int) -> None:
         words = f"The host's clock was set by {by_ns / 1e9:+.1f} s"
         if self.plan.follow_clock:
             now.tape.set_clock(now.tape.shift_ns + by_ns)

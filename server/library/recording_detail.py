@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from recordings.column_store import Columns
+from recordings.column_store import ColumnStore
 from server import wire_codec
 from server.library.api_models import Marker, RecordedDevice, RecordingDetail, RecordingInfo
 from server.library.decode import usual_interval
@@ -21,10 +21,10 @@ def channel_info(told: Mapping[str, Any]) -> ChannelInfo:
     return ChannelInfo(**{**told, "columns": columns})
 
 
-_KNOWN: WeakKeyDictionary[Columns, dict[int, ChannelInfo]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[ColumnStore, dict[int, ChannelInfo]] = WeakKeyDictionary()
 
 
-def channels_of(store: Columns) -> dict[int, ChannelInfo]:
+def channels_of(store: ColumnStore) -> dict[int, ChannelInfo]:
     """The channels of a store as the wire describes them; every window asks for them."""
     known = _KNOWN.get(store)
     if known is None:
@@ -32,7 +32,7 @@ def channels_of(store: Columns) -> dict[int, ChannelInfo]:
     return known
 
 
-def devices_of(store: Columns) -> list[RecordedDevice]:
+def devices_of(store: ColumnStore) -> list[RecordedDevice]:
     """Its devices, with what was counted when it was decoded."""
     figures = store.manifest["figures"]
     out = []
@@ -53,7 +53,7 @@ def devices_of(store: Columns) -> list[RecordedDevice]:
     return out
 
 
-def detail(info: RecordingInfo, store: Columns, markers: list[Marker] | None = None) -> RecordingDetail:
+def detail(info: RecordingInfo, store: ColumnStore, markers: list[Marker] | None = None) -> RecordingDetail:
     """Everything about an opened recording but its samples.
 
     Args:
@@ -81,4 +81,4 @@ def detail(info: RecordingInfo, store: Columns, markers: list[Marker] | None = N
 
 def as_json(found: RecordingDetail) -> Any:
     """What JSON can hold of it."""
-    return wire_codec.plain(found)
+    return wire_codec.to_json_safe(found)

@@ -17,15 +17,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from recordings.mcap_writer import Direction
-from recordings.recording_writer import Tape
+from recordings.recording_writer import RecordingWriter
 from server import wire, wire_codec
-from server.configuration.controllers import Desks
-from server.configuration.device_controller import Desk
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.device_controller import DeviceController
 from server.devices.decode_options import schema_words
 from server.devices.member import address_of
 from server.devices.session import Session
 from server.library.api_models import Mark
-from server.library.mtb_header import Head
+from server.library.mtb_header import MtbHeader
 from server.streaming.hub import Hub
 
 RATE_S = 10.0  # over which `seconds_left` takes the rate
@@ -33,7 +33,7 @@ TOLD = ("name", "source", "link", "protocol", "product", "serial_number", "firmw
 READ = ("time_unit", "rotation")  # how its bytes are read, where that was said; and the descriptions of vendor types
 
 
-class Taking:
+class RecordingSession:
     """One recording under way.
 
     Args:
@@ -42,7 +42,16 @@ class Taking:
         ask_head: whether to ask.
     """
 
-    def __init__(self, hub: Hub, desks: Desks | None, tape: Tape, title: str, *, every: bool, ask_head: bool) -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        desks: ControllerRegistry | None,
+        tape: RecordingWriter,
+        title: str,
+        *,
+        every: bool,
+        ask_head: bool,
+    ) -> None:
         self.tape = tape
         self.title = title
         self.every = every  # devices that appear later join
@@ -52,7 +61,7 @@ class Taking:
         self._ask_head = ask_head
         self._off: dict[str, Callable[[], None]] = {}  # device → takes its chunks off
         self._said: dict[str, Any] = {}  # device → the settings that were written last
-        self._heads: dict[str, Head] = {}
+        self._heads: dict[str, MtbHeader] = {}
         self._sessions: dict[str, Session] = {}
         self._sizes: list[tuple[float, int]] = []  # (when, bytes) of the last looks
         self._unhook = [
@@ -88,7 +97,7 @@ class Taking:
             self._settings(one)
         desk = self._desk(device)
         if desk is not None:
-            self._heads[device] = Head(desk, lambda told: tape.device(device, told))
+            self._heads[device] = MtbHeader(desk, lambda told: tape.device(device, told))
             self._ask(session.info)
 
     def leave(self) -> None:
@@ -116,7 +125,7 @@ class Taking:
 
     # ── what is heard ────────────────────────────────────────────────────────────────────────────────────────────────
 
-    def _desk(self, device: str) -> Desk | None:
+    def _desk(self, device: str) -> DeviceController | None:
         try:
             return self._desks.get(device) if self._desks is not None else None
         except KeyError:
@@ -127,7 +136,7 @@ class Taking:
         if self._ask_head and info.status == "live" and info.id in self._heads:
             self._heads[info.id].ask()
 
-    def _settings(self, desk: Desk) -> None:
+    def _settings(self, desk: DeviceController) -> None:
         """The settings of a device, where they are known and were not written yet."""
         if not desk.values or self._said.get(desk.device) == desk.values:
             return
@@ -144,13 +153,13 @@ class Taking:
             "firmware": known.firmware,
             "address": address_of(desk.session),
         }
-        self.tape.snapshot(desk.device, wire_codec.plain(body), round(self._hub.now() * 1e9))
+        self.tape.snapshot(desk.device, wire_codec.to_json_safe(body), round(self._hub.now() * 1e9))
 
     def _event(self, event: wire.EventInfo) -> None:
         if event.kind == "marker":  # that one is a note
             return
         if not event.device or event.device.partition(".")[0] in self._off:
-            self.tape.event(wire_codec.plain(event), round(event.time * 1e9))
+            self.tape.event(wire_codec.to_json_safe(event), round(event.time * 1e9))
 
     def _device(self, info: wire.DeviceInfo) -> None:
         if info.id in self._off:

@@ -13,11 +13,11 @@ from __future__ import annotations
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try, steady_clock
 from server.links.capture_file import SPEEDS, FileLink
 from server.links.pipe import PipeLink, is_pipe
-from server.links.replay import OPTIONS, ReplayLink, expanded, is_recording
-from server.links.serial import Line, SerialLink
-from server.links.simulated_device import TwinOptions
-from server.links.simulator import TwinLink
-from server.links.source_url import Source
+from server.links.replay import OPTIONS, ReplayLink, is_recording, split_devices
+from server.links.serial import SerialLink, SerialSettings
+from server.links.simulated_device import SimulatorOptions
+from server.links.simulator import SimulatorLink
+from server.links.source_url import SourceUrl
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.udp import UdpLink
 
@@ -27,10 +27,10 @@ __all__ = [
     "LinkError",
     "LinkSettings",
     "Progress",
-    "Source",
+    "SourceUrl",
     "Try",
-    "expanded",
     "open_link",
+    "split_devices",
     "steady_clock",
 ]
 
@@ -42,10 +42,10 @@ def open_link(source: str, settings: LinkSettings | None = None) -> Link:
         LinkError: kind "bad-source", with the field, the value and what is allowed.
     """
     settings = settings or LinkSettings(now_ns=steady_clock())
-    parsed = Source.parse(source)
+    parsed = SourceUrl.parse(source)
     match parsed.kind:
         case "serial":
-            return SerialLink(source, settings, parsed.place, Line.of(parsed))
+            return SerialLink(source, settings, parsed.place, SerialSettings.of(parsed))
         case "tcp":
             parsed.allow(())
             return TcpLink(source, settings, *parsed.address(listening=False))
@@ -65,4 +65,4 @@ def open_link(source: str, settings: LinkSettings | None = None) -> Link:
             parsed.allow(("speed", "loop"))
             return FileLink(source, settings, parsed.place, parsed.number("speed", 1, *SPEEDS), parsed.switch("loop"))
         case "twin":
-            return TwinLink(source, settings, TwinOptions.of(parsed))
+            return SimulatorLink(source, settings, SimulatorOptions.of(parsed))

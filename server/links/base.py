@@ -39,7 +39,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from server.listeners import Listeners
+from server.listeners import CallbackList
 from server.wire import Try
 
 __all__ = ["Chunk", "ErrorKind", "Link", "LinkError", "LinkKind", "LinkSettings", "Progress", "Try", "steady_clock"]
@@ -124,7 +124,7 @@ class Flow:
 
     at_once: int = AT_ONCE
     whole: bool = True
-    arrivals: Listeners[[Chunk]] = field(default_factory=Listeners)
+    arrivals: CallbackList[[Chunk]] = field(default_factory=CallbackList)
     left_out: int = 0
 
 

@@ -17,7 +17,7 @@ import math
 BITS = 10  # start, eight data bits, stop
 
 
-def as_heard(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
+def misread_at(data: bytes, sent_baud: int, heard_baud: int) -> bytes:
     """The bytes that a receiver at `heard_baud` reports when `data` is sent back to back at `sent_baud`."""
     if sent_baud == heard_baud or not data:
         return data

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from server.links.base import LinkError, Progress, Try
-from server.links.detection_text import Heard, hear
+from server.links.detection_text import DetectionResult, describe_bytes
 from server.links.reader_thread import hung_up
 from server.links.text import grouped
 
@@ -39,11 +39,11 @@ POLL_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Listening:
+class RateProbe:
     """What one rate sounded like."""
 
     baud: int
-    heard: Heard
+    heard: DetectionResult
 
     @property
     def attempt(self) -> Try:
@@ -80,7 +80,7 @@ async def find_baud(port: Any, place: str, progress: Progress | None = None) -> 
     )
 
 
-async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | None = None) -> list[Listening]:
+async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | None = None) -> list[RateProbe]:
     """Listen at each rate until a protocol is recognised.
 
     Returns:
@@ -88,9 +88,9 @@ async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | Non
     Raises:
         OSError: the port went away.
     """
-    found: list[Listening] = []
+    found: list[RateProbe] = []
 
-    async def at(baud: int, window_s: float) -> Listening:
+    async def at(baud: int, window_s: float) -> RateProbe:
         found.append(await listen_at(port, baud, window_s))
         if progress is not None:
             progress(found[-1].attempt)
@@ -112,7 +112,7 @@ async def scan(port: Any, rates: Sequence[int] = RATES, progress: Progress | Non
 
 async def listen_at(
     port: Any, baud: int, window_s: float, *, sleep: Callable[[float], Awaitable[None]] = asyncio.sleep
-) -> Listening:
+) -> RateProbe:
     """Set a rate and listen until a protocol is recognised or the window is over (half as long again if bytes came)."""
     if port.baudrate != baud:
         try:
@@ -121,22 +121,22 @@ async def listen_at(
         except (ValueError, OSError, termios.error) as error:
             _check_there(port.fd)
             # An adapter that cannot do a rate is no reason to give up the others.
-            return Listening(baud, Heard(note=f"not possible on this port ({error})"))
+            return RateProbe(baud, DetectionResult(note=f"not possible on this port ({error})"))
     data = bytearray()
-    heard = Heard()
+    heard = DetectionResult()
     start = time.monotonic()
     while True:
         await sleep(POLL_S)
         fresh = _read(port.fd)
         if fresh:
             data += fresh
-            heard = hear(bytes(data))
+            heard = describe_bytes(bytes(data))
             if heard.certain:
                 break
         elapsed = time.monotonic() - start
         if elapsed > window_s * (1.5 if data else 1.0) or len(data) >= ENOUGH_BYTES:
             break
-    return Listening(baud, heard)
+    return RateProbe(baud, heard)
 
 
 def _read(fd: int) -> bytes:

@@ -16,10 +16,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from protocols.events import Decoder
-from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, Pace, Piece, play
+from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, CaptureTiming, TimedBytes, play
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
-from server.links.detection_text import hear
-from server.links.reader_thread import Inbox, closed
+from server.links.detection_text import describe_bytes
+from server.links.reader_thread import ChunkQueue, closed
 from server.links.text import progress_line
 
 FULL_BYTES = 1 << 20  # so much waiting in the inbox: the session is slower than the pace, and the file waits
@@ -45,7 +45,7 @@ class FileLink(Link):
         self.speed = speed
         self.loop = loop
         self._protocol = ""
-        self._inbox: Inbox | None = None
+        self._inbox: ChunkQueue | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self._examiner: threading.Thread | None = None
@@ -55,7 +55,7 @@ class FileLink(Link):
     async def open(self, progress: Progress | None = None) -> None:
         await self.close()
         head = self._head()
-        heard = hear(head)
+        heard = describe_bytes(head)
         self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
         progress_line(progress, self.path.name, heard.words)
         self._stop.clear()
@@ -66,7 +66,7 @@ class FileLink(Link):
         elif self._protocol:
             self._examiner = threading.Thread(target=self._examine, name=f"examining {self.source}", daemon=True)
             self._examiner.start()
-        self._inbox = Inbox(self)
+        self._inbox = ChunkQueue(self)
         self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
         self._thread.start()
 
@@ -98,10 +98,10 @@ class FileLink(Link):
 
     def _examine(self) -> None:
         """Say so where the file holds frames of another protocol, of which playing it may show nothing."""
-        from protocols.mixed_protocols import Mixture
+        from protocols.mixed_protocols import MixedProtocolDetector
         from protocols.registry import PROTOCOLS
 
-        mixture = Mixture(self._protocol)
+        mixture = MixedProtocolDetector(self._protocol)
         with contextlib.suppress(OSError), self.path.open("rb") as file:  # playing it finds that out, and says so
             while (block := file.read(EXAMINED_BYTES)) and not self._stop.is_set():
                 mixture.feed(block)
@@ -117,7 +117,7 @@ class FileLink(Link):
         self._said = said
         self.notices = [*said, *self._mixed]
 
-    def _run(self, inbox: Inbox) -> None:
+    def _run(self, inbox: ChunkQueue) -> None:
         """The thread: play, as often as asked."""
         turns = 0
         try:
@@ -135,12 +135,12 @@ class FileLink(Link):
                 LinkError("gone", f"{self.path} cannot be read any more: {error.strerror}.", "Is the disk there?")
             )
 
-    def _play_once(self, inbox: Inbox, *, anew: bool) -> None:
+    def _play_once(self, inbox: ChunkQueue, *, anew: bool) -> None:
         from protocols import registry
 
-        decoder: Decoder | None = registry.lenient(self._protocol) if self._protocol else None
+        decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         with self.path.open("rb") as file:
-            pace = Pace(file, decoder, LONGEST_PAUSE_NS)
+            pace = CaptureTiming(file, decoder, LONGEST_PAUSE_NS)
             for piece in play(self._told(pace), self.settings.now_ns, self._wait_for(inbox), self.speed):
                 inbox.put(Chunk(piece.data, self.settings.now_ns(), anew))
                 anew = False
@@ -148,7 +148,7 @@ class FileLink(Link):
                 inbox.wait(FULL_BYTES, self._stop.wait)
         inbox.flush()
 
-    def _told(self, pace: Pace) -> Iterator[Piece]:
+    def _told(self, pace: CaptureTiming) -> Iterator[TimedBytes]:
         """The pieces; what is not as in the capture is said in a notice."""
         for piece in pace:
             if piece.blind or pace.skipped_ns:
@@ -158,7 +158,7 @@ class FileLink(Link):
                 self._remark(notices)
             yield piece
 
-    def _wait_for(self, inbox: Inbox) -> Callable[[float], bool]:
+    def _wait_for(self, inbox: ChunkQueue) -> Callable[[float], bool]:
         """Sleep until a piece is due, waking the loop on the way for what has been put already."""
 
         def wait(seconds: float) -> bool:

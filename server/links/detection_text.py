@@ -17,7 +17,7 @@ CERTAIN = 0.8  # from which on listening longer would add nothing
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class DetectionResult:
     """What was heard on a link for a while.
 
     Attributes:
@@ -51,11 +51,11 @@ class Heard:
         return f"{grouped(self.size)} B, {what}"
 
 
-def hear(data: bytes) -> Heard:
+def describe_bytes(data: bytes) -> DetectionResult:
     """Judge `data`; never raises."""
     if not data:
-        return Heard()
-    from protocols.registry import guess  # when first used: it compiles the decoders, or loads them
+        return DetectionResult()
+    from protocols.registry import detect  # when first used: it compiles the decoders, or loads them
 
-    best = guess(data)[0]
-    return Heard(len(data), best.protocol, best.score, best.why)
+    best = detect(data)[0]
+    return DetectionResult(len(data), best.protocol, best.score, best.why)

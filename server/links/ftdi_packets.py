@@ -17,7 +17,7 @@ import math
 PACKET = 62
 
 
-class Packets:
+class FtdiPacketizer:
     """The receiving side of an adapter.
 
     Args:

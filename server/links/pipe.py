@@ -20,12 +20,12 @@ from collections.abc import Callable
 from typing import BinaryIO, cast
 
 from protocols.events import Decoder
-from recordings.capture_timing import LONGEST_PAUSE_NS, Pace
+from recordings.capture_timing import LONGEST_PAUSE_NS, CaptureTiming
 from recordings.mcap_reader import MAGIC
 from server.links.base import Chunk, LinkError, Progress
 from server.links.capture_file import FULL_BYTES, FileLink
-from server.links.detection_text import hear
-from server.links.reader_thread import Inbox
+from server.links.detection_text import describe_bytes
+from server.links.reader_thread import ChunkQueue
 from server.links.text import progress_line
 
 STDIN = "/dev/stdin"
@@ -99,12 +99,12 @@ class PipeLink(FileLink):
         await self.close()
         self._stop.clear()
         self._remark([])
-        self._inbox = Inbox(self)
+        self._inbox = ChunkQueue(self)
         progress_line(progress, self.path.name, "open")
         self._thread = threading.Thread(target=self._run, args=(self._inbox,), name=f"link {self.source}", daemon=True)
         self._thread.start()
 
-    def _run(self, inbox: Inbox) -> None:
+    def _run(self, inbox: ChunkQueue) -> None:
         """The thread."""
         try:
             with contextlib.closing(_Pipe(str(self.path), self._stop, inbox.flush)) as pipe:
@@ -113,7 +113,7 @@ class PipeLink(FileLink):
                     refusal = f"{self.path.name} gives a recording, which is not served from a pipe."
                     inbox.fail(LinkError("bad-source", refusal, "Write it into a file, and name that."))
                     return
-                heard = hear(head)
+                heard = describe_bytes(head)
                 self._protocol = self.settings.protocol or (heard.protocol if heard.recognised else "")
                 self._play(pipe, inbox)
         except OSError as error:
@@ -123,16 +123,16 @@ class PipeLink(FileLink):
         hint = "Start the server again to read more." if str(self.path) == STDIN else "Play again waits for a writer."
         inbox.fail(LinkError("ended", f"{self.path.name} has ended.", hint))
 
-    def _play(self, pipe: _Pipe, inbox: Inbox) -> None:
+    def _play(self, pipe: _Pipe, inbox: ChunkQueue) -> None:
         """Give out what comes, at once or when it is due."""
         from protocols import registry
 
-        decoder: Decoder | None = registry.lenient(self._protocol) if self._protocol else None
+        decoder: Decoder | None = registry.permissive_decoder(self._protocol) if self._protocol else None
         reader = _Reader(pipe, lambda data: self._give(inbox, data))
         wait = self._wait_for(inbox)
         now_ns = self.settings.now_ns
         start_ns = 0  # when the first byte was due; moved as long as nothing waits
-        for piece in Pace(cast(BinaryIO, reader), decoder, LONGEST_PAUSE_NS):
+        for piece in CaptureTiming(cast(BinaryIO, reader), decoder, LONGEST_PAUSE_NS):
             given = reader.take(len(piece.data))
             now = now_ns()
             if given == len(piece.data) or not start_ns or not pipe.is_ready:
@@ -142,14 +142,14 @@ class PipeLink(FileLink):
             if given < len(piece.data):
                 self._give(inbox, piece.data[given:])
 
-    def _give(self, inbox: Inbox, data: bytes) -> None:
+    def _give(self, inbox: ChunkQueue, data: bytes) -> None:
         inbox.put(Chunk(data, self.settings.now_ns()))
         inbox.flush()
         inbox.wait(FULL_BYTES, self._stop.wait)
 
 
 class _Reader:
-    """What a Pace reads from. While nothing comes, what it still holds back is given out: a frame does not wait for the
+    """Input of a CaptureTiming. While nothing comes, what it holds back is released: a frame does not wait for the
     next one to begin."""
 
     def __init__(self, pipe: _Pipe, give: Callable[[bytes], None]) -> None:

@@ -22,7 +22,7 @@ from serial.tools import list_ports as system_ports
 
 from server.links.base import LinkError, Try
 from server.links.baud_scan import scan as scan_rates
-from server.links.serial import Line, gone, holder, lock_of, open_port
+from server.links.serial import SerialSettings, gone, holder, lock_of, open_port
 from server.printable import printable
 
 # USB vendor → maker. The list of the USB Implementers Forum, as far as inertial sensors and their adapters go.
@@ -148,7 +148,7 @@ async def listen(port: str, progress: Callable[[Try], None] | None = None) -> li
             progress(one)
 
     try:
-        opened = await asyncio.to_thread(open_port, port, Line())
+        opened = await asyncio.to_thread(open_port, port, SerialSettings())
     except LinkError as error:
         tell(Try("open", str(error), time.time()))
         return heard

@@ -1,7 +1,7 @@
 """How do bytes get from a file descriptor into the event loop, with a true arrival time?
 
     reading thread                                  event loop
-    epoll ─> read ─> now_ns() ─> Inbox.put  ──wake──>  Inbox.take ──> session
+    epoll ─> read ─> now_ns() ─> ChunkQueue.put  ──wake──>  Inbox.take ──> session
       ^ self-pipe: stop                     <──────  Inbox.take_now ─> session, before it decodes
 
 The event loop is the wrong place to stamp arrivals: while it serves a browser, bytes wait in the kernel and would all
@@ -38,7 +38,7 @@ READ_BYTES = 1 << 16  # a tty gives at most 4 kB at once, a socket whatever is a
 GONE = frozenset({errno.EIO, errno.ENODEV, errno.ENXIO, errno.EBADF, errno.ENOENT})
 
 
-class Inbox:
+class ChunkQueue:
     """Chunks on their way from one thread to one event loop.
 
     Made inside the running loop that will `take`. `put`, `fail`, `flush` and `wait` belong to the reading thread.
@@ -162,13 +162,13 @@ class Inbox:
             await self._ready.wait()
 
 
-class Pump(threading.Thread):
+class ReaderThread(threading.Thread):
     """One thread that calls a handler as soon as a file descriptor has something to read.
 
     A handler runs in the thread, reads without blocking, stamps and puts; it ends the link by raising LinkError.
     """
 
-    def __init__(self, name: str, inbox: Inbox) -> None:
+    def __init__(self, name: str, inbox: ChunkQueue) -> None:
         super().__init__(name=f"link {name}", daemon=True)
         self.inbox = inbox
         self._selector = selectors.DefaultSelector()
@@ -218,11 +218,11 @@ class Pump(threading.Thread):
         self._wake_write = -1
 
 
-class PumpedLink(Link):
-    """A link whose bytes come through a `Pump`: what serial, TCP and UDP have in common."""
+class ThreadedLink(Link):
+    """A link whose bytes come through a `ReaderThread`: what serial, TCP and UDP have in common."""
 
-    _inbox: Inbox | None = None
-    _pump: Pump | None = None
+    _inbox: ChunkQueue | None = None
+    _pump: ReaderThread | None = None
 
     def _start(self, fd: int, handler: Callable[[], None]) -> None:
         """Begin reading `fd`."""
@@ -230,9 +230,9 @@ class PumpedLink(Link):
         self._pump.watch(fd, handler)
         self._pump.start()
 
-    def _new_pump(self) -> Pump:
-        self._inbox = Inbox(self)
-        return Pump(self.source, self._inbox)
+    def _new_pump(self) -> ReaderThread:
+        self._inbox = ChunkQueue(self)
+        return ReaderThread(self.source, self._inbox)
 
     async def read(self) -> list[Chunk]:
         if self._inbox is None:

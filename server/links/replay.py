@@ -4,9 +4,9 @@
     drive.mcap?device=2&speed=4&loop=1            one of several, four times as fast, for ever
     drive.mcap?from=12.5&to=20                    a stretch, seconds from its beginning
 
-Each device of a file is a link of its own (`expanded`); those that are opened together keep step, because they begin at
-the same moment of the same clock. Any file that can be imported is played so when a stretch or device is asked for; a
-capture without times otherwise goes by its device's own clock (server/links/capture_file.py).
+Each device of a file is a link of its own (`split_devices`); those that are opened together keep step, because they
+begin at the same moment of the same clock. Any file that can be imported is played so when a stretch or device is asked
+for; a capture without times otherwise goes by its device's own clock (server/links/capture_file.py).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from urllib.parse import quote
 from recordings.importers import open_file
 from recordings.mcap_reader import MAGIC
 from recordings.mcap_writer import RecordingError
-from recordings.replay import Replay, extent
+from recordings.replay import ReplayClock, extent
 from recordings.sources import Source as File
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
 from server.links.capture_file import FULL_BYTES, SPEEDS, FileLink
-from server.links.reader_thread import Inbox
-from server.links.source_url import Source, bad
+from server.links.reader_thread import ChunkQueue
+from server.links.source_url import SourceUrl, bad
 from server.links.text import progress_line
 
 TOGETHER_NS = 1_000_000_000  # links of one file that are opened within begin together
@@ -47,10 +47,10 @@ def is_recording(place: str) -> bool:
         return False
 
 
-def expanded(text: str) -> list[str]:
+def split_devices(text: str) -> list[str]:
     """A source for each device of a recording; any other source as it is."""
     try:
-        source = Source.parse(text)
+        source = SourceUrl.parse(text)
     except LinkError:
         return [text]
     if source.kind != "file" or "device" in source.options or not is_recording(source.place):
@@ -79,7 +79,7 @@ class ReplayLink(FileLink):
         begin_s, end_s: the stretch, seconds from the beginning of the file.
     """
 
-    def __init__(self, source: str, settings: LinkSettings, parsed: Source) -> None:
+    def __init__(self, source: str, settings: LinkSettings, parsed: SourceUrl) -> None:
         speed = parsed.number("speed", 1, *SPEEDS)
         super().__init__(source, settings, parsed.place, speed, parsed.switch("loop"))
         self.device = parsed.options.get("device", "")
@@ -101,8 +101,8 @@ class ReplayLink(FileLink):
         progress_line(progress, self.path.name, f"{(span[1] - span[0]) / 1e9:.1f} s of device {device}")
         self.notices = [damage.words for damage in file.damage[:1]]
         self._stop.clear()
-        self._inbox = Inbox(self)
-        replay = Replay(
+        self._inbox = ChunkQueue(self)
+        replay = ReplayClock(
             file,
             self.settings.now_ns,
             speed=self.speed,
@@ -141,7 +141,7 @@ class ReplayLink(FileLink):
         _began[what] = began
         return began
 
-    def _play(self, inbox: Inbox, replay: Replay) -> None:
+    def _play(self, inbox: ChunkQueue, replay: ReplayClock) -> None:
         """The thread."""
         wait_for = self._wait_for(inbox)
         try:

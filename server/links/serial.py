@@ -36,8 +36,8 @@ import serial
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
 from server.links.baud_scan import find_baud
-from server.links.reader_thread import GONE, READ_BYTES, PumpedLink, closed, hung_up, write_all
-from server.links.source_url import Source
+from server.links.reader_thread import GONE, READ_BYTES, ThreadedLink, closed, hung_up, write_all
+from server.links.source_url import SourceUrl
 from server.links.usb_adapters import adapter_at, moved, port_now
 
 PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
@@ -47,7 +47,7 @@ EMPTY_READS = 3  # reads of nothing, one right after another, that mean the port
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SerialSettings:
     """How bits travel on the line. `baud` None: find out by listening."""
 
     baud: int | None = None
@@ -57,7 +57,7 @@ class Line:
     flow: str = "none"
 
     @classmethod
-    def of(cls, source: Source) -> Line:
+    def of(cls, source: SourceUrl) -> SerialSettings:
         """The options of a serial source.
 
         Raises:
@@ -77,7 +77,7 @@ class Line:
         return baud / (1 + self.bits + (self.parity != "none") + self.stop)
 
 
-class SerialLink(PumpedLink):
+class SerialLink(ThreadedLink):
     """A serial port.
 
     Args:
@@ -87,7 +87,7 @@ class SerialLink(PumpedLink):
 
     kind = "serial"
 
-    def __init__(self, source: str, settings: LinkSettings, place: str, line: Line) -> None:
+    def __init__(self, source: str, settings: LinkSettings, place: str, line: SerialSettings) -> None:
         super().__init__(source, settings)
         self.place = place
         self.line = line
@@ -172,7 +172,7 @@ class SerialLink(PumpedLink):
             await asyncio.to_thread(port.close)  # waits until the last bytes are out
 
 
-def open_port(place: str, line: Line) -> Any:
+def open_port(place: str, line: SerialSettings) -> Any:
     """Open and configure a port, for this program alone.
 
     Returns:
@@ -216,7 +216,7 @@ def try_rate(port: Any, place: str, baud: int) -> None:
         port.baudrate = before
 
 
-def cannot_open(place: str, line: Line, error: Exception) -> LinkError:
+def cannot_open(place: str, line: SerialSettings, error: Exception) -> LinkError:
     """Why a port could not be opened, and what to do about it."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):

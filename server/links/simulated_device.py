@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from protocols.xbus.simulator.faults import NONE, Moods
+from protocols.xbus.simulator.faults import NONE, FaultInjection
 from server.links.base import LinkError
 from server.links.ftdi_packets import PACKET
-from server.links.simulated_line import Faults
-from server.links.source_url import Source, bad
+from server.links.simulated_line import LineFaults
+from server.links.source_url import SourceUrl, bad
 
 JUMP_S = 10.0
 LINE_RATES = (115_200, 230_400, 460_800, 921_600, 2_000_000, 4_000_000)
@@ -30,7 +30,7 @@ CLOCKS: Mapping[str, int] = {"us": 1_000, "ns": 1, "ms": 1_000_000, "s": 1_000_0
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class SimulatorFamily:
     """What twins of a protocol are like.
 
     Args:
@@ -54,16 +54,16 @@ def _mti() -> tuple[str, ...]:
     return "MTi-630", *(name for name in PRODUCTS if name != "MTi-630")
 
 
-FAMILIES: Mapping[str, Family] = {
-    "xbus": Family(_mti, 88, options=("product", "port", "bus_ids", *MOODS)),
-    "isb": Family(lambda: ("IMX-5", "GPX-1"), 132, 8_000, 921_600, ("product", "imu_source")),
-    "idtp": Family(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
+FAMILIES: Mapping[str, SimulatorFamily] = {
+    "xbus": SimulatorFamily(_mti, 88, options=("product", "port", "bus_ids", *MOODS)),
+    "isb": SimulatorFamily(lambda: ("IMX-5", "GPX-1"), 132, 8_000, 921_600, ("product", "imu_source")),
+    "idtp": SimulatorFamily(lambda: (), 104, options=("mode", "clock")),  # of Safety; Secure has 56 more
 }
 SECURE_BYTES = 56
 
 
 class Device(Protocol):
-    """The other end of the wire (`protocols.xbus.simulator.device.XbusDevice`): no clock of its own.
+    """The other end of the wire (`protocols.xbus.simulator.device.XbusSimulator`): no clock of its own.
 
     Several on one line are a SharedLine.
     """
@@ -82,7 +82,7 @@ class Device(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class TwinOptions:
+class SimulatorOptions:
     """What the query of a twin source may say; see the module docstring."""
 
     protocol: str = "xbus"
@@ -90,7 +90,7 @@ class TwinOptions:
     mode: str = "safety"
     clock: str = "us"
     rate: float = 100.0
-    faults: Faults = field(default_factory=lambda: Faults(baud=115_200))
+    faults: LineFaults = field(default_factory=lambda: LineFaults(baud=115_200))
     drift_ppm: float = 0.0
     jump_s: float = 0.0
     reset_s: float = 0.0
@@ -98,12 +98,12 @@ class TwinOptions:
     away_s: float = 5.0
     seed: int = 0
     imu_source: str = "nav"
-    moods: Moods = NONE
+    moods: FaultInjection = NONE
     port: str = "rs232"
     bus_ids: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, source: Source) -> TwinOptions:
+    def of(cls, source: SourceUrl) -> SimulatorOptions:
         """Read a twin source.
 
         Raises:
@@ -131,7 +131,7 @@ class TwinOptions:
             mode=mode,
             clock=source.choice("clock", "us", tuple(CLOCKS)),
             rate=rate,
-            faults=Faults(
+            faults=LineFaults(
                 drop=source.number("drop", 0, 0, 1),
                 corrupt=source.number("corrupt", 0, 0, 1),
                 burst_ms=source.number("burst_ms", 0, 0, 1000, "ms"),
@@ -139,7 +139,7 @@ class TwinOptions:
                 baud=source.whole("baud", _fitting(family, rate * (len(bus_ids) or 1), mode), 4800, 4_000_000, "Bd"),
                 dead_baud=source.whole("dead_baud", 0, 0, 4_000_000, "Bd") or None,
             ),
-            moods=Moods(
+            moods=FaultInjection(
                 mute=source.number("mute", 0, 0, 1),
                 wrong=source.number("wrong", 0, 0, 1),
                 late_ns=round(source.number("late_ms", 0, 0, 60_000, "ms") * 1e6),
@@ -158,7 +158,7 @@ class TwinOptions:
         )
 
 
-def _bus_ids(source: Source) -> tuple[int, ...]:
+def _bus_ids(source: SourceUrl) -> tuple[int, ...]:
     """The devices of a shared line, such as "1,2"."""
     text = source.options.get("bus_ids")
     if text is None:
@@ -170,7 +170,7 @@ def _bus_ids(source: Source) -> tuple[int, ...]:
     return tuple(ids)
 
 
-def _fitting(family: Family, rate: float, mode: str) -> int:
+def _fitting(family: SimulatorFamily, rate: float, mode: str) -> int:
     """The slowest usual rate that carries so many samples/s with a fifth to spare; the fastest where none does."""
     sample = family.sample_bytes + SECURE_BYTES * (mode == "secure")
     needed = sample * rate + family.more_bytes
@@ -178,21 +178,21 @@ def _fitting(family: Family, rate: float, mode: str) -> int:
     return next(fitting, LINE_RATES[-1])
 
 
-def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -> Device:
+def make_device(options: SimulatorOptions, start_ns: int, key: bytes | None = None) -> Device:
     """A freshly powered device.
 
     Args:
         key: for Secure frames; None for one that nobody knows.
     """
-    from protocols.idtp.simulator import IdtpDevice
-    from protocols.isb.simulator.device import IsbDevice
-    from protocols.isb.simulator.gpx import GpxDevice
-    from protocols.xbus.simulator.device import XbusDevice
+    from protocols.idtp.simulator import IdtpSimulator
+    from protocols.isb.simulator.device import IsbSimulator
+    from protocols.isb.simulator.gpx import GpxSimulator
+    from protocols.xbus.simulator.device import XbusSimulator
 
     jump = (options.jump_s, JUMP_S) if options.jump_s else None
     seed, drift = options.seed, options.drift_ppm
     if options.protocol == "idtp":
-        return IdtpDevice(
+        return IdtpSimulator(
             device_id=102 + seed % 1000,
             seed=seed,
             start_ns=start_ns,
@@ -204,7 +204,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             tick_ns=CLOCKS[options.clock],
         )
     if options.protocol == "isb":
-        made = GpxDevice if options.product.startswith("GPX") else IsbDevice
+        made = GpxSimulator if options.product.startswith("GPX") else IsbSimulator
         return made(
             product=options.product,
             rate=options.rate,
@@ -217,7 +217,7 @@ def make_device(options: TwinOptions, start_ns: int, key: bytes | None = None) -
             baud=options.faults.baud,
         )
     members = [
-        XbusDevice(
+        XbusSimulator(
             options.product,
             None,
             seed + place,
@@ -267,7 +267,7 @@ class SharedLine:
 
     def repowered(self, start_ns: int) -> SharedLine:
         """The same devices after the power of all was off."""
-        return SharedLine([again(one, start_ns, _never) for one in self.members])
+        return SharedLine([power_cycled(one, start_ns, _never) for one in self.members])
 
 
 def _never(start_ns: int) -> Device:
@@ -279,7 +279,7 @@ def members_of(device: Device) -> Sequence[Device]:
     return device.members if isinstance(device, SharedLine) else (device,)
 
 
-def again(device: Device | None, now_ns: int, make: Callable[[int], Device]) -> Device:
+def power_cycled(device: Device | None, now_ns: int, make: Callable[[int], Device]) -> Device:
     """The device after its power was off: with what it stored, where it has such a memory; otherwise a new one."""
     repowered = getattr(device, "repowered", None)
     if repowered is None:

@@ -15,15 +15,15 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from server.links.baud_mismatch import as_heard
-from server.links.ftdi_packets import PACKET, Packets
+from server.links.baud_mismatch import misread_at
+from server.links.ftdi_packets import PACKET, FtdiPacketizer
 
 WORN = 0.77  # edges so late that every byte is read as at another rate
 FULL_NS = 500_000_000  # a device whose line is so far behind drops what it cannot send, as a real output buffer does
 
 
 @dataclass(frozen=True, slots=True)
-class Faults:
+class LineFaults:
     """What goes wrong on the way.
 
     Args:
@@ -43,7 +43,7 @@ class Faults:
     dead_baud: int | None = None
 
 
-class Cable:
+class SimulatedLine:
     """One direction of a cable.
 
     Args:
@@ -53,14 +53,14 @@ class Cable:
         overflowed: bytes that the line had no time for.
     """
 
-    def __init__(self, faults: Faults, seed: int = 0, protocol: str = "xbus") -> None:
+    def __init__(self, faults: LineFaults, seed: int = 0, protocol: str = "xbus") -> None:
         self.faults = faults
         self._protocol = protocol
         self.baud = faults.baud
         self.overflowed = 0
         self._chance = random.Random(seed)
         self._under_way: deque[tuple[int, bytes, int | None]] = deque()  # when it arrives, what, at which rate
-        self._packets = Packets(faults.burst_ms * 1e6, faults.packet) if faults.burst_ms else None
+        self._packets = FtdiPacketizer(faults.burst_ms * 1e6, faults.packet) if faults.burst_ms else None
         self._free_ns = 0  # when the line has sent everything before
         self._kept = b""  # the beginning of a frame whose end has not been sent yet
 
@@ -112,9 +112,9 @@ class Cable:
 
     def _as_heard(self, data: bytes, rate: int | None, receiver_baud: int | None) -> bytes:
         if rate and rate == self.faults.dead_baud:
-            return as_heard(data, rate, round(rate * WORN))
+            return misread_at(data, rate, round(rate * WORN))
         if rate and receiver_baud and receiver_baud != rate:
-            return as_heard(data, rate, receiver_baud)
+            return misread_at(data, rate, receiver_baud)
         return data
 
 

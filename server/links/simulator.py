@@ -1,6 +1,6 @@
 """A device that is not there: simulated bytes behind a real pseudo-terminal, opened by the serial link like any other.
 
-    device ──> Cable ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
+    device ──> SimulatedLine ──> master ═══ pseudo-terminal ═══ slave <── SerialLink ──> session
        ^                   │
        └────── Cable <─────┘            all of the left side is one thread, the bench
 
@@ -47,9 +47,9 @@ from collections.abc import Callable
 
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress
 from server.links.reader_thread import closed
-from server.links.serial import Line, SerialLink
-from server.links.simulated_device import Device, TwinOptions, again, make_device, members_of
-from server.links.simulated_line import Cable, Faults
+from server.links.serial import SerialLink, SerialSettings
+from server.links.simulated_device import Device, SimulatorOptions, make_device, members_of, power_cycled
+from server.links.simulated_line import LineFaults, SimulatedLine
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +59,7 @@ LATE_NS = 10_000_000  # a bench that was held up makes up for it in such steps, 
 HELD_BYTES = 640 * 1024  # Linux, drivers/tty/tty_buffer.c, TTYB_DEFAULT_MEM_LIMIT: what a port holds for a late reader
 
 
-class Bench(threading.Thread):
+class SimulatorThread(threading.Thread):
     """The left side of the drawing: a device, both directions of its cable, and the master of a pseudo-terminal.
 
     Args:
@@ -74,7 +74,7 @@ class Bench(threading.Thread):
     def __init__(
         self,
         make: Callable[[int], Device],
-        options: TwinOptions,
+        options: SimulatorOptions,
         now_ns: Callable[[], int] = time.monotonic_ns,
         before: Device | None = None,
     ) -> None:
@@ -83,8 +83,8 @@ class Bench(threading.Thread):
         self._options = options
         self._now_ns = now_ns
         self.device = before
-        self._to_host = Cable(options.faults, options.seed, options.protocol)
-        self._to_device: list[Cable] = []  # one for each device on the line
+        self._to_host = SimulatedLine(options.faults, options.seed, options.protocol)
+        self._to_device: list[SimulatedLine] = []  # one for each device on the line
         self._stop_read, self._stop_write = os.pipe()
         self._master, self._slave_fd = os.openpty()
         # Without this the terminal would echo what the device says back to the device until the port is opened.
@@ -115,10 +115,10 @@ class Bench(threading.Thread):
         """Until it is stopped or unplugged."""
         options = self._options
         born_ns = powered_ns = told_ns = self._now_ns()
-        device = again(self.device, powered_ns, self._make)
+        device = power_cycled(self.device, powered_ns, self._make)
         self.device = device
-        line = Faults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
-        self._to_device = [Cable(line, options.seed, options.protocol) for _ in members_of(device)]
+        line = LineFaults(baud=options.faults.baud, dead_baud=options.faults.dead_baud)
+        self._to_device = [SimulatedLine(line, options.seed, options.protocol) for _ in members_of(device)]
         bauds = [one.baud for one in members_of(device)]
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
@@ -129,7 +129,7 @@ class Bench(threading.Thread):
                 break
             if self._cycled or (options.reset_s and now_ns - powered_ns >= options.reset_s * 1e9):
                 self._cycled = False
-                powered_ns, device = now_ns, again(device, now_ns, self._make)
+                powered_ns, device = now_ns, power_cycled(device, now_ns, self._make)
                 self.device = device
             for at_ns in (*range(max(told_ns, powered_ns) + LATE_NS, now_ns, LATE_NS), now_ns):
                 for one, way in zip(members_of(device), self._to_device, strict=True):
@@ -219,7 +219,7 @@ class Bench(threading.Thread):
 _RATES = {value: int(name[1:]) for name, value in vars(termios).items() if name[0] == "B" and name[1:].isdigit()}
 
 
-class TwinLink(Link):
+class SimulatorLink(Link):
     """A twin with its cable and port.
 
     Args:
@@ -233,7 +233,7 @@ class TwinLink(Link):
         self,
         source: str,
         settings: LinkSettings,
-        options: TwinOptions,
+        options: SimulatorOptions,
         make: Callable[[int], Device] | None = None,
         baud: int | None = None,
     ) -> None:
@@ -241,7 +241,7 @@ class TwinLink(Link):
         self.options = options
         self._make = make or (lambda start_ns: make_device(options, start_ns, self.settings.key))
         self._open_baud = options.faults.baud if baud is None else baud or None
-        self._bench: Bench | None = None
+        self._bench: SimulatorThread | None = None
         self._serial: SerialLink | None = None
         self._device: Device | None = None  # as it was when the link was last open: it keeps what it stores
         self._away_until_s = 0.0
@@ -253,11 +253,11 @@ class TwinLink(Link):
         # The first device loads what is compiled: not on the loop, and before the port exists.
         await asyncio.to_thread(self._make, 0)
         try:
-            self._bench = Bench(self._make, self.options, before=self._device)
+            self._bench = SimulatorThread(self._make, self.options, before=self._device)
         except OSError as error:
             hint = "A twin needs pseudo-terminals (/dev/ptmx): in a container, mount devpts."
             raise LinkError("refused", f"No pseudo-terminal for a twin: {error.strerror}.", hint) from None
-        self._serial = SerialLink(self.source, self.settings, self._bench.slave, Line(baud=self._open_baud))
+        self._serial = SerialLink(self.source, self.settings, self._bench.slave, SerialSettings(baud=self._open_baud))
         self._serial.flow = self.flow
         try:
             if self._open_baud is None:

@@ -1,4 +1,4 @@
-"""What may a user write as a source? This docstring is the grammar; `Source` takes it apart.
+"""What may a user write as a source? This docstring is the grammar; `SourceUrl` takes it apart.
 
     /dev/ttyUSB0                                a serial port; the rate is found by listening
     /dev/ttyUSB0?baud=921600                    options may follow a bare path too
@@ -61,7 +61,7 @@ READING_OPTIONS = "protocol, key, min_mode, unverified, time_unit and rotation" 
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SourceUrl:
     """A source taken apart: which kind of link, where to, and the options after the question mark, all still text."""
 
     text: str
@@ -70,7 +70,7 @@ class Source:
     options: Mapping[str, str]
 
     @classmethod
-    def parse(cls, text: str) -> Source:
+    def parse(cls, text: str) -> SourceUrl:
         """Take `text` apart; whether the port or file exists is found out when it is opened.
 
         Raises:
@@ -97,7 +97,7 @@ class Source:
             raise bad(text, f"nothing follows {kind!r}")
         return cls(text, cast(LinkKind, kind), unquote(place), options)
 
-    def same_place(self, other: Source) -> bool:
+    def same_place(self, other: SourceUrl) -> bool:
         """Would both open the same thing? A port is one port, however it is written and at whatever rate."""
         if self.text == other.text:
             return self.kind != "twin"

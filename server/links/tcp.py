@@ -20,14 +20,14 @@ import errno
 import socket
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.reader_thread import READ_BYTES, PumpedLink, closed, write_all
+from server.links.reader_thread import READ_BYTES, ThreadedLink, closed, write_all
 from server.links.text import heading, listen_error, place_of, progress_line
 
 KEEP_IDLE_S, KEEP_EVERY_S, KEEP_COUNT = 2, 1, 3
 SILENT_NS = 1_000_000_000
 
 
-def tune(connection: socket.socket) -> None:
+def set_socket_options(connection: socket.socket) -> None:
     """No delay, no blocking, and a dead peer is noticed within seconds."""
     connection.setblocking(False)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -40,7 +40,7 @@ def tune(connection: socket.socket) -> None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
-class _Connection(PumpedLink):
+class _Connection(ThreadedLink):
     """What both ways round have in common."""
 
     @property
@@ -89,7 +89,7 @@ class TcpLink(_Connection):
         for family, kind, protocol, _, address in await loop.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM):
             connection = socket.socket(family, kind, protocol)
             try:
-                tune(connection)
+                set_socket_options(connection)
                 await loop.sock_connect(connection, address)
                 return connection
             except OSError as error:
@@ -203,7 +203,7 @@ class TcpListenLink(_Connection):
             self.notices = [f"{who} is connected; it took the place of {before}, which had gone silent."]
         else:
             self.notices = [f"{who} is connected."]
-        tune(newcomer)
+        set_socket_options(newcomer)
         self._device, self.peer, self._last_ns = newcomer, who, self.settings.now_ns()
         self._pump.watch(newcomer.fileno(), self._on_readable)
 

@@ -15,7 +15,7 @@ import socket
 import struct
 
 from server.links.base import Chunk, LinkError, LinkSettings, Progress
-from server.links.reader_thread import PumpedLink
+from server.links.reader_thread import ThreadedLink
 from server.links.text import heading, listen_error, place_of, progress_line
 
 BUFFER_BYTES = 4 << 20
@@ -28,7 +28,7 @@ OTHER_SENDER_NS = 2_000_000_000  # two senders within this time are two devices,
 _ANCILLARY = socket.CMSG_SPACE(4)
 
 
-class UdpLink(PumpedLink):
+class UdpLink(ThreadedLink):
     """A UDP port.
 
     Attributes:

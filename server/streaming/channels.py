@@ -65,7 +65,7 @@ class _Cut:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class ChannelRows:
     """Samples of one channel: `arrival` and `time` (unix seconds), then the channel's columns, in stream order."""
 
     channel: int
@@ -89,7 +89,7 @@ class Channels:
         self._ids: dict[str, int] = {}
         self.full = False
 
-    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[Piece]:
+    def split(self, batches: Sequence[tuple[Batch, Array]]) -> list[ChannelRows]:
         """The samples of one drain by channel.
 
         Args:
@@ -105,7 +105,7 @@ class Channels:
                     offset = np.repeat(offset, cut.per_sample)
                     columns[0], columns[1] = np.repeat(arrival, cut.per_sample), np.repeat(time, cut.per_sample)
                 found.setdefault(cut.channel, []).append((offset, columns))
-        return [Piece(channel, _merged(parts)) for channel, parts in found.items()]
+        return [ChannelRows(channel, _merged(parts)) for channel, parts in found.items()]
 
     def _plan(self, batch: Batch) -> list[_Cut]:
         key = (id(batch.message), batch.verified)

@@ -25,7 +25,7 @@ OFTEN = ("gap", "reject", "clock")  # a bad cable brings many a second
 _ENDED = {"done": logging.INFO, "stopped": logging.INFO, "failed": logging.WARNING}
 
 
-class Journal:
+class EventLogger:
     """Listens to a hub for as long as that lives."""
 
     def __init__(self, hub: Hub) -> None:

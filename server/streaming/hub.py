@@ -1,13 +1,13 @@
 """Where do samples, events and states meet the browsers?
 
-    session ──publish(pieces)──> Hub: a ring per channel ──flush──> one packet ──offer──> Outbox of each browser
+    session ──publish(pieces)──> Hub: a ring per channel ──flush──> one packet ──offer──> SendQueue of each browser
             ──event(…)────────>       the event log                                        …
             ──set_device(…)───>       devices, health
 
 The hub encodes what is new once per flush and hands the same bytes to every browser. A flush happens when something has
 come, at most every 8 ms for up to four browsers and every 16 ms beyond (two or one per frame of a 60 Hz screen), less
-often when whoever looks needs less (`Outbox.interval_s`), and sessions decode right before it (`on_flush`), so that a
-fast device is decoded in stretches and not sample by sample.
+often when whoever looks needs less (`SendQueue.interval_s`), and sessions decode right before it (`on_flush`), so that
+a fast device is decoded in stretches and not sample by sample.
 
 Memory is bounded: a ring keeps at most `history_s`, all rings together at most `budget` bytes; when that is exceeded
 the oldest block of all goes first, so that every channel reaches about equally far back. Events that are drawn over
@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from protocols.events import Batch
 from server import wire, wire_codec
-from server.listeners import Listeners
-from server.streaming.channels import Piece
+from server.listeners import CallbackList
+from server.streaming.channels import ChannelRows
 from server.streaming.event_log import EventLog
-from server.streaming.ring_buffer import Ring
-from server.streaming.send_queue import Frame, History, Outbox, Packet
+from server.streaming.ring_buffer import RingBuffer
+from server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
 from server.streaming.slices import Drain, Turns
 from server.streaming.unknown_payloads import Payloads
 from server.version import VERSION
@@ -54,7 +54,7 @@ class Channel:
     """A channel and its memory; `flushed` is the sequence number up to which browsers have been offered samples."""
 
     info: wire.ChannelInfo
-    ring: Ring
+    ring: RingBuffer
     flushed: int = 0
 
 
@@ -78,17 +78,17 @@ class Hub:
         self.health: dict[str, wire.DeviceHealth] = {}
         self.raws: list[wire.RawPayload] = []
         self.log = EventLog(history_s)
-        self.outboxes: set[Outbox] = set()
+        self.outboxes: set[SendQueue] = set()
         self.connected = 0  # browsers, ever
         self._attached = 0  # with views of other programs, which processes of ours feed
         self.gone_dropped = self.gone_bytes = 0  # of those that have gone
         self.recorder: wire.RecorderState | None = None
         self.exports: wire.Exports | None = None
-        self.heard_event: Listeners[[wire.EventInfo]] = Listeners()  # who keeps what happens: a recording
-        self.heard_device: Listeners[[wire.DeviceInfo]] = Listeners()
-        self.heard_control: Listeners[[wire.ControlState]] = Listeners()
-        self.heard_exchange: Listeners[[wire.ExchangeEntry]] = Listeners()
-        self.heard_recorder: Listeners[[wire.RecorderState]] = Listeners()
+        self.heard_event: CallbackList[[wire.EventInfo]] = CallbackList()  # who keeps what happens: a recording
+        self.heard_device: CallbackList[[wire.DeviceInfo]] = CallbackList()
+        self.heard_control: CallbackList[[wire.ControlState]] = CallbackList()
+        self.heard_exchange: CallbackList[[wire.ExchangeEntry]] = CallbackList()
+        self.heard_recorder: CallbackList[[wire.RecorderState]] = CallbackList()
         self._next_channel = 1
         self._next_event = 0
         self.controls: dict[str, wire.ControlState] = {}
@@ -113,7 +113,7 @@ class Hub:
         channel = self._next_channel
         self._next_channel += 1
         info = replace(info, id=channel)
-        self.channels[channel] = Channel(info, Ring([column.dtype for column in info.columns]))
+        self.channels[channel] = Channel(info, RingBuffer([column.dtype for column in info.columns]))
         self._new_channels.append(info)
         return channel
 
@@ -123,7 +123,7 @@ class Hub:
     def keep_payloads(self, parts: Sequence[Payloads]) -> None:
         """Payloads of one kind that nobody has described; asked for where `keeps_clocks`."""
 
-    def publish(self, pieces: Iterable[Piece]) -> None:
+    def publish(self, pieces: Iterable[ChannelRows]) -> None:
         """Samples, which go out with the next flush. A channel of a removed device takes none."""
         for piece in pieces:
             channel = self.channels.get(piece.channel)
@@ -222,7 +222,7 @@ class Hub:
             self.raws = payloads
             self._tell_latest("raws", wire.Raws(payloads))
 
-    def _health_for(self, outbox: Outbox) -> wire.HealthReport:
+    def _health_for(self, outbox: SendQueue) -> wire.HealthReport:
         dropped: dict[str, int] = {}
         for number, count in outbox.dropped_of.items():
             if number in self.channels:
@@ -331,7 +331,7 @@ class Hub:
 
     # ── out: to browsers ─────────────────────────────────────────────────────────────────────────────────────────────
 
-    def attach(self, outbox: Outbox) -> None:
+    def attach(self, outbox: SendQueue) -> None:
         """A browser connected: tell it all that is known. Samples begin with its `subscribe`."""
         self._flush_text()  # so that what is told now is not told again
         self._attached += 1
@@ -357,14 +357,14 @@ class Hub:
         """Those that are connected: somebody may be looking."""
         return sum(outbox.is_browser for outbox in self.outboxes)
 
-    def detach(self, outbox: Outbox) -> None:
+    def detach(self, outbox: SendQueue) -> None:
         """The browser has gone."""
         if outbox in self.outboxes:
             self.outboxes.discard(outbox)
             self.gone_dropped += outbox.dropped
             self.gone_bytes += outbox.sent_bytes
 
-    def subscribe(self, outbox: Outbox, request: wire.Subscribe) -> None:
+    def subscribe(self, outbox: SendQueue, request: wire.Subscribe) -> None:
         """Live samples from the next flush on, and history up to exactly there."""
         since = self.now() - min(request.history, self.history_s)
         wanted = self.channels if request.channels is None else set(request.channels) & self.channels.keys()
@@ -373,4 +373,4 @@ class Hub:
             channel = self.channels[number]
             start = min(channel.ring.sequence_at(since), channel.flushed)
             spans[number] = (channel.ring, start, channel.flushed)
-        outbox.subscribe(request.channels, History(spans), wire_codec.encode_text(wire.Backfilled()))
+        outbox.subscribe(request.channels, HistoryStream(spans), wire_codec.encode_text(wire.Backfilled()))

@@ -40,7 +40,7 @@ BLOCK_BYTES = 64 * 1024
 _SLACK = 8
 
 
-class Block:
+class RingBlock:
     """Memory for `capacity` samples, the first of which has sequence number `first`."""
 
     __slots__ = ("arrays", "capacity", "first", "last_arrival", "n", "nbytes")
@@ -54,7 +54,7 @@ class Block:
         self.nbytes = sum(array.nbytes for array in self.arrays)
 
 
-class Ring:
+class RingBuffer:
     """The last samples of one channel.
 
     Args:
@@ -67,7 +67,7 @@ class Ring:
         self.sample_bytes = sum(dtype.itemsize for dtype in columns)
         self._groups = [(dtype, len(list(run))) for dtype, run in groupby(columns)]
         self._per_8_bytes = [8 // dtype.itemsize for dtype, _ in self._groups]
-        self._blocks: deque[Block] = deque()
+        self._blocks: deque[RingBlock] = deque()
         self.total = 0
         self.nbytes = 0
 
@@ -105,10 +105,10 @@ class Ring:
             self.total += take
             at += take
 
-    def _grow(self) -> Block:
+    def _grow(self) -> RingBlock:
         most = max(FIRST_BLOCK, BLOCK_BYTES // self.sample_bytes & ~7)
         last = self._blocks[-1].capacity if self._blocks else FIRST_BLOCK // 2
-        block = Block(self.total, min(2 * last, most), self._groups)
+        block = RingBlock(self.total, min(2 * last, most), self._groups)
         self._blocks.append(block)
         self.nbytes += block.nbytes
         return block
@@ -153,7 +153,7 @@ class Ring:
                 return a, arrival, self._encode(block, channel, a, b, now, history=True)
         return None
 
-    def _encode(self, block: Block, channel: int, start: int, stop: int, now: float, *, history: bool) -> bytes:
+    def _encode(self, block: RingBlock, channel: int, start: int, stop: int, now: float, *, history: bool) -> bytes:
         n, at = stop - start, start - block.first
         parts = [b""]
         size = HEADER.size

@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from websockets.frames import Frame as SocketFrame
 from websockets.frames import Opcode
 
-from server.streaming.ring_buffer import Ring
+from server.streaming.ring_buffer import RingBuffer
 from server.wire_codec import with_dropped
 
 # A second of 2 kHz × 10 values is 120 kB. What waits longer than a few seconds is not live any more, so more memory
@@ -69,14 +69,14 @@ class Packet:
         return self._ready
 
 
-class History:
+class HistoryStream:
     """The past that one subscription asked for, cut into messages newest first.
 
     Args:
         spans: channel → (ring, first and last-plus-one sequence number wanted).
     """
 
-    def __init__(self, spans: Mapping[int, tuple[Ring, int, int]]) -> None:
+    def __init__(self, spans: Mapping[int, tuple[RingBuffer, int, int]]) -> None:
         self._spans = {channel: span for channel, span in spans.items() if span[1] < span[2]}
         # Heap of (−arrival up to which the channel is still unsent, channel): the newest stretch goes first.
         self._next = [(-float("inf"), channel) for channel in self._spans]
@@ -101,7 +101,7 @@ class History:
         return b"".join(out) if out else None
 
 
-class Outbox:
+class SendQueue:
     """One browser's outbox.
 
     Args:
@@ -132,7 +132,7 @@ class Outbox:
         self._live_bytes = 0
         self._missing: dict[int, int] = {}  # channel → dropped since its last frame that went out
         self._wanted: frozenset[int] | None = frozenset()  # nothing until the first subscribe
-        self._history: History | None = None
+        self._history: HistoryStream | None = None
         self._after_history = ""
         self.dropped_of: dict[int, int] = {}  # channel → dropped since the browser connected
         self.number = 0  # of the browser in this run, given by the hub
@@ -152,7 +152,7 @@ class Outbox:
         self._latest[kind] = text
         self._on_ready()
 
-    def subscribe(self, channels: Iterable[int] | None, history: History, after_history: str) -> None:
+    def subscribe(self, channels: Iterable[int] | None, history: HistoryStream, after_history: str) -> None:
         """From now on these channels (None: all); first what waits is forgotten, as the page forgets it too."""
         self._wanted = None if channels is None else frozenset(channels)
         self._live.clear()

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from protocols.events import Batch, Reply
 from protocols.schema import Field, Message
 from server import wire
-from server.devices.link_stats import Meter
+from server.devices.link_stats import RateMeter
 
 MOST_KINDS = 32  # of one device; noise that passes the checksum must not fill memory
 MOST_BYTES = 1024  # told of one payload; its true size is told too
@@ -40,7 +40,7 @@ class _Kind:
     verified: bool
     newest: NDArray[np.uint8] | bytes = b""
     arrival: float = 0.0
-    meter: Meter = field(default_factory=Meter)
+    meter: RateMeter = field(default_factory=RateMeter)
 
 
 def is_opaque(field: Field) -> bool:
@@ -77,7 +77,7 @@ class Payloads:
         return self.device, self.message, self.name, self.verified
 
 
-class Raws:
+class UnknownPayloads:
     """The undescribed payloads of one device.
 
     Args:

@@ -13,14 +13,14 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from protocols.idtp.frames import LITE, SAFETY
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 
 OUTPUTS = (("Imu9", 100), ("ImuQuat", 100))
 
 
 def mixed(seconds: float) -> bytes:
     """The bytes of so much of the drive."""
-    devices = [IdtpDevice(7 + mode, seed=mode, outputs=OUTPUTS, mode=mode) for mode in (LITE, SAFETY)]
+    devices = [IdtpSimulator(7 + mode, seed=mode, outputs=OUTPUTS, mode=mode) for mode in (LITE, SAFETY)]
     ticks = range(0, int(seconds * 1e9), 10_000_000)
     return b"".join(device.advance(tick) for tick in ticks for device in devices)
 

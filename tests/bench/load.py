@@ -38,7 +38,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / "artifacts" / "numba"))  # compiling is another benchmark
 
-from recordings.mcap_writer import Writer  # noqa: E402
+from recordings.mcap_writer import McapWriter  # noqa: E402
 from tests import load_clients  # noqa: E402
 from tests.bench.cpu import seconds_of  # noqa: E402
 from tests.bench.memory import Memory  # noqa: E402
@@ -208,7 +208,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
 def write_recording(path: Path, rate: float) -> None:
     """A recording of one device, as it would be after `EARLIER_S`."""
     path.parent.mkdir(parents=True)
-    writer = Writer(path, {"title": "Earlier"})
+    writer = McapWriter(path, {"title": "Earlier"})
     writer.device("1", {"source": "load", "protocol": "xbus"})
     template = frames(0, round(rate), rate)
     for second in range(EARLIER_S):

@@ -70,10 +70,10 @@ def frames(first: int, count: int) -> np.ndarray[Any, Any]:
 
 def make(path: Path, minutes: float) -> None:
     """The recording."""
-    from recordings.compaction import pack
-    from recordings.mcap_writer import Writer
+    from recordings.compaction import compact
+    from recordings.mcap_writer import McapWriter
 
-    writer = Writer(path, {"title": "An hour"})
+    writer = McapWriter(path, {"title": "An hour"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 2_000_000, "protocol": "xbus"})
     step = CHUNK_FRAMES * ITEMS.itemsize
     jitter = np.random.default_rng(2)
@@ -84,25 +84,25 @@ def make(path: Path, minutes: float) -> None:
             arrival = START + (first + (n + 1) * CHUNK_FRAMES) * (1_000_000_000 // RATE) + int(late[n])
             writer.chunk("1", "rx", data[at : at + step], arrival)
     writer.close()
-    pack(path)
+    compact(path)
 
 
 def measure(path: Path, store: Path) -> dict[str, float]:
     """What the process of its own does; figures in s and MB."""
-    from protocols.registry import warm
-    from recordings.column_store import Columns
+    from protocols.registry import warm_up
+    from recordings.column_store import ColumnStore
     from recordings.sources import McapSource
     from server.devices.protocol_set import speech
     from server.library.decode import decode
 
-    warm()
+    warm_up()
     resource_before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     start, cpu = time.perf_counter(), time.process_time()
     firsts: list[float] = []
 
     def shown(folder: Path) -> None:
         if not firsts:
-            part = Columns(folder)
+            part = ColumnStore(folder)
             span = part.span()
             assert span is not None
             for number in part.shapes:
@@ -116,7 +116,7 @@ def measure(path: Path, store: Path) -> dict[str, float]:
     whole = columns.span()
     assert whole is not None
     start = time.perf_counter()
-    columns = Columns(store)
+    columns = ColumnStore(store)
     for number in columns.shapes:
         columns.query(number, *whole, WIDTH)
     again = time.perf_counter() - start

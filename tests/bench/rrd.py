@@ -41,13 +41,13 @@ LOADED_MS = "performance.getEntriesByType('resource').find(one => one.name.inclu
 
 def export(store: Path, out: Path) -> dict[str, float]:
     """What the process of its own does."""
-    from recordings.column_store import Columns
+    from recordings.column_store import ColumnStore
 
     start = time.perf_counter()
     from recordings.rrd.writer import write_rrd
 
     imported = time.perf_counter() - start
-    columns = Columns(store)
+    columns = ColumnStore(store)
     start = time.perf_counter()
     write_rrd(columns, out)
     took = time.perf_counter() - start

@@ -31,7 +31,7 @@ sys.path.insert(0, str(ROOT))
 
 from protocols.events import Batch  # noqa: E402
 from protocols.idtp.frames import SAFETY  # noqa: E402
-from protocols.idtp.simulator import IdtpDevice  # noqa: E402
+from protocols.idtp.simulator import IdtpSimulator  # noqa: E402
 from tests.bench import isb_mixed, serial_device  # noqa: E402
 from tests.bench.decode import decoder_of  # noqa: E402
 from tests.bench.report import report  # noqa: E402
@@ -53,7 +53,7 @@ def frames_of(protocol: str) -> list[bytes]:
     if protocol == "isb":
         noise = random.Random(1)
         return [isb_mixed.message(4, step * isb_mixed.STEP_S, noise) for step in range(FRAMES)]
-    device = IdtpDevice(7, outputs=(("Imu9", 100),), mode=SAFETY)
+    device = IdtpSimulator(7, outputs=(("Imu9", 100),), mode=SAFETY)
     device.advance(0)
     return [device.advance(step * 10_000_000) for step in range(1, FRAMES + 1)]
 

@@ -22,7 +22,7 @@ import pytest
 from playwright.sync_api import Page
 
 from protocols.idtp.frames import build as idtp_frame
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_frame
 from tests.browser.test_capture import number
@@ -373,7 +373,7 @@ class Sensors(threading.Thread):
     def __init__(self, port: int) -> None:
         super().__init__(daemon=True)
         self.port = port
-        self.devices = {7: IdtpDevice(device_id=7), 102: IdtpDevice(device_id=102, mode=0, rate=50)}
+        self.devices = {7: IdtpSimulator(device_id=7), 102: IdtpSimulator(device_id=102, mode=0, rate=50)}
         self.stopped = threading.Event()
 
     def run(self) -> None:

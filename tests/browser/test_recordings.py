@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from protocols.isb.simulator.device import IsbDevice
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.compaction import pack
-from recordings.mcap_writer import Writer
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.compaction import compact
+from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
 from tests.browser.test_page import DESKTOP, PHONE, TARGETS, serious
 from tests.chromium import until
@@ -58,10 +58,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess
 def record(path: Path) -> None:
     """What a server would have recorded on a machine that is never late: each chunk comes when it was sent."""
     devices = {
-        "1": XbusDevice(start_ns=0, rate=RATE, drop=0.003, seed=1, measuring=True, baud=921_600),
-        "2": IsbDevice(start_ns=0),
+        "1": XbusSimulator(start_ns=0, rate=RATE, drop=0.003, seed=1, measuring=True, baud=921_600),
+        "2": IsbSimulator(start_ns=0),
     }
-    writer = Writer(path, {"title": TITLE})
+    writer = McapWriter(path, {"title": TITLE})
     for number, protocol in (("1", "xbus"), ("2", "isb")):
         writer.device(
             number, {"source": f"/dev/ttyUSB{number}", "link": "serial", "baud": 921_600, "protocol": protocol}
@@ -72,7 +72,7 @@ def record(path: Path) -> None:
                 writer.chunk(number, "rx", sent, START + step * 10_000_000)
     writer.note("marker", "kerb", START + SECONDS * 500_000_000)
     writer.close()
-    pack(path)
+    compact(path)
 
 
 def opened(server: ServerProcess, open_page: Callable[..., Page], size: tuple[int, int] = DESKTOP, **more: Any) -> Page:
@@ -482,12 +482,15 @@ def test_long_names_are_cut_and_cover_nothing(tmp_path: Path, open_page: Callabl
     """A long serial number squeezed the name beside it to nothing, and lay over the plots."""
     path, name = tmp_path / "recordings" / "long.mcap", "MTi-" + "long-" * 30
     path.parent.mkdir()
-    writer, device = Writer(path, {"title": name}), XbusDevice(start_ns=0, rate=RATE, measuring=True, baud=921_600)
+    writer, device = (
+        McapWriter(path, {"title": name}),
+        XbusSimulator(start_ns=0, rate=RATE, measuring=True, baud=921_600),
+    )
     writer.device("1", {"protocol": "xbus", "product": name, "serial_number": "0080" * 20})
     for step in range(1, 200):
         writer.chunk("1", "rx", device.advance(step * 10_000_000), START + step * 10_000_000)
     writer.close()
-    pack(path)
+    compact(path)
     with ServerProcess("udp://127.0.0.1:0", data=tmp_path) as server:
         page = opened(server, open_page)
         widths = page.evaluate(

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route
 
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.mcap_writer import Writer
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.mcap_writer import McapWriter
 from recordings.rrd.size_limit import amount as amount_told
 from tests.chromium import until
 from tests.conftest import ARTIFACTS
@@ -41,9 +41,9 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def turned(path: Path) -> None:
     """Three seconds of the same device twenty seconds later, when it has turned."""
-    device = XbusDevice(start_ns=0)
+    device = XbusSimulator(start_ns=0)
     device.advance(20_000_000_000)
-    writer = Writer(path, {"title": "Turned"})
+    writer = McapWriter(path, {"title": "Turned"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus"})
     for n in range(2001, 2300):
         if data := device.advance(n * 10_000_000):

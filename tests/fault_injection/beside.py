@@ -16,11 +16,11 @@ from pathlib import Path
 
 from httpx import Client
 
-from recordings.mcap_reader import LENGTH, TIME, Recording
+from recordings.mcap_reader import LENGTH, TIME, McapReader
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.floods import RECORDING, Place
 from tests.fault_injection.test_kill import received, recording, until
-from tests.server.tcp_device import Line
+from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 
@@ -103,7 +103,7 @@ class Watched:
     """
 
     place: Place
-    line: Line
+    line: TcpDevice
     path: Path
     begins: int
     pid: int
@@ -119,7 +119,7 @@ class Watched:
         """By how much the latest byte of the recording arrived after it was sent; of all floods so far."""
         wall = time.time() - time.monotonic()
         worst, place = 0.0, self.begins
-        with Recording(self.path) as found:
+        with McapReader(self.path) as found:
             for block in found.blocks():
                 channel = found.topic("rx/1")
                 if channel is None:
@@ -136,7 +136,7 @@ def watched(folder: Path, seconds: float) -> Iterator[Watched]:
     """A server with a device that streams and is recorded, and a library with a recording of a minute."""
     (folder / "recordings").mkdir()
     recording(folder / "recordings" / f"{RECORDING}.mcap", frames(0, 60_000))
-    with Line(RATE) as line, ServerProcess(line.source, data=folder) as server:
+    with TcpDevice(RATE) as line, ServerProcess(line.source, data=folder) as server:
         with Client(base_url=server.url, timeout=PATIENCE_S) as asking:
             until(lambda: asking.get("/api/devices").json()[0]["status"] == "live", "the device streams")
             asking.post("/api/recordings/start", json={"devices": ["1"]}).raise_for_status()

@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from recordings.mcap_reader import TIME, Recording
+from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
 from tests.bench.serial_device import frame
 from tests.fault_injection.fault_harness import stage, until
 from tests.fault_injection.test_kill import until as until_now
 from tests.links.link_fixtures import pty
 from tests.server.fakes import sample
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server.test_recorder import Links, send, settled
 
 
@@ -61,7 +61,7 @@ def retimed(n: int, rate: float, later_s: int) -> bytes:
 
 def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
     links = Links()
-    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         sessions = running.state.sessions
         running.client.post("/api/recordings/start", json={})
         wall = sessions._wall_ns
@@ -76,7 +76,7 @@ def test_this_hosts_clock_is_set_back(tmp_path: Path) -> None:
         settled(running)
         state: dict[str, Any] = running.client.post("/api/recordings/stop", json={}).json()
     times: list[int] = []
-    with Recording(tmp_path / "recordings" / f"{state['id']}.mcap") as recording:
+    with McapReader(tmp_path / "recordings" / f"{state['id']}.mcap") as recording:
         for block in recording.blocks():
             channel = recording.topic("rx/1")
             if channel is not None:

@@ -28,7 +28,7 @@ from server.devices.protocol_set import speech
 from server.links import open_link
 from tests.fault_injection.test_kill import until
 from tests.server.control_harness import outputs
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
 
 
@@ -49,7 +49,7 @@ def send_and_vanish(url: str, data: bytes) -> None:
 
 
 def test_gone_in_the_middle(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with Running(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+    with InProcessServer(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
         http, url = running.client, running.url
         until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
         control = "/api/devices/1/control"
@@ -70,7 +70,7 @@ def test_gone_in_the_middle(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
 
 
 def test_two_people_at_once(tmp_path: Path) -> None:
-    with Running(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
+    with InProcessServer(Config(sources=("twin:xbus",), data=tmp_path), open_link, speech()) as running:
         http = running.client
         until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "it streams")
         answers: list[dict[str, Any]] = []

@@ -28,9 +28,9 @@ from typing import Any
 
 import pytest
 
-from recordings.column_store import Columns
-from recordings.compaction import pack
-from recordings.exporters import Wish, export
+from recordings.column_store import ColumnStore
+from recordings.compaction import compact
+from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from server.config import Config
@@ -38,7 +38,7 @@ from server.devices.protocol_set import speech
 from server.library.decode import decode
 from tests.fault_injection.test_kill import received, until
 from tests.server.fakes import sample
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server.test_opening import drive
 from tests.server.test_recorder import Links, send, settled
 from tests.server_process import ROOT, tied
@@ -51,8 +51,8 @@ def links() -> Links:
 
 
 @pytest.fixture
-def running(tmp_path: Path, links: Links) -> Iterator[Running]:
-    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+def running(tmp_path: Path, links: Links) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         yield running
 
 
@@ -72,7 +72,7 @@ def files_of_at_most(size: int) -> Iterator[None]:
         sys.dont_write_bytecode = before[1]
 
 
-def ended(running: Running) -> dict[str, Any]:
+def ended(running: InProcessServer) -> dict[str, Any]:
     """The recorder's state when it does not run any more."""
     end = time.monotonic() + PATIENCE_S
     while (state := running.client.get("/api/recorder").json())["running"]:
@@ -84,11 +84,11 @@ def ended(running: Running) -> dict[str, Any]:
 FULL = """
 import sys, time
 from pathlib import Path
-from recordings.recording_writer import Tape
-from recordings.mcap_reader import Recording
+from recordings.recording_writer import RecordingWriter
+from recordings.mcap_reader import McapReader
 
 folder = Path(sys.argv[1])
-tape = Tape(lambda part: folder / "a.mcap", {}, time.time_ns)
+tape = RecordingWriter(lambda part: folder / "a.mcap", {}, time.time_ns)
 n = 0
 while tape.running:
     tape.chunk("1", "rx", n.to_bytes(4, "big") * 2048, n)
@@ -96,7 +96,7 @@ while tape.running:
     time.sleep(0.001)
 tape.stop()
 found = []
-with Recording(folder / "a.mcap") as recording:
+with McapReader(folder / "a.mcap") as recording:
     for block in recording.blocks():
         channel = recording.topic("rx/1")
         if channel is not None:
@@ -123,7 +123,7 @@ def test_a_disk_that_is_full(tmp_path: Path) -> None:
     assert 900_000 < int(size) < 1_048_576
 
 
-def test_a_file_that_may_not_grow(running: Running, links: Links, tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow(running: InProcessServer, links: Links, tmp_path: Path) -> None:
     running.client.post("/api/recordings/start", json={})
     wanted = b""
     with files_of_at_most(20_000):
@@ -145,7 +145,7 @@ def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
     drive(tmp_path / "a.mcap", seconds=2.0)
     columns = decode(open_file(tmp_path / "a.mcap"), tmp_path / "store", speech())
     (tmp_path / "out").mkdir()
-    wish = Wish(columns, tmp_path / "a.mcap", "A drive", device="1")
+    wish = ExportRequest(columns, tmp_path / "a.mcap", "A drive", device="1")
     for suffix in ("csv", "parquet", "mcap"):
         with files_of_at_most(4096), pytest.raises(RecordingError) as caught:
             export(suffix, wish, tmp_path / "out" / f"a.{suffix}")
@@ -154,7 +154,7 @@ def test_an_export_onto_a_full_disk(tmp_path: Path) -> None:
         assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_slow_disk(running: Running, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_disk(running: InProcessServer, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that takes nothing for as long as it likes, neither writing nor forcing."""
     running.client.post("/api/recordings/start", json={})
     settled(running)
@@ -198,11 +198,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, bytes, int]:
     drive(folder / "a.mcap")
     loose = (folder / "a.mcap").read_bytes()
     rows = rows_of(decode(open_file(folder / "a.mcap"), folder / "store", speech()))
-    pack(folder / "a.mcap")
+    compact(folder / "a.mcap")
     return loose, (folder / "a.mcap").read_bytes(), rows
 
 
-def rows_of(columns: Columns) -> int:
+def rows_of(columns: ColumnStore) -> int:
     return sum(columns.rows(channel["id"]) for channel in columns.manifest["channels"])
 
 
@@ -240,7 +240,7 @@ def test_damaged_recordings_over_http(tmp_path: Path, links: Links, whole: tuple
     for seed in (20, 21):
         (folder / f"hurt-{seed}.mcap").write_bytes(damaged(whole[1], seed))
     (folder / "nothing.mcap").write_bytes(b"")
-    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         client = running.client
         listed = client.get("/api/recordings").json()
         assert len(listed) == 3

@@ -23,17 +23,17 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from recordings import compaction
-from recordings.compaction import is_loose
-from recordings.mcap_reader import Recording
-from recordings.mcap_writer import RecordingError, Writer
-from server.library.cleanup import LOCK, Tenancy
+from recordings.compaction import is_uncompacted
+from recordings.mcap_reader import McapReader
+from recordings.mcap_writer import McapWriter, RecordingError
+from server.library.cleanup import LOCK, DataFolderLock
 from server.library.compaction_worker import left_behind
-from server.links.simulator import Bench
+from server.links.simulator import SimulatorThread
 from tests.fault_injection.fault_harness import frames
 from tests.server.control_harness import bench, outputs
-from tests.server.tcp_device import Line
+from tests.server.tcp_device import TcpDevice
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S
 
@@ -48,7 +48,7 @@ def until(condition: Callable[[], Any], what: str) -> Any:
 
 def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
     """A recording of these bytes."""
-    writer = Writer(path, {"title": path.stem})
+    writer = McapWriter(path, {"title": path.stem})
     writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
     for k in range(0, len(frames_), size):
         writer.chunk("1", "rx", frames_[k : k + size], 1_700_000_000_000_000_000 + 40_000 * k)
@@ -56,7 +56,7 @@ def recording(path: Path, frames_: bytes, size: int = 2000) -> None:
 
 
 def received(path: Path) -> bytes:
-    with Recording(path) as found:
+    with McapReader(path) as found:
         pieces = []
         for block in found.blocks():
             channel = found.topic("rx/1")
@@ -84,11 +84,11 @@ def test_killed_while_it_records_exports_and_writes_settings(tmp_path: Path) -> 
     asyncio.run(check())
 
 
-def killed(there: Bench, data: Path) -> None:
+def killed(there: SimulatorThread, data: Path) -> None:
     folder = data / "recordings"
     device = f"serial://{there.slave}?baud=115200"
     (data / "exports" / "older-1").mkdir(parents=True)
-    with Line(500) as line:
+    with TcpDevice(500) as line:
         with ServerProcess(line.source, device, data=data, arguments=("--record",)) as first:
             with Client(base_url=first.url, timeout=PATIENCE_S) as http:
                 until(lambda: [one["status"] for one in http.get("/api/devices").json()] == ["live"] * 2, "both stream")
@@ -119,17 +119,17 @@ def killed(there: Bench, data: Path) -> None:
         until(lambda: http.get("/api/devices").json()[0]["status"] == "live", "the device measures")
         assert not list((data / "trials").glob("*.json"))
         assert http.get("/api/recordings/exports").json() == []
-        until(lambda: not is_loose(made) and not is_loose(folder / "long.mcap"), "both are packed")
+        until(lambda: not is_uncompacted(made) and not is_uncompacted(folder / "long.mcap"), "both are packed")
         assert received(made) == before
         assert received(folder / "long.mcap") == frames(0, 2000) * 40
         until(lambda: not hidden(data), "nothing unfinished is left")
         assert not (folder / ".note.json.0a1b2c3d").exists()
-    assert isinstance(there.device, XbusDevice)
+    assert isinstance(there.device, XbusSimulator)
 
 
 def test_a_server_with_company_in_its_folder_takes_nothing_away(tmp_path: Path) -> None:
     """Two servers on one data folder: what the one is writing is no leftover of the other."""
-    first, second = Tenancy(tmp_path), Tenancy(tmp_path)
+    first, second = DataFolderLock(tmp_path), DataFolderLock(tmp_path)
     first.begin()
     half = tmp_path / "exports" / "abc-1"
     half.mkdir(parents=True)
@@ -137,7 +137,7 @@ def test_a_server_with_company_in_its_folder_takes_nothing_away(tmp_path: Path) 
     assert half.exists()
     second.end()
     first.end()
-    third = Tenancy(tmp_path)
+    third = DataFolderLock(tmp_path)
     assert third.begin() == ["exports/abc-1"]
     third.end()
 
@@ -147,8 +147,8 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
     path = tmp_path / "a.mcap"
     wanted = frames(0, 2000) * 3
     recording(path, wanted)
-    begin = "import sys\nfrom pathlib import Path\nfrom recordings.compaction import pack\n"
-    code = f"{begin}pack(Path({str(path)!r}), progress=%s)"
+    begin = "import sys\nfrom pathlib import Path\nfrom recordings.compaction import compact\n"
+    code = f"{begin}compact(Path({str(path)!r}), progress=%s)"
     held = code % "lambda share: (print('half', flush=True), sys.stdin.readline())"
     with subprocess.Popen(
         [sys.executable, "-c", held], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -165,7 +165,7 @@ def test_a_packing_that_outlives_its_server_harms_nothing(tmp_path: Path) -> Non
             old.wait(60)
 
         with pytest.raises(RecordingError, match="replaced while it was packed"):
-            compaction.pack(path, progress=let_it_end)
+            compaction.compact(path, progress=let_it_end)
     assert received(path) == wanted
-    assert not is_loose(path)
+    assert not is_uncompacted(path)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]

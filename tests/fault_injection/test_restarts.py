@@ -19,14 +19,14 @@ from pathlib import Path
 
 from httpx import Client
 
-from recordings.compaction import is_loose, pack
-from recordings.mcap_reader import TIME, Recording
+from recordings.compaction import compact, is_uncompacted
+from recordings.mcap_reader import TIME, McapReader
 from server.config import Config
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.test_kill import received, recording, until
 from tests.server.fakes import sample
-from tests.server.in_process_server import Running
-from tests.server.tcp_device import Line
+from tests.server.in_process_server import InProcessServer
+from tests.server.tcp_device import TcpDevice
 from tests.server.test_recorder import Links, send, settled
 from tests.server_process import ServerProcess, begun
 from tests.timeouts import PATIENCE_S
@@ -40,7 +40,7 @@ def library(folder: Path) -> tuple[dict[str, bytes], bytes]:
     model = folder.parent / "model.mcap"
     recording(model, frames(0, 1500))
     loose = model.read_bytes()
-    pack(model)
+    compact(model)
     packed = model.read_bytes()
     model.unlink()
     chance = random.Random(7)
@@ -73,7 +73,7 @@ def reaches(url: str, goal: int) -> bool:
 
 def packs(left: list[Path]) -> bool:
     """Whether the server has packed one of those that were left."""
-    return not all(map(is_loose, left))
+    return not all(map(is_uncompacted, left))
 
 
 def own(folder: Path) -> set[str]:
@@ -92,9 +92,9 @@ def test_recordings_survive_restarts_kills_and_company_in_a_full_library(tmp_pat
         for path in left:
             path.write_bytes(unpacked)
         with (
-            Line(300) as line,
+            TcpDevice(300) as line,
             ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server,
-            Line(300) as beside,
+            TcpDevice(300) as beside,
         ):
             until(lambda: enough(server.url), "a second is recorded")
             if end == "company":
@@ -122,7 +122,7 @@ def test_recordings_survive_restarts_kills_and_company_in_a_full_library(tmp_pat
 class company:  # noqa: N801 - reads as what it is
     """A second server on the folder, and `imuscope record` into it, until the block ends."""
 
-    def __init__(self, data: Path, path: Path, line: Line) -> None:
+    def __init__(self, data: Path, path: Path, line: TcpDevice) -> None:
         self._record = begun("record", line.source, "-o", str(path), "--data", str(data), "--duration", "3")
         until(path.exists, "it records into the folder")
         self._server = ServerProcess("twin:isb", data=data)
@@ -141,7 +141,7 @@ class company:  # noqa: N801 - reads as what it is
 def test_a_recording_that_begins_after_the_clock_was_set_has_the_new_time(tmp_path: Path) -> None:
     """A robot without a battery for its clock: the network tells it the time when the server has long begun."""
     links = Links()
-    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         ahead = 2 * 365 * 86_400 * 1_000_000_000
         recorder = running.state.recorder
         recorder._wall_ns = lambda: round(running.state.hub.now() * 1e9) + ahead
@@ -157,7 +157,7 @@ def test_a_recording_that_begins_after_the_clock_was_set_has_the_new_time(tmp_pa
     now = time.time_ns()
     starts = []
     for path in sorted((tmp_path / "recordings").glob("*.mcap"), key=os.path.getmtime):
-        with Recording(path) as made:
+        with McapReader(path) as made:
             starts.append(min(int(block.table[TIME].min()) for block in made.blocks()))
     assert len(starts) == 2
     assert abs(starts[0] - now - ahead) < 600e9

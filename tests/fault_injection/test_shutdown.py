@@ -31,13 +31,13 @@ from httpx import Client
 from websockets.sync.client import ClientConnection
 from websockets.typing import Subprotocol
 
-from recordings.mcap_reader import Recording
+from recordings.mcap_reader import McapReader
 from server import http_server, wire, wire_codec
-from server.library.cleanup import Tenancy
+from server.library.cleanup import DataFolderLock
 from server.library.compaction_worker import left_behind
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.test_kill import hidden, received, recording, until
-from tests.server.tcp_device import Line
+from tests.server.tcp_device import TcpDevice
 from tests.server_process import ROOT, ServerProcess
 from tests.timeouts import PATIENCE_S, connect
 from tests.viser_client import CAMERA, subprotocol
@@ -94,7 +94,7 @@ def end(data: Path) -> float:
     folder = data / "recordings"
     folder.mkdir(parents=True)
     recording(folder / "long.mcap", frames(0, 2000) * 30)
-    with Line(1000) as line:
+    with TcpDevice(1000) as line:
         with ServerProcess(line.source, *SOURCES, data=data, arguments=("--record",)) as server:
             with Client(base_url=server.url, timeout=PATIENCE_S) as http, busy(server, http):
                 until(lambda: line.size > 100_000, "the line was busy, too")
@@ -110,12 +110,12 @@ def end(data: Path) -> float:
         sent = line.sent
     until(lambda: not any(is_there(pid) for pid in begun), "what it had begun is gone")
     (made,) = (path for path in folder.glob("*.mcap") if path.stem != "long")
-    with Recording(made) as found:
+    with McapReader(made) as found:
         list(found.blocks())
         assert found.whole, "it was closed"
     assert sent.startswith(received(made))
     assert len(received(made)) > 50_000, f"of {len(sent)} bytes that were sent"
-    tenancy = Tenancy(data)
+    tenancy = DataFolderLock(data)
     tenancy.begin()
     left_behind(folder)
     tenancy.end()

@@ -34,14 +34,14 @@ from typing import Any
 import lz4.frame
 import zstandard
 from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
+from mcap.writer import Writer as LibraryWriter
 
-from recordings.compaction import pack
+from recordings.compaction import compact
 from recordings.importers import open_file
 from recordings.library import Library
 from recordings.mcap_reader import MAGIC
-from recordings.mcap_writer import RecordingError, Writer
-from recordings.probe import peek
+from recordings.mcap_writer import McapWriter, RecordingError
+from recordings.probe import probe
 from recordings.sidecar import VERSION, Edits
 from server.config import ConfigError, load
 from server.configuration.snapshots import SnapshotError, from_text
@@ -63,7 +63,7 @@ START = 1_760_000_000_000_000_000
 
 def _recording(path: Path, cut: bool) -> None:
     """As the list, the library and the decoder meet it."""
-    seen = peek(path)
+    seen = probe(path)
     source = None
     try:
         source = open_file(path)
@@ -173,7 +173,7 @@ def _streams(protocol: str) -> list[bytes]:
 
 
 def _ours(path: Path, streams: list[bytes]) -> None:
-    writer = Writer(path, {"title": "A drive"})
+    writer = McapWriter(path, {"title": "A drive"})
     writer.device("1", {"protocol": "xbus", "name": "MTi-630", "baud": "115200", "link": "serial"})
     for number, data in enumerate(streams):
         for at in range(0, len(data), 200):
@@ -187,7 +187,7 @@ def _ours(path: Path, streams: list[bytes]) -> None:
 
 def _theirs(compression: CompressionType) -> bytes:
     out = io.BytesIO()
-    writer = McapWriter(out, chunk_size=2000, compression=compression)
+    writer = LibraryWriter(out, chunk_size=2000, compression=compression)
     writer.start("", "other")
     schema = writer.register_schema("Imu", "jsonschema", b"{}")
     channel = writer.register_channel("/imu", "json", schema)
@@ -265,7 +265,7 @@ def seeds(folder: Path) -> dict[str, bytes]:
     path = folder / "a.mcap"
     _ours(path, xbus)
     loose = path.read_bytes()
-    pack(path)
+    compact(path)
     rows = "".join(f"{1760000000 + i / 100:.2f},{i / 7:.3f},{i % 5}\n" for i in range(60))
     triangles = b"".join(struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, i, 0) for i in range(6))
     edits = {"imuscope": VERSION, "title": "A drive", "tags": ["kerb"], "notes": "x", "pinned": True}

@@ -20,13 +20,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
-from protocols.nmea_quantities import Sentences
-from protocols.registry import PROTOCOLS, guess
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from protocols.nmea_quantities import NmeaQuantities
+from protocols.registry import PROTOCOLS, detect
 from tests.fuzz import columns
 from tests.fuzz.cases import BrokenError, Case
 from tests.oracles import idtp as idtp_oracle
-from tests.protocols.protocol_cases import KEY, UNFINISHED_TEXT, Speaker, canonical
+from tests.protocols.protocol_cases import KEY, UNFINISHED_TEXT, ProtocolCase, canonical
 
 Lines = list[dict[str, Any]]
 Features = frozenset[tuple[Any, ...]]
@@ -34,7 +34,7 @@ Features = frozenset[tuple[Any, ...]]
 LATE = ("stale", "far_ahead")  # rejects of whole frames
 
 
-def check(speaker: Speaker, case: Case, *, guessing: bool = False) -> Features:
+def check(speaker: ProtocolCase, case: Case, *, guessing: bool = False) -> Features:
     """Check one case.
 
     Raises:
@@ -62,7 +62,7 @@ def check(speaker: Speaker, case: Case, *, guessing: bool = False) -> Features:
     return _features(whole, lines)
 
 
-def _decoded(speaker: Speaker, case: Case, chunks: Sequence[bytes]) -> tuple[list[Event], int]:
+def _decoded(speaker: ProtocolCase, case: Case, chunks: Sequence[bytes]) -> tuple[list[Event], int]:
     """All events of the stream, cut so, and how many bytes belonged to nothing. Arrival is the chunk's number."""
     decoder = PROTOCOLS[speaker.name].decoder(**case.settings)
     events: list[Event] = []
@@ -74,11 +74,11 @@ def _decoded(speaker: Speaker, case: Case, chunks: Sequence[bytes]) -> tuple[lis
     events += decoder.drain(stalled=True)
     if decoder.buffered:
         raise BrokenError("buffered", f"{decoder.buffered} bytes are held back at the end")
-    Sentences().batches(event for event in events if isinstance(event, Text))
+    NmeaQuantities().batches(event for event in events if isinstance(event, Text))
     return events, decoder.skipped  # type: ignore[attr-defined]
 
 
-def _listed(speaker: Speaker, case: Case) -> Lines:
+def _listed(speaker: ProtocolCase, case: Case) -> Lines:
     """The lines, through JSON and back, as a script reads them."""
     listing = PROTOCOLS[speaker.name].listing(**case.settings)
     listing.feed(case.data)
@@ -87,7 +87,7 @@ def _listed(speaker: Speaker, case: Case) -> Lines:
 
 
 def _guessed(case: Case) -> None:
-    for one in guess(case.data):
+    for one in detect(case.data):
         if not 0 <= one.score <= 1:
             raise BrokenError("guess", f"{one.protocol} has a score of {one.score}")
 
@@ -102,7 +102,7 @@ def _same(whole: list[Event], cut: list[Event]) -> None:
         raise BrokenError("chunks", f"{len(a)} and {len(b)} events; {str(odd[0])[:300]} | {str(odd[1])[:300]}")
 
 
-def _arrivals(speaker: Speaker, case: Case, events: list[Event], lines: Lines) -> None:
+def _arrivals(speaker: ProtocolCase, case: Case, events: list[Event], lines: Lines) -> None:
     """Every frame arrives with the chunk that completes it."""
     ends: list[int] = []
     for chunk in case.chunks():
@@ -124,7 +124,7 @@ def _arrivals(speaker: Speaker, case: Case, events: list[Event], lines: Lines) -
 # -- the decoder against others ----------------------------------------------------------------------------------------
 
 
-def _like_the_oracle(speaker: Speaker, case: Case, lines: Lines) -> None:
+def _like_the_oracle(speaker: ProtocolCase, case: Case, lines: Lines) -> None:
     frames, rejects = speaker.expected(case.data, **case.settings)
     own = [line for line in lines if "reject" not in line and line["protocol"] == speaker.name]
     got = [line["offset"] for line in own]
@@ -141,7 +141,7 @@ def _like_the_oracle(speaker: Speaker, case: Case, lines: Lines) -> None:
         raise BrokenError("oracle", f"rejects {failed!s:.300}, the oracle has {rejects!s:.300}")
 
 
-def _like_the_listing(speaker: Speaker, events: list[Event], lines: Lines) -> None:
+def _like_the_listing(speaker: ProtocolCase, events: list[Event], lines: Lines) -> None:
     """Same frames by name, same texts, same rejects."""
     wanted = sorted((x["offset"], x["message"]) for x in lines if x.get("protocol") == speaker.name)
     got = [(offset, e.message.name) for e in events if isinstance(e, Batch) for offset in e.offset.tolist()]
@@ -154,11 +154,11 @@ def _like_the_listing(speaker: Speaker, events: list[Event], lines: Lines) -> No
     if sorted((e.offset, e.size, e.name) for e in events if isinstance(e, Text)) != texts:
         raise BrokenError("decoder", f"texts differ from the listing's {texts!s:.300}")
     rejects = sorted((x["offset"], x["size"], x["reject"]) for x in lines if "reject" in x)
-    if sorted((e.offset, e.size, e.reason) for e in events if isinstance(e, Reject)) != rejects:
+    if sorted((e.offset, e.size, e.reason) for e in events if isinstance(e, RejectedFrame)) != rejects:
         raise BrokenError("decoder", f"rejects differ from the listing's {rejects!s:.300}")
 
 
-def _composed(speaker: Speaker, case: Case, lines: Lines) -> None:
+def _composed(speaker: ProtocolCase, case: Case, lines: Lines) -> None:
     for line in lines:
         if line.get("protocol") != speaker.name or line.get("verified") is False:
             continue
@@ -173,7 +173,7 @@ def _composed(speaker: Speaker, case: Case, lines: Lines) -> None:
             raise BrokenError("compose", f"{frame.hex()[:200]} becomes {again.hex()[:200]} by {json.dumps(line)[:300]}")
 
 
-def _accounted(speaker: Speaker, case: Case, lines: Lines, skipped: int) -> None:
+def _accounted(speaker: ProtocolCase, case: Case, lines: Lines, skipped: int) -> None:
     """Every byte is in a frame, in a message of others, or skipped (rejected, or noise): exactly once."""
     spans = sorted((x["offset"], x["offset"] + x["size"]) for x in lines if "reject" not in x or x["reject"] in LATE)
     end = 0
@@ -197,7 +197,7 @@ def _accounted(speaker: Speaker, case: Case, lines: Lines, skipped: int) -> None
             raise BrokenError("account", f"the reject at {at}, {line['reject']}, lies in a frame that was accepted")
 
 
-def _datagrams(speaker: Speaker, case: Case) -> None:
+def _datagrams(speaker: ProtocolCase, case: Case) -> None:
     """Chunks as datagrams: no frame goes on over the end of one."""
     settings = case.settings
     decoder = PROTOCOLS["idtp"].decoder(datagrams=True, **settings)
@@ -239,11 +239,11 @@ def _features(events: list[Event], lines: Lines) -> Features:
             words.append(("reply", event.message.name, min(len(event.values), 4)))
         elif isinstance(event, Text):
             words.append(("text", event.protocol, event.name[:6]))
-        elif isinstance(event, Reject):
+        elif isinstance(event, RejectedFrame):
             words.append(("reject", event.reason))
-        elif isinstance(event, Step):
+        elif isinstance(event, ClockStep):
             words.append(("step", event.kind, event.by_ns > 0))
-        elif isinstance(event, Gap):
+        elif isinstance(event, SampleGap):
             words.append(("gap", event.missing > 1))
     found = set(words)
     kinds = [word[:2] for word in words]

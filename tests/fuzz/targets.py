@@ -11,16 +11,16 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.dataset_loader import SETS
-from protocols.isb.simulator.device import IsbDevice
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.xbus.simulator.device import XbusSimulator
 from tests.fuzz.mutations import Pieces
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as xbus_oracle
 from tests.protocols import idtp_vectors, isb_vectors, xbus_vectors
-from tests.protocols.protocol_cases import KEY, SPEAKERS, Speaker
+from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 CAPTURES = Path(__file__).parents[3] / "shared"
@@ -37,7 +37,7 @@ _FLOATS = tuple(
 class Target:
     """One protocol."""
 
-    speaker: Speaker
+    speaker: ProtocolCase
     words: Sequence[bytes]
     captures: Sequence[str] = ()  # under the shared folder
 
@@ -165,7 +165,7 @@ class Xbus(Target):
 
     def twin(self, seed: int) -> bytes:
         product = ("MTi-630", "MTi-680G", "MTi-G-710")[seed % 3]
-        device = XbusDevice(product, seed=seed, drop=0.05, corrupt=0.05)
+        device = XbusSimulator(product, seed=seed, drop=0.05, corrupt=0.05)
         return device.advance(10**9) + device.receive(b"\xfa\xff\x30\x00\xd1\xfa\xff\x00\x00\x01", 1_010_000_000)
 
 
@@ -261,7 +261,7 @@ class Isb(Target):
         return ((one.offset, one.size) for one in isb_oracle.scan(data, final=True).packets)
 
     def twin(self, seed: int) -> bytes:
-        device = IsbDevice(seed=seed, drop=0.05, corrupt=0.05)
+        device = IsbSimulator(seed=seed, drop=0.05, corrupt=0.05)
         return device.advance(1_500_000_000) + device.receive(
             isb_vectors.packet(isb_vectors.COMMANDS[0]), 1_510_000_000
         )
@@ -341,7 +341,7 @@ class Idtp(Target):
         return ((one.offset, one.size) for one in idtp_oracle.scan(data, final=True, key=KEY).frames)
 
     def twin(self, seed: int) -> bytes:
-        return IdtpDevice(7, seed=seed, mode=seed % 3, key=KEY, drop=0.05, corrupt=0.05).advance(250_000_000)
+        return IdtpSimulator(7, seed=seed, mode=seed % 3, key=KEY, drop=0.05, corrupt=0.05).advance(250_000_000)
 
     def settings(self, random: Random) -> dict[str, Any]:
         choices: tuple[dict[str, Any], ...] = (

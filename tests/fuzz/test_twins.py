@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from protocols.isb.frames import DATA, NACK, get_data
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from tests.fuzz.mutations import spoil
 from tests.fuzz.targets import TARGETS
 from tests.protocols import isb_vectors, xbus_vectors
@@ -24,8 +24,8 @@ COMMANDS = {
     "isb": [isb_vectors.packet(v) for v in isb_vectors.COMMANDS],
 }
 TWINS: dict[str, Callable[[int], Any]] = {
-    "xbus": lambda seed: XbusDevice(PRODUCTS[seed % len(PRODUCTS)], seed=seed),
-    "isb": lambda seed: IsbDevice(seed=seed),
+    "xbus": lambda seed: XbusSimulator(PRODUCTS[seed % len(PRODUCTS)], seed=seed),
+    "isb": lambda seed: IsbSimulator(seed=seed),
 }
 
 
@@ -46,7 +46,7 @@ def test_any_bytes_from_a_host(name: str) -> None:
 
 def test_a_request_for_a_data_set_beyond_255_is_refused() -> None:
     """It ended the twin: a NACK has one byte for the number."""
-    twin = IsbDevice()
+    twin = IsbSimulator()
     twin.advance(AWAKE_NS)
     answer = twin.receive(get_data(0x1D5, size=4), AWAKE_NS)
     assert answer[2] & 0xF in (NACK, DATA)
@@ -56,7 +56,7 @@ def test_a_request_for_a_data_set_beyond_255_is_refused() -> None:
 def test_a_date_that_there_is_not_is_refused() -> None:
     """numpy took some for a time zone, with a warning."""
     for date in (b"\x07\xe5\x02\x1e\x00\x00\x00", b"\x07\xe5\x01\x01\xff\xff\xff", b"\x00\x00\x00\x00\x64\x64\x64"):
-        twin = XbusDevice("MTi-680G")
+        twin = XbusSimulator("MTi-680G")
         twin.advance(AWAKE_NS)
         twin.receive(build(0x30), AWAKE_NS)
         assert twin.receive(build(0x60, b"\0\0\0\0" + date + b"\0"), AWAKE_NS + MS)[2] == 0x42

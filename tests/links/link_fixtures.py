@@ -15,9 +15,9 @@ from typing import TypeVar
 import pytest
 
 from server.links import Chunk, Link, LinkError, LinkSettings, steady_clock
-from server.links.simulated_device import TwinOptions
-from server.links.simulated_line import Faults
-from server.links.simulator import Bench
+from server.links.simulated_device import SimulatorOptions
+from server.links.simulated_line import LineFaults
+from server.links.simulator import SimulatorThread
 from tests.timeouts import PATIENCE_S
 
 T = TypeVar("T")
@@ -147,10 +147,10 @@ def pty() -> Iterator[Pty]:
 
 
 @contextlib.contextmanager
-def device(baud: int, rate: float = 200.0) -> Iterator[Bench]:
+def device(baud: int, rate: float = 200.0) -> Iterator[SimulatorThread]:
     """A device that speaks at `baud` behind a pseudo-terminal."""
-    options = TwinOptions(faults=Faults(baud=baud))
-    bench = Bench(lambda start_ns: Metronome(start_ns, rate), options)
+    options = SimulatorOptions(faults=LineFaults(baud=baud))
+    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, rate), options)
     bench.start()
     try:
         yield bench

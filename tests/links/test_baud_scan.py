@@ -9,8 +9,8 @@ import pytest
 
 from server.links import Try, open_link
 from server.links.baud_scan import RATES, find_baud, scan
-from server.links.detection_text import hear
-from server.links.serial import Line, open_port
+from server.links.detection_text import describe_bytes
+from server.links.serial import SerialSettings, open_port
 from tests.links.link_fixtures import device, fails, frame, gather, joined, left_behind, pty, settings
 
 
@@ -33,7 +33,7 @@ def test_the_rate_is_found_and_every_try_is_told(baud: int) -> None:
                 for wrong in tries[:-1]:
                     assert wrong.outcome.endswith(("B, no frame in them", "0 B")), wrong.outcome
                 data = joined(await gather(link, 500))
-                assert hear(data).certain
+                assert describe_bytes(data).certain
             finally:
                 await link.close()
 
@@ -141,7 +141,7 @@ def test_a_rate_that_the_adapter_refuses_is_no_reason_to_stop(monkeypatch: pytes
 
     async def check() -> None:
         with device(57_600) as bench:
-            port = open_port(bench.slave, Line())
+            port = open_port(bench.slave, SerialSettings())
             tries: list[Try] = []
             try:
                 found = await scan(Stubborn(port), (115_200, 921_600, 57_600), tries.append)
@@ -156,7 +156,7 @@ def test_a_rate_that_the_adapter_refuses_is_no_reason_to_stop(monkeypatch: pytes
 def test_find_baud_leaves_the_port_at_the_rate() -> None:
     async def check() -> None:
         with device(921_600) as bench:
-            port = open_port(bench.slave, Line())
+            port = open_port(bench.slave, SerialSettings())
             try:
                 assert await find_baud(port, bench.slave) == 921_600
                 assert port.baudrate == 921_600

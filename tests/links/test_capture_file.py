@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from protocols.events import batches
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.registry import PROTOCOLS
-from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, Pace, Piece, play
+from recordings.capture_timing import BLIND_RATE, BLOCK_BYTES, LONGEST_PAUSE_NS, CaptureTiming, TimedBytes, play
 from server.links import open_link
 from server.links.capture_file import FileLink
 from tests.links.link_fixtures import dies, fails, frame, gather, joined, left_behind, opened, settings
@@ -25,8 +25,8 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def pieces_of(data: bytes) -> list[Piece]:
-    return list(Pace(io.BytesIO(data), PROTOCOLS["xbus"].decoder()))
+def pieces_of(data: bytes) -> list[TimedBytes]:
+    return list(CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoder()))
 
 
 def stream(seconds: float, rate: float = 100.0, start_s: float = 1000.0) -> bytes:
@@ -78,7 +78,7 @@ def test_memory_is_bounded_by_blocks_not_by_the_file() -> None:
     data = stream(120.0)
     assert len(data) > 3 * BLOCK_BYTES
     given = 0
-    for piece in Pace(Counting(data), PROTOCOLS["xbus"].decoder()):
+    for piece in CaptureTiming(Counting(data), PROTOCOLS["xbus"].decoder()):
         given += len(piece.data)
         assert Counting.taken - given <= 2 * BLOCK_BYTES
 
@@ -89,13 +89,13 @@ def test_what_stands_between_clocked_frames_goes_with_them() -> None:
     data = b"before" + one + between + two + b"after"
     pieces = pieces_of(data)
     assert b"".join(piece.data for piece in pieces) == data
-    assert pieces[0] == Piece(b"before" + one + between, 0) or pieces[0].due_ns == 0
+    assert pieces[0] == TimedBytes(b"before" + one + between, 0) or pieces[0].due_ns == 0
     assert pieces[-1].due_ns == 10_000_000
 
 
 def test_a_clock_that_jumps_back_holds_the_pace_and_a_long_pause_is_skipped() -> None:
     data = stream(1.0, start_s=5000) + stream(1.0, start_s=100) + stream(1.0, start_s=4000)
-    pace = Pace(io.BytesIO(data), PROTOCOLS["xbus"].decoder(), LONGEST_PAUSE_NS)
+    pace = CaptureTiming(io.BytesIO(data), PROTOCOLS["xbus"].decoder(), LONGEST_PAUSE_NS)
     due = [piece.due_ns for piece in pace]
     assert due == sorted(due)
     assert due[-1] == 2_990_000_000  # the first frame after a step is due a usual interval later
@@ -105,7 +105,7 @@ def test_a_clock_that_jumps_back_holds_the_pace_and_a_long_pause_is_skipped() ->
 @pytest.mark.parametrize("decoder", [None, "xbus"])
 def test_without_a_clock_the_rate_of_a_full_line_is_used(decoder: str | None) -> None:
     data = bytes(range(200)) * 1000
-    pieces = list(Pace(io.BytesIO(data), PROTOCOLS[decoder].decoder() if decoder else None))
+    pieces = list(CaptureTiming(io.BytesIO(data), PROTOCOLS[decoder].decoder() if decoder else None))
     assert b"".join(piece.data for piece in pieces) == data
     assert all(piece.blind for piece in pieces)
     assert pieces[-1].due_ns == pytest.approx(len(data) / BLIND_RATE * 1e9, rel=1e-6)
@@ -187,7 +187,7 @@ def test_a_short_stretch_of_another_protocol_is_told(
     if not at_once:
         monkeypatch.setattr("server.links.capture_file.AT_ONCE_BYTES", 0)
     path = tmp_path / "mixed.bin"
-    path.write_bytes(stream(5.0) + IdtpDevice().advance(50_000_000) + stream(5.0))
+    path.write_bytes(stream(5.0) + IdtpSimulator().advance(50_000_000) + stream(5.0))
 
     async def check() -> None:
         link = open_link(f"{path}?speed=2", settings())

@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from recordings.compaction import pack
-from recordings.mcap_writer import Writer
+from recordings.compaction import compact
+from recordings.mcap_writer import McapWriter
 from server.config import Config
 from server.devices.protocol_set import speech
-from server.links import Link, LinkError, expanded, open_link
+from server.links import Link, LinkError, open_link, split_devices
 from server.links.base import Chunk, steady_clock
 from server.links.replay import ReplayLink
 from tests.links.link_fixtures import fails, frame, joined, left_behind, opened, settings, xbus
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
 
 START = 1_760_000_000_000_000_000
@@ -35,14 +35,14 @@ def device_bytes(device: int, n: int) -> bytes:
 def recording(folder: Path, devices: int = 2, frames: int = 100) -> Path:
     """A frame of each device every 10 ms."""
     path = folder / "drive.mcap"
-    writer = Writer(path, {})
+    writer = McapWriter(path, {})
     for device in range(1, devices + 1):
         writer.device(str(device), {"protocol": "xbus", "source": f"/dev/ttyUSB{device}"})
     for n in range(frames):
         for device in range(1, devices + 1):
             writer.chunk(str(device), "rx", device_bytes(device, n), START + n * 10_000_000 + device)
     writer.close()
-    pack(path)
+    compact(path)
     return path
 
 
@@ -88,13 +88,13 @@ def test_the_pace_is_that_of_the_recording(tmp_path: Path) -> None:
 
 def test_each_device_of_a_recording_is_a_source(tmp_path: Path) -> None:
     path = recording(tmp_path)
-    assert expanded(f"{path}?speed=10") == [
+    assert split_devices(f"{path}?speed=10") == [
         f"{path}?speed=10&device=1&protocol=xbus",
         f"{path}?speed=10&device=2&protocol=xbus",
     ]
-    assert expanded(f"{path}?device=2") == [f"{path}?device=2"]
-    assert expanded("/dev/ttyUSB0") == ["/dev/ttyUSB0"]
-    assert expanded("twin:xbus") == ["twin:xbus"]
+    assert split_devices(f"{path}?device=2") == [f"{path}?device=2"]
+    assert split_devices("/dev/ttyUSB0") == ["/dev/ttyUSB0"]
+    assert split_devices("twin:xbus") == ["twin:xbus"]
     chunks, _ = run(to_the_end(f"{path}?speed=20&device=2"))
     assert joined(chunks) == of(2)
 
@@ -157,7 +157,7 @@ def test_what_cannot_be_played_is_said(tmp_path: Path, options: str, words: str)
 
 def test_a_recording_without_bytes_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "nothing.mcap"
-    Writer(path, {}).close()
+    McapWriter(path, {}).close()
     error = run(fails(open_link(str(path), settings()).open()))
     assert error.kind == "ended"
     gone = open_link(f"{path}?from=1", settings())
@@ -179,15 +179,15 @@ def test_a_capture_can_be_played_from_somewhere_too(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def running(tmp_path: Path) -> Iterator[Running]:
+def running(tmp_path: Path) -> Iterator[InProcessServer]:
     (tmp_path / "recordings").mkdir()
     recording(tmp_path / "recordings")
     config = Config(sources=("/dev/none",), data=tmp_path)
-    with Running(config, open_link, speech()) as running:
+    with InProcessServer(config, open_link, speech()) as running:
         yield running
 
 
-def test_playing_a_recording_makes_its_devices_appear(running: Running) -> None:
+def test_playing_a_recording_makes_its_devices_appear(running: InProcessServer) -> None:
     client = running.client
     appeared = client.post("/api/recordings/drive/play", json={"loop": True})
     assert appeared.status_code == 201, appeared.text
@@ -215,7 +215,9 @@ def test_playing_a_recording_makes_its_devices_appear(running: Running) -> None:
         ("drive", {"speed": "fast"}, 422),
     ],
 )
-def test_what_cannot_be_played_over_http(running: Running, name: str, body: dict[str, Any], status: int) -> None:
+def test_what_cannot_be_played_over_http(
+    running: InProcessServer, name: str, body: dict[str, Any], status: int
+) -> None:
     answer = running.client.post(f"/api/recordings/{name}/play", json=body)
     assert answer.status_code == status
     assert set(answer.json()) == {"kind", "message", "hint"}

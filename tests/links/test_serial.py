@@ -14,7 +14,7 @@ import pytest
 import serial
 
 from server.links import open_link
-from server.links.serial import Line, cannot_open, holder, latency_notices, lock_of, open_port
+from server.links.serial import SerialSettings, cannot_open, holder, latency_notices, lock_of, open_port
 from tests.links.link_fixtures import dies, fails, gather, joined, left_behind, opened, pty, settings
 
 
@@ -217,7 +217,7 @@ def test_a_group_that_would_not_help_is_not_named(group: int, mode: int) -> None
     ],
 )
 def test_every_refusal_has_words_and_a_way_out(failure: Exception, kind: str) -> None:
-    error = cannot_open("/dev/ttyX", Line(baud=7), failure)
+    error = cannot_open("/dev/ttyX", SerialSettings(baud=7), failure)
     assert error.kind == kind
     assert "/dev/ttyX" in error.message
     assert error.hint
@@ -225,7 +225,7 @@ def test_every_refusal_has_words_and_a_way_out(failure: Exception, kind: str) ->
 
 def test_line_settings_reach_the_port() -> None:
     with pty() as port:
-        opened_port = open_port(port.path, Line(baud=57_600, bits=7, parity="odd", stop=2, flow="xonxoff"))
+        opened_port = open_port(port.path, SerialSettings(baud=57_600, bits=7, parity="odd", stop=2, flow="xonxoff"))
         try:
             settings_there = (opened_port.baudrate, opened_port.bytesize, opened_port.parity, opened_port.stopbits)
             assert settings_there == (57_600, 7, "O", 2)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from protocols.idtp.frames import build as idtp_build
 from protocols.isb.frames import build as isb_build
-from server.links.baud_mismatch import as_heard
-from server.links.ftdi_packets import Packets
-from server.links.simulated_line import Cable, Faults, frames_of
+from server.links.baud_mismatch import misread_at
+from server.links.ftdi_packets import FtdiPacketizer
+from server.links.simulated_line import LineFaults, SimulatedLine, frames_of
 from tests.links.link_fixtures import frame, xbus
 
 FRAMES = [frame(i, i * 100) for i in range(200)]
@@ -35,7 +35,7 @@ def test_frames_are_cut_at_frames() -> None:
 
 @given(st.binary(max_size=200), st.integers(1, 7))
 def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
-    cable = Cable(Faults())
+    cable = SimulatedLine(LineFaults())
     data = noise + b"".join(FRAMES[:5])
     heard = b""
     for at in range(0, len(data), step):
@@ -46,7 +46,7 @@ def test_a_good_cable_changes_nothing(noise: bytes, step: int) -> None:
 
 
 def test_drop_loses_whole_frames_in_the_given_share() -> None:
-    cable = Cable(Faults(drop=0.3), seed=1)
+    cable = SimulatedLine(LineFaults(drop=0.3), seed=1)
     cable.send(b"".join(FRAMES), 0)
     kept, rest = frames_of(cable.arrived(FOREVER))
     assert rest == b""
@@ -55,7 +55,7 @@ def test_drop_loses_whole_frames_in_the_given_share() -> None:
 
 
 def test_corrupt_flips_one_bit_of_the_given_share() -> None:
-    cable = Cable(Faults(corrupt=0.3), seed=1)
+    cable = SimulatedLine(LineFaults(corrupt=0.3), seed=1)
     cable.send(b"".join(FRAMES), 0)
     heard = cable.arrived(FOREVER)
     sent = b"".join(FRAMES)
@@ -68,14 +68,14 @@ def test_corrupt_flips_one_bit_of_the_given_share() -> None:
 def test_the_same_seed_makes_the_same_faults() -> None:
     heard = []
     for _ in range(2):
-        cable = Cable(Faults(drop=0.1, corrupt=0.1), seed=7)
+        cable = SimulatedLine(LineFaults(drop=0.1, corrupt=0.1), seed=7)
         cable.send(b"".join(FRAMES), 0)
         heard.append(cable.arrived(FOREVER))
     assert heard[0] == heard[1]
 
 
 def test_bytes_take_their_time_on_the_line() -> None:
-    cable = Cable(Faults(baud=10_000))  # 1 byte/ms
+    cable = SimulatedLine(LineFaults(baud=10_000))  # 1 byte/ms
     cable.send(FRAMES[0] + FRAMES[1], 0)
     size = len(FRAMES[0])
     assert cable.next_ns == size * 1_000_000
@@ -86,7 +86,7 @@ def test_bytes_take_their_time_on_the_line() -> None:
 
 
 def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
-    cable = Cable(Faults(baud=10_000))
+    cable = SimulatedLine(LineFaults(baud=10_000))
     cable.send(b"".join(FRAMES), 0)
     heard = cable.arrived(FOREVER)
     assert len(heard) + cable.overflowed == sum(map(len, FRAMES))
@@ -94,7 +94,7 @@ def test_a_line_that_is_too_slow_overflows_and_counts() -> None:
 
 
 def test_bursts_come_when_the_adapter_lets_go() -> None:
-    cable = Cable(Faults(burst_ms=16, packet=0))
+    cable = SimulatedLine(LineFaults(burst_ms=16, packet=0))
     for ms in range(20):
         cable.send(FRAMES[ms], ms * 1_000_000)
     assert cable.arrived(15_999_999) == b""
@@ -106,7 +106,7 @@ def test_bursts_come_when_the_adapter_lets_go() -> None:
 
 def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs_out() -> None:
     """Truth to the byte: 1 byte/ms, and a timer that starts anew with each packet."""
-    cable = Cable(Faults(baud=10_000, burst_ms=100))
+    cable = SimulatedLine(LineFaults(baud=10_000, burst_ms=100))
     sent = FRAMES[0] + FRAMES[1] + FRAMES[2] + FRAMES[3]
     size = len(sent)
     assert 62 < size < 2 * 62
@@ -124,7 +124,7 @@ def test_an_adapter_hands_over_62_bytes_at_once_and_the_rest_when_its_timer_runs
 
 @given(st.lists(st.tuples(st.integers(1, 200), st.integers(0, 40)), max_size=30), st.sampled_from([0, 62]))
 def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple[int, int]], packet: int) -> None:
-    held, out, begin = Packets(16e6, packet), [], 0
+    held, out, begin = FtdiPacketizer(16e6, packet), [], 0
     came: list[int] = []
     for size, pause_ms in frames:
         begin += pause_ms * 1_000_000
@@ -144,15 +144,15 @@ def test_an_adapter_keeps_every_byte_no_longer_than_its_timer(frames: list[tuple
 @pytest.mark.parametrize("baud", [4800, 9600, 115_200, 921_600])
 def test_the_right_rate_hears_what_was_sent(baud: int) -> None:
     data = bytes(range(256))
-    assert as_heard(data, baud, baud) == data
-    assert as_heard(data, baud, round(baud * 1.02)) == data  # receivers stand two percent
-    assert as_heard(data, baud, round(baud * 0.98)) == data
+    assert misread_at(data, baud, baud) == data
+    assert misread_at(data, baud, round(baud * 1.02)) == data  # receivers stand two percent
+    assert misread_at(data, baud, round(baud * 0.98)) == data
 
 
 @pytest.mark.parametrize(("sent", "heard"), [(115_200, 9600), (115_200, 921_600), (57_600, 115_200), (115_200, 57_600)])
 def test_a_wrong_rate_hears_noise_in_the_amount_that_a_receiver_would(sent: int, heard: int) -> None:
     data = random.Random(0).randbytes(1000)
-    noise = as_heard(data, sent, heard)
+    noise = misread_at(data, sent, heard)
     assert noise
     assert noise != data
     assert len(noise) <= len(data) * heard / sent * 10 / 9.5 + 1  # a byte is over in the middle of its stop bit
@@ -162,7 +162,7 @@ def test_a_wrong_rate_hears_noise_in_the_amount_that_a_receiver_would(sent: int,
 
 @given(st.binary(max_size=60), st.integers(1, 4_000_000), st.integers(1, 4_000_000))
 def test_any_pair_of_rates_ends(data: bytes, sent: int, heard: int) -> None:
-    assert len(as_heard(data, sent, heard)) <= 10 * len(data) + 1
+    assert len(misread_at(data, sent, heard)) <= 10 * len(data) + 1
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_frames_of_other_families_are_cut_wherever_the_bytes_are(protocol: str, 
 
 def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
     """Host and device agree on the rate, and still nothing can be read."""
-    cable = Cable(Faults(baud=921_600, dead_baud=921_600))
+    cable = SimulatedLine(LineFaults(baud=921_600, dead_baud=921_600))
     sent = b"".join(FRAMES[:20])
     cable.send(sent, 0)
     heard = cable.arrived(FOREVER, 921_600)
@@ -198,7 +198,7 @@ def test_a_rate_that_the_line_cannot_carry_is_noise_at_both_ends() -> None:
 
 def test_what_is_under_way_keeps_the_rate_at_which_it_was_sent() -> None:
     """The acknowledgement of a reset is still read at the old rate, although the device has gone to the new one."""
-    cable = Cable(Faults(baud=115_200))
+    cable = SimulatedLine(LineFaults(baud=115_200))
     cable.send(FRAMES[0], 0)
     cable.baud = 921_600
     cable.send(FRAMES[1], 1)

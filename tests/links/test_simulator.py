@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from protocols.events import Gap, Reject, batches
+from protocols.events import RejectedFrame, SampleGap, batches
 from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import build
 from server.links import LinkError, open_link, serial
 from server.links.base import Link
-from server.links.detection_text import hear
-from server.links.serial import Line, SerialLink, open_port
-from server.links.simulated_device import TwinOptions, make_device
-from server.links.simulator import Bench, TwinLink
-from server.links.source_url import Source
+from server.links.detection_text import describe_bytes
+from server.links.serial import SerialLink, SerialSettings, open_port
+from server.links.simulated_device import SimulatorOptions, make_device
+from server.links.simulator import SimulatorLink, SimulatorThread
+from server.links.source_url import SourceUrl
 from tests.links.link_fixtures import Metronome, dies, fails, frame, gather, joined, left_behind, opened, settings, xbus
 from tests.timeouts import PATIENCE_S
 
@@ -28,10 +28,10 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def twin(query: str = "", rate: float = 200.0) -> TwinLink:
+def twin(query: str = "", rate: float = 200.0) -> SimulatorLink:
     options = open_link(f"twin:xbus?{query}")
-    assert isinstance(options, TwinLink)
-    return TwinLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
+    assert isinstance(options, SimulatorLink)
+    return SimulatorLink(options.source, settings(), options.options, lambda start_ns: Metronome(start_ns, rate))
 
 
 def test_a_twin_speaks_answers_and_leaves_nothing_behind() -> None:
@@ -42,7 +42,7 @@ def test_a_twin_speaks_answers_and_leaves_nothing_behind() -> None:
         assert (link.kind, link.source, link.baud, link.capacity) == ("twin", "twin:xbus?", 115_200, 11_520)
         data = joined(await gather(link, 400))
         assert data.startswith(frame(0, 0))
-        assert hear(data).certain
+        assert describe_bytes(data).certain
         await link.write(b"\xfa\xff\x30\x00\xd1")
         await gather(link, until=lambda data: b"\xff\x3f\x05\xfa\xff\x30\x00\xd1" in data)
         await link.close()
@@ -87,8 +87,8 @@ def test_a_twin_whose_reader_is_late_loses_nothing() -> None:
     """It lost 135 samples right after its start: nobody read while something was compiled, and its port of 4 kB ran
     over, where a real one holds 640."""
     options = twin("rate=2000").options
-    bench = Bench(lambda start_ns: Metronome(start_ns, 2000), options)
-    port = open_port(bench.slave, Line(baud=options.faults.baud))
+    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options)
+    port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
     bench.release()
     time.sleep(0.6)  # 20 kB
@@ -101,8 +101,8 @@ def test_a_twin_that_was_held_up_has_no_full_line_for_it() -> None:
     """Its line was taken to be half a second behind, and the samples made up for were dropped."""
     late_ns = 0
     options = twin("rate=2000&baud=460800").options
-    bench = Bench(lambda start_ns: Metronome(start_ns, 2000), options, lambda: time.monotonic_ns() + late_ns)
-    port = open_port(bench.slave, Line(baud=options.faults.baud))
+    bench = SimulatorThread(lambda start_ns: Metronome(start_ns, 2000), options, lambda: time.monotonic_ns() + late_ns)
+    port = open_port(bench.slave, SerialSettings(baud=options.faults.baud))
     bench.start()
     bench.release()
     time.sleep(0.05)
@@ -115,7 +115,7 @@ def test_a_twin_that_was_held_up_has_no_full_line_for_it() -> None:
 def test_the_first_frame_of_a_twin_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Opening the port clears it: the wake-up was lost at times, or cut, which was counted as a bad checksum."""
 
-    def slowly(place: str, line: Line) -> Any:
+    def slowly(place: str, line: SerialSettings) -> Any:
         time.sleep(0.05)
         return open_port(place, line)
 
@@ -149,7 +149,7 @@ def test_a_twin_that_is_told_another_rate_is_noise_until_the_port_follows() -> N
         await link.open()
         await gather(link, 100)
         await link.write(xbus(0x18, b"\x00"))
-        await gather(link, until=lambda data: len(data) > 400 and not hear(data[-300:]).recognised)
+        await gather(link, until=lambda data: len(data) > 400 and not describe_bytes(data[-300:]).recognised)
         await link.close()
 
     run(check())
@@ -164,7 +164,7 @@ def test_a_fault_in_a_twin_looks_like_a_pulled_plug(caplog: pytest.LogCaptureFix
 
     async def check() -> None:
         before = left_behind()
-        link = TwinLink("twin:xbus", settings(), twin().options, lambda start_ns: Faulty(start_ns))
+        link = SimulatorLink("twin:xbus", settings(), twin().options, lambda start_ns: Faulty(start_ns))
         await link.open()
         assert (await dies(link)).kind == "gone"
         await link.close()
@@ -200,14 +200,14 @@ def test_the_real_twin_streams(query: str) -> None:
         chunks = await gather(link, 8000)
         await link.close()
         assert left_behind() == before
-        assert hear(joined(chunks)).recognised
+        assert describe_bytes(joined(chunks)).recognised
         if not query:
             assert joined(chunks).startswith(xbus(0x3E))  # WakeUp
             decoder = PROTOCOLS["xbus"].decoder()
             for chunk in chunks:
                 decoder.feed(chunk.data, chunk.arrival_ns)
             events = decoder.drain()
-            assert not [event for event in events if isinstance(event, Reject | Gap)]
+            assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
             (batch,) = list(batches(events))[-1:]
             assert "SampleTimeFine" in batch.columns
 
@@ -239,7 +239,7 @@ def test_twins_of_the_other_families_stream(source: str, baud: int, names: set[s
         for chunk in chunks:
             decoder.feed(chunk.data, chunk.arrival_ns)
         events = decoder.drain()
-        assert not [event for event in events if isinstance(event, Reject | Gap)]
+        assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap)]
         assert {batch.message.name for batch in batches(events)} >= names
 
     run(check())
@@ -253,7 +253,7 @@ def test_a_twin_whose_key_nobody_knows() -> None:
         await link.close()
         decoder = PROTOCOLS["idtp"].decoder(key=b"a guess")
         decoder.feed(data, 0)
-        assert {event.reason for event in decoder.drain() if isinstance(event, Reject)} == {"bad_hmac"}
+        assert {event.reason for event in decoder.drain() if isinstance(event, RejectedFrame)} == {"bad_hmac"}
 
     run(check())
 
@@ -266,7 +266,7 @@ def test_faults_cut_whole_frames_of_any_family() -> None:
         await link.close()
         decoder = PROTOCOLS[protocol].decoder()
         decoder.feed(data, 0)
-        assert not [event for event in decoder.drain() if isinstance(event, Reject)]
+        assert not [event for event in decoder.drain() if isinstance(event, RejectedFrame)]
 
     for protocol in ("isb", "idtp"):
         run(check(protocol))
@@ -281,14 +281,14 @@ def test_options_belong_to_their_family(source: str) -> None:
 
 @pytest.mark.parametrize(("clock", "tick_ns"), [("ns", 1), ("us", 1_000), ("ms", 1_000_000), ("s", 1_000_000_000)])
 def test_a_twin_whose_timestamps_count_in_another_unit(clock: str, tick_ns: int) -> None:
-    options = TwinOptions.of(Source.parse(f"twin:idtp?clock={clock}"))
+    options = SimulatorOptions.of(SourceUrl.parse(f"twin:idtp?clock={clock}"))
     data = make_device(options, 0, None).advance(2_000_000_000)
     decoder = PROTOCOLS["idtp"].decoder(time_unit=clock, replay_check=False)
     decoder.feed(data, 0)
     last = max(int(batch.time_ns[-1]) for batch in batches(decoder.drain(stalled=True)) if batch.time_ns is not None)
     assert 2_000_000_000 - max(10_000_000, tick_ns) <= last <= 2_000_000_000
     with pytest.raises(LinkError, match="clock is 'min', not one of us, ns, ms, s"):
-        TwinOptions.of(Source.parse("twin:idtp?clock=min"))
+        SimulatorOptions.of(SourceUrl.parse("twin:idtp?clock=min"))
 
 
 def test_an_idtp_twin_that_resets_counts_from_zero() -> None:
@@ -316,7 +316,7 @@ def test_a_twin_that_resets() -> None:
 
 def test_a_serial_link_can_be_made_without_a_source() -> None:
     """What twins do: the port's path and its line, whatever the source is called."""
-    link = SerialLink("twin:x", settings(), "/dev/ttyX", Line(baud=9600))
+    link = SerialLink("twin:x", settings(), "/dev/ttyX", SerialSettings(baud=9600))
     assert (link.source, link.place) == ("twin:x", "/dev/ttyX")
 
 
@@ -333,7 +333,7 @@ def test_a_rate_that_the_cable_cannot_carry() -> None:
             await link.relink(921_600)
             noise = joined(await gather(link, 3000))
             assert b"\xfa\xff\x36" not in noise
-            assert not hear(noise).certain
+            assert not describe_bytes(noise).certain
 
     run(check())
 

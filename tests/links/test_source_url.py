@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from server.links import LinkError, Source, open_link
+from server.links import LinkError, SourceUrl, open_link
 from server.links.capture_file import FileLink
-from server.links.serial import Line, SerialLink
-from server.links.simulator import TwinLink
+from server.links.serial import SerialLink, SerialSettings
+from server.links.simulator import SimulatorLink
 from server.links.tcp import TcpLink, TcpListenLink
 from server.links.udp import UdpLink
 
@@ -33,23 +33,23 @@ from server.links.udp import UdpLink
     ],
 )
 def test_kinds(text: str, kind: str, place: str) -> None:
-    source = Source.parse(text)
+    source = SourceUrl.parse(text)
     assert (source.kind, source.place) == (kind, place)
 
 
 def test_a_file_that_exists_is_that_file_whatever_its_name(tmp_path: Path) -> None:
     odd = tmp_path / "tcp:what?speed=4"
     odd.write_bytes(b"x")
-    assert Source.parse(str(odd)) == Source(str(odd), "file", str(odd), {})
+    assert SourceUrl.parse(str(odd)) == SourceUrl(str(odd), "file", str(odd), {})
 
 
 def test_line_settings() -> None:
     link = open_link("serial:///dev/ttyUSB0?baud=921600&bits=7&parity=even&stop=2&flow=rtscts")
     assert isinstance(link, SerialLink)
-    assert link.line == Line(921_600, 7, "even", 2.0, "rtscts")
+    assert link.line == SerialSettings(921_600, 7, "even", 2.0, "rtscts")
     assert link.line.capacity(921_600) == pytest.approx(921_600 / 11)
-    assert Line().capacity(115_200) == 11_520
-    assert Line(stop=1.5, bits=5).capacity(750) == 100
+    assert SerialSettings().capacity(115_200) == 11_520
+    assert SerialSettings(stop=1.5, bits=5).capacity(750) == 100
 
 
 def test_each_kind_of_link(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_each_kind_of_link(tmp_path: Path) -> None:
     assert isinstance(file, FileLink)
     assert (file.speed, file.loop) == (4, True)
     twin = open_link("twin:xbus?rate=400&drop=0.01&burst_ms=16&baud=921600")
-    assert isinstance(twin, TwinLink)
+    assert isinstance(twin, SimulatorLink)
     assert twin.options.rate == 400
     assert (twin.options.faults.drop, twin.options.faults.burst_ms, twin.options.faults.baud) == (0.01, 16, 921_600)
     assert twin.options.product == "MTi-630"

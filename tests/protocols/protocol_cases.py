@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from protocols import ubx
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from protocols.idtp import frames as idtp
-from protocols.idtp.json_codec import frame_of as idtp_frame_of
-from protocols.idtp.json_codec import plain as idtp_plain
+from protocols.idtp.json_codec import frame_from_json as idtp_frame_of
+from protocols.idtp.json_codec import frame_to_json as idtp_plain
 from protocols.isb import frames as isb
-from protocols.isb.json_codec import packet_of as isb_packet_of
-from protocols.isb.json_codec import plain as isb_plain
+from protocols.isb.json_codec import frame_from_json as isb_packet_of
+from protocols.isb.json_codec import frame_to_json as isb_plain
 from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import MAX_FRAME
-from protocols.xbus.json_codec import frame_of, plain
+from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from tests.oracles import idtp as idtp_oracle
 from tests.oracles import isb as isb_oracle
 from tests.oracles import xbus as oracle
@@ -36,7 +36,7 @@ Expected = tuple[list[tuple[int, Any]], list[tuple[int, str]]]
 
 
 @dataclass(frozen=True)
-class Speaker:
+class ProtocolCase:
     """One protocol, as these tests need it."""
 
     name: str
@@ -163,16 +163,16 @@ def canonical(events: Sequence[Event]) -> list[str]:
             lines.append(f"{event.offset:08} reply {event.message.name} {event.size} {dict(event.values)}")
         elif isinstance(event, Text):
             lines.append(f"{event.offset:08} text {event.name} {event.line}")
-        elif isinstance(event, Reject):
+        elif isinstance(event, RejectedFrame):
             lines.append(f"{event.offset:08} reject {event.size} {event.reason}")
-        elif isinstance(event, Gap):
+        elif isinstance(event, SampleGap):
             lines.append(f"{event.offset:08} gap {event.missing} {event.time_ns}")
-        elif isinstance(event, Step):
+        elif isinstance(event, ClockStep):
             lines.append(f"{event.offset:08} step {event.kind} {event.by_ns}")
     return sorted(lines)
 
 
-def run(speaker: Speaker, chunks: Sequence[bytes]) -> list[Event]:
+def run(speaker: ProtocolCase, chunks: Sequence[bytes]) -> list[Event]:
     decoder = PROTOCOLS[speaker.name].decoder()
     events: list[Event] = []
     for arrival, chunk in enumerate(chunks):
@@ -192,8 +192,17 @@ def cut(data: bytes, places: Sequence[int]) -> list[bytes]:
 # -- the protocols -----------------------------------------------------------------------------------------------------
 
 SPEAKERS = {
-    "xbus": Speaker("xbus", MAX_FRAME, b"\xfa", plain, frame_of, xbus_expected, lambda line: of_line(line), everything),
-    "isb": Speaker(
+    "xbus": ProtocolCase(
+        "xbus",
+        MAX_FRAME,
+        b"\xfa",
+        frame_to_json,
+        frame_from_json,
+        xbus_expected,
+        lambda line: of_line(line),
+        everything,
+    ),
+    "isb": ProtocolCase(
         "isb",
         isb.MAX_PACKET + ubx.LONGEST,
         b"\xef\x49",
@@ -203,7 +212,7 @@ SPEAKERS = {
         lambda line: canonical_values(isb_vectors.leaves(line["fields"])),
         isb_vectors.everything,
     ),
-    "idtp": Speaker(
+    "idtp": ProtocolCase(
         "idtp",
         idtp.MAX_FRAME,
         b"IDTP",

@@ -12,7 +12,7 @@ import itertools
 import numpy as np
 import pytest
 
-from protocols.clock_sync import HostClock
+from protocols.clock_sync import ClockSync
 from tests.protocols.timing_model import (
     MS,
     PACKET,
@@ -35,13 +35,13 @@ BAUDS = (115_200, 460_800, 921_600)
 FULLEST = 0.85  # of a line: above, frames queue for good
 
 
-def clock_of(given: Stream, way: Way) -> HostClock:
+def clock_of(given: Stream, way: Way) -> ClockSync:
     """As a session makes it: a timer of 1 ms is known (sysfs tells), one of 16 ms is not, to be on the safe side."""
     holds_ns = way.timer_ms * MS if 0 < way.timer_ms <= 1 else 0
-    return HostClock(given.byte_ns, holds_ns=holds_ns, pieces=given.pieces())
+    return ClockSync(given.byte_ns, holds_ns=holds_ns, pieces=given.pieces())
 
 
-def held(given: Stream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS) -> HostClock:
+def held(given: Stream, way: Way, begins: tuple[float, ...] = (0.0,), *, spread_ns: float = SPREAD_NS) -> ClockSync:
     """Everything that is promised of a stream; `begins`: when its clock was started or stepped, s."""
     told = mapped(given, clock_of(given, way))
     error = errors(given, told)
@@ -177,7 +177,7 @@ def test_a_network_is_uneven_and_only_its_quickest_packet_is_hidden() -> None:
     """A constant 0.3 ms one way cannot be seen from one end: the session adds what nobody can know."""
     way = Way(0, network_ms=3, wake_us=40)
     given = stream(Device(((400, 60),), ppm=-50), way, 25, seed=1)
-    told = mapped(given, HostClock(unknown_ns=MS))
+    told = mapped(given, ClockSync(unknown_ns=MS))
     late = settled(given)
     error = errors(given, told)[late]
     assert np.ptp(error) <= SPREAD_NS

@@ -12,7 +12,7 @@ import pytest
 from protocols import nmea, rtcm, ubx
 from protocols.events import Text
 from protocols.idtp import messages as idtp_messages
-from protocols.idtp.json_codec import frame_of, plain
+from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.isb import dataset_loader as isb_tables
 from protocols.isb import frames as isb_frames
 from protocols.isb import messages as isb_messages
@@ -97,7 +97,7 @@ def test_foreign_messages_are_recognised_by_name(vector: dict[str, Any]) -> None
 
 @pytest.mark.parametrize("vector", COMPUTED, ids=lambda v: f"{v['version']:x}-{v['mode']}-{v['type']:02x}")
 def test_computed_idtp_frames(vector: dict[str, Any]) -> None:
-    record = plain(frame(vector))
+    record = frame_to_json(frame(vector))
     assert (record["id"], record["fields"]["mode"], record["fields"]["version"]) == (
         *(vector["type"], vector["mode"]),
         vector["version"],
@@ -106,7 +106,7 @@ def test_computed_idtp_frames(vector: dict[str, Any]) -> None:
         assert {name: record["fields"][name] for name in vector["values"]} == vector["values"]
     else:
         assert record["fields"]["data"] == frame(vector)[20 : 20 + len(record["fields"]["data"]) // 2].hex()
-    assert frame_of(record, KEY) == frame(vector)
+    assert frame_from_json(record, KEY) == frame(vector)
 
 
 COPIED = {  # shared vector → where a test reads it; the commands are those of the forms, and copied too

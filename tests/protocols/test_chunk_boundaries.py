@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.chunk_boundaries import Pieces
-from protocols.clock_sync import HostClock
+from protocols.chunk_boundaries import ChunkBoundaries
+from protocols.clock_sync import ClockSync
 from tests.protocols.timing_model import MS, PACKET, Device, Way, errors, mapped, settled, stream
 
 BYTE_NS = 1000.0
@@ -26,7 +26,7 @@ def test_it_is_what_looking_at_every_byte_gives(
     """The oracle: each byte has an arrival; a frame began no later than any end of a piece inside it allows."""
     ends = np.cumsum([size for size, _ in chunks])
     came = np.cumsum([after for _, after in chunks]) + 10**18
-    pieces = Pieces()
+    pieces = ChunkBoundaries()
     if at_once:
         pieces.add_many(ends[:2], came[:2])
     for end, arrival in zip(ends[2 * at_once :].tolist(), came[2 * at_once :].tolist(), strict=True):
@@ -48,12 +48,12 @@ def test_it_is_what_looking_at_every_byte_gives(
 
 
 def test_nothing_is_kept_that_nobody_asks_for() -> None:
-    pieces = Pieces()
+    pieces = ChunkBoundaries()
     for k in range(1, 1000):
         pieces.add(10 * k, k)
         pieces.forget(10 * k - 5)
         assert len(pieces) <= 2
-    assert Pieces().sent(np.array([0]), 10, np.array([5]), BYTE_NS).tolist() == [5]
+    assert ChunkBoundaries().sent(np.array([0]), 10, np.array([5]), BYTE_NS).tolist() == [5]
 
 
 @pytest.mark.parametrize(("baud", "rate", "size"), [(921_600, 50, 220), (460_800, 40, 100), (115_200, 20, 150)])
@@ -69,5 +69,5 @@ def test_a_tail_that_always_waits_for_the_timer_is_no_offset(baud: int, rate: in
     assert np.ptp(errors(given, told)[late]) < 0.1 * MS
     assert np.abs(errors(given, told)[late]).max() < 0.2 * MS
     assert told.clock.spread.bursts, "and what the adapter does is seen"
-    blind = mapped(given, HostClock(given.byte_ns))
+    blind = mapped(given, ClockSync(given.byte_ns))
     assert np.abs(errors(given, blind)[late]).min() > 13 * MS

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from protocols.clock_model import WINDOW_S
-from protocols.clock_sync import HostClock, Part
+from protocols.clock_sync import ClockSync, TimedRows
 
 MS = 1e6
 EPOCH_NS = 1_767_225_600 * 10**9
@@ -54,12 +54,12 @@ class Mapped:
 
     host: NDArray[np.float64]
     uncertainty: NDArray[np.float64]
-    clock: HostClock
+    clock: ClockSync
 
 
-def run(given_: Stream, clock: HostClock | None = None, *, tick_ms: float = 8, size: int = 0) -> Mapped:
+def run(given_: Stream, clock: ClockSync | None = None, *, tick_ms: float = 8, size: int = 0) -> Mapped:
     """Feed a clock as a session does: every some milliseconds, what has arrived."""
-    clock = clock or HostClock()
+    clock = clock or ClockSync()
     ends = np.flatnonzero(np.diff(given_.arrival // int(tick_ms * MS))) + 1
     host, uncertainty = [], []
     for rows in np.split(np.arange(len(given_.device)), ends):
@@ -142,10 +142,12 @@ def test_the_time_on_the_wire_is_subtracted() -> None:
     given_ = stream(100, 10, burst_ms=0)
     size = np.where(np.arange(len(given_.device)) % 4 == 0, 200, 20)
     arrival = given_.arrival + (size * byte_ns).astype(np.int64)
-    clock = HostClock(byte_ns)
+    clock = ClockSync(byte_ns)
     kinds = [size == 20, size == 200]
     offset = np.cumsum(size)
-    clock.times([Part(given_.device[k], arrival[k], offset[k], n, n) for k, n in zip(kinds, (20, 200), strict=True)])
+    clock.times(
+        [TimedRows(given_.device[k], arrival[k], offset[k], n, n) for k, n in zip(kinds, (20, 200), strict=True)]
+    )
     assert np.abs((clock.host(given_.device) - EPOCH_NS / 1e9) * 1e9 - (given_.true - EPOCH_NS)).max() < 0.2 * MS
     assert clock.jitter_ns(99) < 0.5 * MS
 
@@ -201,7 +203,7 @@ def test_a_clock_set_back_a_little_is_noticed_within_a_second() -> None:
 
 def test_rows_of_one_chunk_before_and_after_a_jump_keep_their_mapping() -> None:
     given_ = shifted(stream(100, 30, burst_ms=0), 3600.0)
-    clock = HostClock()
+    clock = ClockSync()
     for part in (slice(0, STEP_ROW - 5), slice(STEP_ROW - 5, STEP_ROW + 5)):
         host = (clock.add(given_.device[part], given_.arrival[part]) - EPOCH_NS / 1e9) * 1e9
     assert np.abs(host - (given_.true - EPOCH_NS)[STEP_ROW - 5 : STEP_ROW + 5]).max() < 1 * MS
@@ -234,7 +236,7 @@ def test_a_stall_of_the_link_moves_nothing() -> None:
 def test_an_older_row_falls_on_the_mapping_of_its_neighbours() -> None:
     """A GNSS solution among IMU samples, 2.5 s old."""
     given_ = stream(100.7, 30, seed=9)
-    clock = HostClock()
+    clock = ClockSync()
     first: dict[int, float] = {}
     for row in range(len(given_.device)):
         one = slice(row, row + 1)
@@ -246,7 +248,7 @@ def test_an_older_row_falls_on_the_mapping_of_its_neighbours() -> None:
 
 
 def test_a_new_link_begins_anew() -> None:
-    clock = HostClock()
+    clock = ClockSync()
     assert np.isnan(clock.host(np.array([1, 2]))).all()
     assert clock.uncertainty_ns == float("inf")
     clock.add(np.array([0]), np.array([EPOCH_NS]))
@@ -265,7 +267,7 @@ def test_host_time_increases_and_is_never_told_otherwise(rows: list[tuple[int, i
     """Whatever the delays below 40 ms: strictly increasing with device time, and what was told once stays."""
     device = np.cumsum([step for step, _ in rows]).astype(np.int64) * 10**6
     arrival = EPOCH_NS + np.maximum.accumulate(device + np.array([delay for _, delay in rows]) * 1000)
-    clock = HostClock()
+    clock = ClockSync()
     told: list[float] = []
     for at in range(0, len(device), chunk):
         told += clock.add(device[at : at + chunk], arrival[at : at + chunk]).tolist()
@@ -280,7 +282,7 @@ anything = st.lists(st.tuples(st.integers(-(2**40), 2**50), st.integers(0, 10**1
 def test_any_times_are_survived_and_never_run_backwards(rows: list[tuple[int, int]], chunk: int) -> None:
     device = np.array([d for d, _ in rows], np.int64)
     arrival = EPOCH_NS + np.cumsum([a for _, a in rows])
-    clock = HostClock(86_806)
+    clock = ClockSync(86_806)
     told = []
     for at in range(0, len(device), chunk):
         told += clock.add(device[at : at + chunk], arrival[at : at + chunk], 60).tolist()
@@ -294,7 +296,7 @@ def test_any_times_are_survived_and_never_run_backwards(rows: list[tuple[int, in
 
 def test_memory_is_bounded() -> None:
     given_ = stream(20, 1200)
-    clock = HostClock()
+    clock = ClockSync()
     run(given_, clock)
     mapping: Any = clock._now
     assert len(mapping._buckets) == WINDOW_S
@@ -304,7 +306,7 @@ def test_memory_is_bounded() -> None:
 def test_an_add_of_ten_rows_costs_microseconds() -> None:
     """About 28 µs measured, 30 to 50 times a pass of numpy over the same rows, which is as slow as the machine is."""
     given_ = stream(1000, 30)
-    clock = HostClock()
+    clock = ClockSync()
     best = yardstick = float("inf")
     for at in range(0, len(given_.device), 3000):
         parts = [slice(row, row + 10) for row in range(at, at + 3000, 10)]

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from protocols.idtp.custom_payloads import SchemaError, parse
 from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.detect import likeness
+from protocols.idtp.detect import detection_score
 from protocols.idtp.frames import CRC_AT, LITE, SAFETY, SECURE, VERSION_AT, build
-from protocols.idtp.inspect import IdtpListing
-from protocols.idtp.json_codec import frame_of, plain
+from protocols.idtp.inspect import IdtpFrameLister
+from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.layouts import EncodeError
 from tests.oracles import idtp as oracle
 from tests.protocols.idtp_vectors import KEY, everything
@@ -41,7 +41,7 @@ def shown(events: Sequence[Event]) -> list[int]:
 
 
 def reasons(events: Sequence[Event]) -> list[str]:
-    return [event.reason for event in events if isinstance(event, Reject)]
+    return [event.reason for event in events if isinstance(event, RejectedFrame)]
 
 
 def play(frames: Sequence[bytes | tuple[float, bytes]], **options: Any) -> list[Event]:
@@ -64,7 +64,7 @@ def test_stale_frames_are_dropped_whole() -> None:
     stale = build(0x91, inner, sequence=3, device=7)
     events = play([acc(5), stale, acc(6)])
     assert shown(events) == [5, 6]
-    (reject,) = [event for event in events if isinstance(event, Reject)]
+    (reject,) = [event for event in events if isinstance(event, RejectedFrame)]
     assert (reject.reason, reject.size) == ("stale", len(stale))
 
 
@@ -91,7 +91,7 @@ def test_a_silent_device_may_start_again() -> None:
 
 
 def test_no_silence_in_a_file() -> None:
-    listing = IdtpListing()
+    listing = IdtpFrameLister()
     listing.feed(acc(1000) + acc(0))
     assert [line.get("reject") for line in listing.drain(stalled=True)] == [None, "stale"]
 
@@ -127,7 +127,7 @@ def test_weaker_frames_neither_lock_a_secure_device_out_nor_let_old_frames_in() 
     forged = (0.01, acc(60_000, LITE))
     events = play([*genuine, forged, (0.02, acc(5, SECURE)), (0.03, acc(6, SECURE))], key=KEY, min_mode=LITE)
     assert shown(events) == [0, 1, 2, 3, 4, 60_000, 5, 6]
-    assert [event.missing for event in events if isinstance(event, Gap)] == [60_000 - 5]
+    assert [event.missing for event in events if isinstance(event, SampleGap)] == [60_000 - 5]
     replay = [forged, (9.0, acc(1, LITE)), (9.1, acc(2, SECURE)), (9.2, acc(3, SECURE))]
     assert reasons(play([*genuine, *replay], key=KEY, min_mode=LITE)) == ["stale", "stale"]
 
@@ -144,13 +144,13 @@ def test_one_frame_far_ahead_does_not_lock_a_device_out() -> None:
 
 def test_secure_may_jump() -> None:
     events = play([acc(5, SECURE), acc(1_000_005, SECURE)], key=KEY)
-    assert [event.missing for event in events if isinstance(event, Gap)] == [999_999]
+    assert [event.missing for event in events if isinstance(event, SampleGap)] == [999_999]
 
 
 def test_without_replay_check() -> None:
     events = play([acc(5), acc(4), acc(5), acc(7)], replay_check=False)
     assert shown(events) == [5, 4, 5, 7]
-    assert [event.missing for event in events if isinstance(event, Gap)] == [1]
+    assert [event.missing for event in events if isinstance(event, SampleGap)] == [1]
 
 
 # -- trust -------------------------------------------------------------------------------------------------------------
@@ -185,7 +185,7 @@ def test_unverified_frames_are_marked_and_touch_nothing() -> None:
     assert [event.verified for event in events if isinstance(event, Batch)] == [True, False, True]
     status = [int(e.columns["Imu3AccStatus"][0]) for e in events if isinstance(e, Batch)]
     assert status == [0, 0b110, 0]
-    assert not [event for event in events if isinstance(event, (Gap, Step))]
+    assert not [event for event in events if isinstance(event, (SampleGap, ClockStep))]
 
 
 def test_with_a_key_a_forged_frame_is_never_shown() -> None:
@@ -213,9 +213,9 @@ def test_forged_frames_among_good_ones() -> None:
         good, bad = oracle.judge(found.frames, keyed=True)
         offsets = sorted(int(o) for e in events if isinstance(e, Batch) for o in e.offset)
         assert offsets == [frame.offset for frame, _ in good]
-        rejects = sorted((event.offset, event.reason) for event in events if isinstance(event, Reject))
+        rejects = sorted((event.offset, event.reason) for event in events if isinstance(event, RejectedFrame))
         assert rejects == sorted(found.rejects + bad)
-        assert sum(e.missing for e in events if isinstance(e, Gap)) == sum(lost for _, lost in good)
+        assert sum(e.missing for e in events if isinstance(e, SampleGap)) == sum(lost for _, lost in good)
 
 
 # -- time --------------------------------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ def test_timestamps_unwrap(unit: str, ns: int) -> None:
 
 def test_a_device_that_restarts_resets_its_clock() -> None:
     events = play([(0.0, acc(100, timestamp=90_000_000)), (4.0, acc(0, timestamp=10))])
-    (step,) = [event for event in events if isinstance(event, Step)]
+    (step,) = [event for event in events if isinstance(event, ClockStep)]
     assert (step.kind, step.device) == ("reset", "7")
 
 
@@ -260,7 +260,7 @@ def test_successor_by_name() -> None:
     assert reasons(events) == ["indt"] * 2
     assert len(warnings(events)) == 1
     assert "INDT, the successor of IDTP" in warnings(events)[0]
-    assert "INDT" in likeness(b"INDT\0\0\0\0" * 20)[1]
+    assert "INDT" in detection_score(b"INDT\0\0\0\0" * 20)[1]
 
 
 def test_short_and_long_payloads() -> None:
@@ -382,11 +382,11 @@ def test_user_schema() -> None:
     assert batch.columns["Speed"].tolist() == [[1.0, -1.0, 0.0, 32.767]]
     assert batch.columns["Steering"].tolist() == [1.5]
     assert [field.unit for field in batch.message.fields[:2]] == ["m/s", "rad"]
-    record = plain(build(0x80, payload + b"\1"), schema)
+    record = frame_to_json(build(0x80, payload + b"\1"), schema)
     assert record["message"] == "Wheels"
     assert record["fields"]["Speed"] == [1000, -1000, 0, 32767]
     assert record["wire"] == {"trailing": "01"}
-    assert frame_of(record, schema=schema) == build(0x80, payload + b"\1")
+    assert frame_from_json(record, schema=schema) == build(0x80, payload + b"\1")
     (short,) = [e for e in play([build(0x80, payload[:5])], schema=schema) if isinstance(e, Batch)]
     assert short.message.name == "WheelsBytes"
 
@@ -437,20 +437,20 @@ def test_schema_errors_name_the_place(change: tuple[str, str], words: str) -> No
 )
 def test_compose_errors(record: dict[str, Any], words: str) -> None:
     with pytest.raises(EncodeError, match=words):
-        frame_of(record)
+        frame_from_json(record)
 
 
 def test_likeness() -> None:
     frames = list(everything())
-    score, why = likeness(b"".join(frames))
+    score, why = detection_score(b"".join(frames))
     assert score == 1.0
     assert f"{len(frames)} IDTP frames" in why
-    assert likeness(bytes(100)) == (0.0, "no frame in them")
+    assert detection_score(bytes(100)) == (0.0, "no frame in them")
 
 
 def test_another_version_was_no_known_protocol() -> None:
     frames = b"".join(with_version(build(0, bytes(12), sequence=k, timestamp=k, mode=SAFETY), 0x31) for k in range(20))
-    assert likeness(frames) == (0.1, "20 frames of IDTP 3.1; this program reads IDTP 2")
+    assert detection_score(frames) == (0.1, "20 frames of IDTP 3.1; this program reads IDTP 2")
     said = [event.values["warning"] for event in play([frames]) if isinstance(event, Reply)]
     assert said == ["these frames are of IDTP 3.1, which is not read here"]
 

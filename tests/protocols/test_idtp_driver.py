@@ -11,9 +11,9 @@ from protocols.events import batches
 from protocols.idtp.custom_payloads import parse
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.driver import IdtpDriver
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.layouts import EncodeError
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from tests.transaction_player import Wire, play
 
 DRIVER = IdtpDriver()
@@ -26,10 +26,10 @@ SCHEMA = parse(
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_every_standard_type_in_every_mode_is_read_back(mode: int) -> None:
-    for number, command in enumerate(DRIVER.commands(Known())[:7], 1):
+    for number, command in enumerate(DRIVER.commands(DeviceContext())[:7], 1):
         readings = {field.name: 0.5 for field in command.arguments if field.dtype == "<f4"}
         values = {"timestamp": 1000, "sequence": number, "device_id": 7, "mode": mode, **readings}
-        frame = DRIVER.frame(command.name, values, Known(key=KEY))
+        frame = DRIVER.frame(command.name, values, DeviceContext(key=KEY))
         decoder = IdtpDecoder(key=KEY, min_mode=0)
         decoder.feed(frame, 0)
         [batch] = batches(decoder.drain(stalled=True))
@@ -48,9 +48,9 @@ def test_spans_cover_every_golden_frame_in_order() -> None:
 
 def test_a_type_that_a_vendor_described() -> None:
     driver = IdtpDriver(SCHEMA)
-    frame = driver.frame("Wheels", {"Speed": [1, -2], "mode": 0}, Known())
+    frame = driver.frame("Wheels", {"Speed": [1, -2], "mode": 0}, DeviceContext())
     assert frame.hex().endswith("0100feff")
-    assert frame == driver.frame("Frame", {"type": 0x90, "data": "0100feff", "mode": 0}, Known())
+    assert frame == driver.frame("Frame", {"type": 0x90, "data": "0100feff", "mode": 0}, DeviceContext())
     assert driver.name_of(frame) == "Wheels"
     assert [span.path for span in driver.spans(frame)][-1] == "Speed"
     assert DRIVER.name_of(frame) == "0x90"
@@ -68,15 +68,15 @@ def test_a_type_that_a_vendor_described() -> None:
 )
 def test_what_cannot_be_sent_is_said(command: str, values: dict[str, object], said: str) -> None:
     with pytest.raises(EncodeError, match=said):
-        DRIVER.frame(command, values, Known())
+        DRIVER.frame(command, values, DeviceContext())
 
 
 def test_a_device_is_heard_and_a_frame_sent() -> None:
-    wire = Wire(IdtpDevice(), "idtp")
-    assert play(DRIVER.alive(Known()), wire)
-    assert play(DRIVER.run("ImuQuat", {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, Known()), wire) == {}
+    wire = Wire(IdtpSimulator(), "idtp")
+    assert play(DRIVER.alive(DeviceContext()), wire)
+    assert play(DRIVER.run("ImuQuat", {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, DeviceContext()), wire) == {}
     assert wire.sent[-1].what == "ImuQuat"
-    assert DRIVER.settings(Known()) == ()
-    assert play(DRIVER.identify(Known(device="7")), wire) == Known(device="7")
+    assert DRIVER.settings(DeviceContext()) == ()
+    assert play(DRIVER.identify(DeviceContext(device="7")), wire) == DeviceContext(device="7")
     with pytest.raises(EncodeError, match="no settings"):
-        play(DRIVER.read("any", Known()), wire)
+        play(DRIVER.read("any", DeviceContext()), wire)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.json_codec import frame_of
+from protocols.idtp.json_codec import frame_from_json
 from server.cli import main
 from tests.protocols.idtp_vectors import KEY, VECTORS, frame, key_of
 
@@ -28,7 +28,7 @@ def lines(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str,
 
 def test_every_vector_comes_back(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     got = lines(capsys, str(file), "--key", KEY.hex(), "--min-mode", "lite", "--no-replay-check")
-    assert b"".join(frame_of(line, KEY) for line in got) == file.read_bytes()
+    assert b"".join(frame_from_json(line, KEY) for line in got) == file.read_bytes()
     assert {line["protocol"] for line in got} == {"idtp"}
 
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Gap, Reject, Step
+from protocols.events import Batch, ClockStep, RejectedFrame, SampleGap
 from protocols.idtp.decoder import IdtpDecoder
 from protocols.idtp.messages import MESSAGES
-from protocols.idtp.simulator import EARTH_UT, IdtpDevice
+from protocols.idtp.simulator import EARTH_UT, IdtpSimulator
 from protocols.simulator import trajectory
 from tests.protocols.idtp_vectors import KEY
 
@@ -28,10 +28,10 @@ def column(events: list[Any], message: str, name: str) -> np.ndarray[Any, Any]:
 
 
 def test_it_measures_the_drive() -> None:
-    events = events_of(IdtpDevice(rate=50).advance(20 * S - 1))
+    events = events_of(IdtpSimulator(rate=50).advance(20 * S - 1))
     assert not [event for event in events if not isinstance(event, Batch)]
     t = np.arange(1000) / 50
-    truth = trajectory.drive(t)
+    truth = trajectory.vehicle_motion(t)
     times = next(event.time_ns for event in events if isinstance(event, Batch) and event.message.name == "Imu10")
     assert times.tolist() == (np.arange(1000) * 20_000_000).tolist()
     for name, wanted, tolerance in (
@@ -51,38 +51,38 @@ def test_it_measures_the_drive() -> None:
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_every_type_in_every_mode(mode: int) -> None:
     outputs = [(row.name, 20) for row in MESSAGES]
-    events = events_of(IdtpDevice(outputs=outputs, mode=mode, key=KEY).advance(S), key=KEY, min_mode=mode)
+    events = events_of(IdtpSimulator(outputs=outputs, mode=mode, key=KEY).advance(S), key=KEY, min_mode=mode)
     assert {event.message.name for event in events if isinstance(event, Batch)} == {row.name for row in MESSAGES}
     assert sum(len(event) for event in events if isinstance(event, Batch)) == 7 * 21
 
 
 def test_however_time_is_cut() -> None:
-    whole = IdtpDevice(seed=3).advance(2 * S)
-    device = IdtpDevice(seed=3)
+    whole = IdtpSimulator(seed=3).advance(2 * S)
+    device = IdtpSimulator(seed=3)
     assert b"".join(device.advance(now) for now in range(0, 2 * S + 1, 7_000_000)) + device.advance(2 * S) == whole
-    other = IdtpDevice(seed=3, start_ns=5 * S)
+    other = IdtpSimulator(seed=3, start_ns=5 * S)
     assert other.advance(4 * S) == b""
     assert other.receive(b"IDTP?", 7 * S) == whole
 
 
 def test_faults() -> None:
-    dropped = events_of(IdtpDevice(drop=0.1, seed=1).advance(5 * S))
-    lost = sum(event.missing for event in dropped if isinstance(event, Gap))
+    dropped = events_of(IdtpSimulator(drop=0.1, seed=1).advance(5 * S))
+    lost = sum(event.missing for event in dropped if isinstance(event, SampleGap))
     assert 60 < lost < 140
-    spoiled = events_of(IdtpDevice(corrupt=0.1, seed=1).advance(5 * S))
-    reasons = {event.reason for event in spoiled if isinstance(event, Reject)}
+    spoiled = events_of(IdtpSimulator(corrupt=0.1, seed=1).advance(5 * S))
+    reasons = {event.reason for event in spoiled if isinstance(event, RejectedFrame)}
     assert {"bad_crc8", "bad_crc32"} <= reasons
-    jumped = events_of(IdtpDevice(clock_jump=(2.0, 10.0)).advance(5 * S))
-    (step,) = [event for event in jumped if isinstance(event, Step)]
+    jumped = events_of(IdtpSimulator(clock_jump=(2.0, 10.0)).advance(5 * S))
+    (step,) = [event for event in jumped if isinstance(event, ClockStep)]
     assert (step.kind, round(step.by_ns / S)) == ("jump", 10)
-    fast = events_of(IdtpDevice(clock_drift_ppm=10_000).advance(10 * S))
+    fast = events_of(IdtpSimulator(clock_drift_ppm=10_000).advance(10 * S))
     assert column(fast, "ImuQuat", "ImuQuatStatus").shape == (1011,)
 
 
 def test_what_it_cannot_be() -> None:
     with pytest.raises(ValueError, match="needs a key"):
-        IdtpDevice(mode=2)
+        IdtpSimulator(mode=2)
     with pytest.raises(ValueError, match="an output is one of Imu3Acc"):
-        IdtpDevice(outputs=[("Imu7", 10)])
+        IdtpSimulator(outputs=[("Imu7", 10)])
     with pytest.raises(ValueError, match="1 to 2000 Hz"):
-        IdtpDevice(outputs=[("Imu6", 0)])
+        IdtpSimulator(outputs=[("Imu6", 0)])

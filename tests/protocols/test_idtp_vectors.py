@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from protocols.checksums import crc8_autosar, crc32_autosar
-from protocols.counters import Unwrap
-from protocols.events import Batch, Gap, Reject
+from protocols.counters import TickUnwrapper
+from protocols.events import Batch, RejectedFrame, SampleGap
 from protocols.framing import REASONS
 from protocols.idtp.decoder import IdtpDecoder
-from protocols.idtp.frames import SECURE, Seal, build
-from protocols.idtp.inspect import IdtpListing
-from protocols.idtp.json_codec import frame_of, plain
+from protocols.idtp.frames import SECURE, FrameAuthenticator, build
+from protocols.idtp.inspect import IdtpFrameLister
+from protocols.idtp.json_codec import frame_from_json, frame_to_json
 from protocols.idtp.messages import MESSAGES, STATUS, WIRE
 from tests.oracles import idtp as oracle
 from tests.protocols.idtp_vectors import ALL, KEY, NEGATIVE, VECTORS, frame, key_of
@@ -48,7 +48,7 @@ def test_reference_frames(vector: dict[str, Any]) -> None:
     assert batch.device == str(said["device_id"])
     assert batch.time_ns is not None
     assert batch.time_ns.tolist() == [said["timestamp"] * 1000]
-    record = plain(data)
+    record = frame_to_json(data)
     header = {name: record["fields"][name] for name in ("timestamp", "sequence", "device_id", "version", "mode")}
     assert header == {name: said[name] for name in header}
     assert record["id"] == said["payload_type"]
@@ -57,7 +57,7 @@ def test_reference_frames(vector: dict[str, Any]) -> None:
         assert (value["f32"] if isinstance(value, dict) else struct.pack(">f", value).hex()) == bits
     if "values" not in said and said["payload_size"]:
         assert record["fields"]["data"] == said["payload_hex"]
-    assert frame_of(json.loads(json.dumps(record, allow_nan=False)), key) == data
+    assert frame_from_json(json.loads(json.dumps(record, allow_nan=False)), key) == data
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=name_of)
@@ -89,7 +89,7 @@ def test_negative(vector: dict[str, Any]) -> None:
     if vector["last_sequence"] is not None:
         said = oracle.scan(data, final=True, key=key).frames[0]
         stream = build(0x80, sequence=vector["last_sequence"], device=said.device, mode=said.mode, key=key) + data
-    listing = IdtpListing(key=key, min_mode=0)
+    listing = IdtpFrameLister(key=key, min_mode=0)
     listing.feed(stream)
     lines = [line for line in listing.drain(stalled=True) if line["offset"] == len(stream) - len(data)]
     verdict, _, word = vector["expect"].partition(":")
@@ -118,7 +118,7 @@ def test_incomplete_waits() -> None:
 def test_gap_of_fifty() -> None:
     for mode in (0, 1, 2):
         data = b"".join(build(0, bytes(12), sequence=number, mode=mode, key=KEY) for number in (50, 100))
-        (gap,) = [event for event in decode(data, key=KEY, min_mode=0) if isinstance(event, Gap)]
+        (gap,) = [event for event in decode(data, key=KEY, min_mode=0) if isinstance(event, SampleGap)]
         assert (gap.missing, gap.offset, gap.counter, gap.device) == (49, len(data) // 2, "sequence", "0")
 
 
@@ -137,8 +137,8 @@ def test_sequence(case: dict[str, Any], mode: int) -> None:
         frames.append(build(0, bytes(12), sequence=received + 1, mode=mode, key=KEY))
     events = decode(b"".join(frames), key=KEY, min_mode=0)
     accepted = sum(len(event) for event in events if isinstance(event, Batch))
-    rejects = [event.reason for event in events if isinstance(event, Reject)]
-    lost = sum(event.missing for event in events if isinstance(event, Gap))
+    rejects = [event.reason for event in events if isinstance(event, RejectedFrame)]
+    lost = sum(event.missing for event in events if isinstance(event, SampleGap))
     if far:
         assert (accepted, rejects, lost) == (2, ["far_ahead"], 0)
     else:
@@ -149,7 +149,7 @@ def test_sequence(case: dict[str, Any], mode: int) -> None:
 
 @pytest.mark.parametrize("case", ALL["timestamp_delta"], ids=str)
 def test_timestamps(case: dict[str, int]) -> None:
-    clock = Unwrap(2**32, tick_ns=1000)
+    clock = TickUnwrapper(2**32, tick_ns=1000)
     before, after = clock.ticks(np.array([case["prev"], case["cur"]])).tolist()
     assert after - before == case["delta_us"]
     assert clock.steps == []
@@ -172,11 +172,11 @@ def test_check_values() -> None:
 
 def test_hmac() -> None:
     """RFC 4231, test cases 1 and 6 (a key longer than a block)."""
-    assert Seal(b"\x0b" * 20).of(b"Hi There").hex().startswith("b0344c61d8db38535ca8afceaf0bf12b")
+    assert FrameAuthenticator(b"\x0b" * 20).of(b"Hi There").hex().startswith("b0344c61d8db38535ca8afceaf0bf12b")
     text = b"Test Using Larger Than Block-Size Key - Hash Key First"
-    assert Seal(b"\xaa" * 131).of(text).hex().startswith("60e431591ee0b67f0d8a26aacbf5b77f")
+    assert FrameAuthenticator(b"\xaa" * 131).of(text).hex().startswith("60e431591ee0b67f0d8a26aacbf5b77f")
     with pytest.raises(ValueError, match="at least one byte"):
-        Seal(b"")
+        FrameAuthenticator(b"")
 
 
 # -- rows --------------------------------------------------------------------------------------------------------------

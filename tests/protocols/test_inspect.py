@@ -10,19 +10,19 @@ from typing import Any
 import pytest
 
 from protocols.framing import REASONS
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import get_data, set_data, stop
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.frames import build
-from protocols.xbus.json_codec import frame_of
+from protocols.xbus.json_codec import frame_from_json
 from server.commands.inspect import EXPLAINED, inspect_file
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from tests.protocols.xbus_vectors import everything
 
 SENTENCE = b"$HCHDM,123.45,M*18\r\n"
 
 
-def lines_of(path: Path, reading: Reading = Reading("auto"), **options: Any) -> list[dict[str, Any]]:  # noqa: B008
+def lines_of(path: Path, reading: DecodeOptions = DecodeOptions("auto"), **options: Any) -> list[dict[str, Any]]:  # noqa: B008
     out = io.StringIO()
     inspect_file(path, out, reading, format="jsonl", **options)
     return [json.loads(line) for line in out.getvalue().splitlines()]
@@ -77,8 +77,8 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
     frames = list(everything())
     path = tmp_path / "all.bin"
     path.write_bytes(b"".join(frames))
-    lines = lines_of(path, Reading("xbus"))
-    assert [frame_of(line) for line in lines] == frames
+    lines = lines_of(path, DecodeOptions("xbus"))
+    assert [frame_from_json(line) for line in lines] == frames
 
 
 @pytest.mark.parametrize(
@@ -93,18 +93,18 @@ def test_every_vector_comes_back(tmp_path: Path) -> None:
 def test_what_names_cannot_carry(tmp_path: Path, payload: str, wire: dict[str, Any]) -> None:
     path = tmp_path / "one.bin"
     path.write_bytes(build(0x36, bytes.fromhex(payload)))
-    (line,) = lines_of(path, Reading("xbus"))
+    (line,) = lines_of(path, DecodeOptions("xbus"))
     assert line["wire"] == wire
-    assert frame_of(line) == path.read_bytes()
+    assert frame_from_json(line) == path.read_bytes()
 
 
 def test_extended_header_and_nan(tmp_path: Path) -> None:
     path = tmp_path / "one.bin"
     path.write_bytes(build(0x36, bytes.fromhex("0810047FC00001"), extended=True))
-    (line,) = lines_of(path, Reading("xbus"))
+    (line,) = lines_of(path, DecodeOptions("xbus"))
     assert line["wire"] == {"extended": True}
     assert line["fields"] == {"Temperature": {"f32": "7fc00001"}}
-    assert frame_of(line) == path.read_bytes()
+    assert frame_from_json(line) == path.read_bytes()
 
 
 def test_capture(captures: Path) -> None:
@@ -116,7 +116,7 @@ def test_capture(captures: Path) -> None:
     lines = lines_of(path)
     assert len(lines) == 100
     for line in lines:
-        assert frame_of(line) == data[line["offset"] : line["offset"] + line["size"]]
+        assert frame_from_json(line) == data[line["offset"] : line["offset"] + line["size"]]
 
 
 def test_nothing_known(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_nothing_known(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="nothing known"):
         lines_of(path)
     with pytest.raises(ValueError, match="no protocol 'x'"):
-        lines_of(path, Reading("x"))
+        lines_of(path, DecodeOptions("x"))
 
 
 # -- the other families ------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ KEY = bytes(range(16))
 
 def test_isb_both_ways(tmp_path: Path) -> None:
     path = tmp_path / "imx.bin"
-    path.write_bytes(IsbDevice().advance(2_000_000_000))
+    path.write_bytes(IsbSimulator().advance(2_000_000_000))
     first, *others = lines_of(path)
     assert (first["message"], first["fields"]["serialNumber"]) == ("DID_DEV_INFO", 62_000)
     assert {line["protocol"] for line in others} == {"isb"}
@@ -146,33 +146,33 @@ def test_isb_both_ways(tmp_path: Path) -> None:
 
 def test_idtp_keys_modes_and_replays(tmp_path: Path) -> None:
     path = tmp_path / "idtp.bin"
-    secure = IdtpDevice(mode=2, key=KEY).advance(200_000_000)
-    path.write_bytes(secure + IdtpDevice(mode=1, device_id=7).advance(100_000_000))
+    secure = IdtpSimulator(mode=2, key=KEY).advance(200_000_000)
+    path.write_bytes(secure + IdtpSimulator(mode=1, device_id=7).advance(100_000_000))
     assert {line["reject"] for line in lines_of(path, rejects=True) if "reject" in line} == {"no_key"}
-    lines = lines_of(path, Reading("auto", KEY), rejects=True)
+    lines = lines_of(path, DecodeOptions("auto", KEY), rejects=True)
     assert {line["reject"] for line in lines if "reject" in line} == {"below_min_mode"}
-    lines = lines_of(path, Reading("auto", KEY, min_mode=1), rejects=True)
+    lines = lines_of(path, DecodeOptions("auto", KEY, min_mode=1), rejects=True)
     assert not [line for line in lines if "reject" in line or "verified" in line]
-    assert {line["reject"] for line in lines_of(path, Reading("idtp", b"x"), rejects=True)} >= {"bad_hmac"}
-    shown = [line for line in lines_of(path, Reading("idtp", unverified=True)) if line["fields"]["mode"] == 2]
+    assert {line["reject"] for line in lines_of(path, DecodeOptions("idtp", b"x"), rejects=True)} >= {"bad_hmac"}
+    shown = [line for line in lines_of(path, DecodeOptions("idtp", unverified=True)) if line["fields"]["mode"] == 2]
     assert {line["verified"] for line in shown} == {False}
     path.write_bytes(secure + secure)
-    assert "stale" in {line.get("reject") for line in lines_of(path, Reading("idtp", KEY), rejects=True)}
-    twice = lines_of(path, Reading("idtp", KEY, replay_check=False))
-    assert len(twice) == 2 * len(lines_of(path, Reading("idtp", KEY)))
+    assert "stale" in {line.get("reject") for line in lines_of(path, DecodeOptions("idtp", KEY), rejects=True)}
+    twice = lines_of(path, DecodeOptions("idtp", KEY, replay_check=False))
+    assert len(twice) == 2 * len(lines_of(path, DecodeOptions("idtp", KEY)))
 
 
 def test_a_mixed_file_is_told_so(tmp_path: Path) -> None:
     path = tmp_path / "mixed.bin"
-    path.write_bytes(IsbDevice().advance(2_000_000_000) + IdtpDevice().advance(300_000_000))
+    path.write_bytes(IsbSimulator().advance(2_000_000_000) + IdtpSimulator().advance(300_000_000))
     notes = io.StringIO()
     inspect_file(path, io.StringIO(), notes=notes)
     assert "mixed.bin holds messages of IDTP 2.1 too; it is listed as Inertial Sense" in notes.getvalue()
-    long = IsbDevice().advance(10_000_000_000)
-    path.write_bytes(long + IdtpDevice().advance(50_000_000) + long)  # neither at its beginning nor at its end
+    long = IsbSimulator().advance(10_000_000_000)
+    path.write_bytes(long + IdtpSimulator().advance(50_000_000) + long)  # neither at its beginning nor at its end
     inspect_file(path, io.StringIO(), notes=(notes := io.StringIO()))
     assert "IDTP 2.1 too" in notes.getvalue()
-    path.write_bytes(IsbDevice().advance(2_000_000_000))
+    path.write_bytes(IsbSimulator().advance(2_000_000_000))
     inspect_file(path, io.StringIO(), notes=(quiet := io.StringIO()))
     assert quiet.getvalue() == ""
 
@@ -194,7 +194,7 @@ def test_the_table_says_what_codes_and_identifiers_mean(tmp_path: Path) -> None:
     ]
     (tmp_path / "a.bin").write_bytes(b"".join(frames))
     out = io.StringIO()
-    inspect_file(tmp_path / "a.bin", out, Reading("xbus"))
+    inspect_file(tmp_path / "a.bin", out, DecodeOptions("xbus"))
     _, error, outputs, told, long, short = out.getvalue().splitlines()
     assert "message invalid" in error
     assert "data_identifier 0x1020 (" in outputs
@@ -203,5 +203,5 @@ def test_the_table_says_what_codes_and_identifiers_mean(tmp_path: Path) -> None:
     assert " device_id 0080800001 " in told
     assert long.endswith("device_id 0080800001")
     assert short.endswith("device_id 0080003A")
-    first, *_ = lines_of(tmp_path / "a.bin", Reading("xbus"))
+    first, *_ = lines_of(tmp_path / "a.bin", DecodeOptions("xbus"))
     assert first["fields"] == {"code": 4}  # from which the frame is made again

@@ -10,12 +10,12 @@ import pytest
 
 from protocols import rtcm, ubx
 from protocols.checksums import crc24q, fletcher16
-from protocols.events import Batch, Event, Reject, Reply, Step, Text
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, Text
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.detect import likeness
+from protocols.isb.detect import detection_score
 from protocols.isb.frames import build
-from protocols.isb.time_base import leap_seconds, remember, tell, utc_ns
+from protocols.isb.time_base import leap_seconds, store_offset, update_time, utc_ns
 
 S = 1_000_000_000
 WEEK = 2392  # 2025-11-09
@@ -76,7 +76,7 @@ def test_first_fix_is_a_step_and_nothing_is_in_1980(split: bool) -> None:
     assert times(events, "DID_GPS1_VEL") == [5.002, MIDNIGHT + 0.02]
     assert times(events, "DID_GPS1_POS") == [5.003]
     assert times(events, "DID_IMU") == pytest.approx([5.001, MIDNIGHT + 0.01])
-    (step,) = (event for event in events if isinstance(event, Step))
+    (step,) = (event for event in events if isinstance(event, ClockStep))
     assert step.kind == "sync"
     assert step.by_ns == pytest.approx((MIDNIGHT - 5.001) * S, abs=1000)
 
@@ -97,7 +97,7 @@ def test_rows_before_the_first_fix_were_moved_by_up_to_a_period_too_much(lost: t
     dated = [18 + 0.01 * place for place in range(6)]
     before = [ins(0, up) for place, up in enumerate(ups) if place not in lost]
     events = decode(*before, *(ins(WEEK, tow) for tow in dated))
-    (step,) = (event for event in events if isinstance(event, Step))
+    (step,) = (event for event in events if isinstance(event, ClockStep))
     assert step.by_ns == pytest.approx((MIDNIGHT - 5.06) * S, abs=1000)
 
 
@@ -111,7 +111,7 @@ def test_up_time_after_the_first_fix_was_a_period_early_until_a_position_came() 
 def test_a_position_that_brings_the_first_fix_moves_what_was_before_exactly() -> None:
     """What a receiver solves is old when it is sent; its offset says by how much the clocks differ."""
     parts = [imu(100.0), imu(100.01), position(WEEK, 299_930, 300.0 - 100.01), imu(100.02)]
-    (step,) = (event for event in decode(*parts) if isinstance(event, Step))
+    (step,) = (event for event in decode(*parts) if isinstance(event, ClockStep))
     assert step.by_ns == pytest.approx((MIDNIGHT - 18 + 300 - 100.01) * S, abs=1000)
 
 
@@ -120,14 +120,14 @@ def test_time_of_week_without_a_week_has_no_time_and_follows_the_week_over_its_e
     events = decode(ins(WEEK, 604_799.9), velocity(100), ins(WEEK + 1, 0.2), velocity(604_799_950))
     late = MIDNIGHT - 18 + 604_800
     assert times(events, "DID_GPS1_VEL") == pytest.approx([late + 0.1, late - 0.05])
-    assert not [event for event in events if isinstance(event, Step)]
+    assert not [event for event in events if isinstance(event, ClockStep)]
 
 
 def test_restart() -> None:
     events = decode(imu(500), ins(WEEK, 1000.0), imu(500.1), imu(0.5), ins(0, 0.6))
     assert times(events, "DID_IMU")[-1] == 0.5
     assert times(events, "DID_INS_1")[-1] == pytest.approx(0.6)
-    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset"]
+    assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset"]
 
 
 def baro(up: float) -> bytes:
@@ -142,7 +142,7 @@ def test_a_restart_in_the_first_seconds_is_told(split: bool) -> None:
     assert times(events, "DID_IMU") == [5.0, 6.0, 0.3, 0.5]
     assert times(events, "DID_BAROMETER") == [5.9, 0.4]
     assert times(events, "DID_INS_1") == [6.0, 0.4]
-    (step,) = (event for event in events if isinstance(event, Step))
+    (step,) = (event for event in events if isinstance(event, ClockStep))
     assert (step.kind, step.by_ns) == ("reset", pytest.approx(-5.7 * S))
     assert step.offset == sum(len(part) for part in parts[:4])
 
@@ -153,11 +153,11 @@ def test_a_restart_soon_after_an_early_fix_is_told_and_nothing_is_in_1980() -> N
     events = decode(*parts)
     assert times(events, "DID_IMU") == pytest.approx([4.0, MIDNIGHT + 0.1, 0.2, 0.3, MIDNIGHT + 7.1])
     assert times(events, "DID_INS_1") == pytest.approx([MIDNIGHT, 0.25, MIDNIGHT + 7])
-    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset", "sync"]
+    assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset", "sync"]
     # a set that knew the date and does not any more says so as well, with no other clock beside it
     events = decode(ins(0, 3.0), ins(WEEK, 18.0), ins(0, 2.5))
     assert times(events, "DID_INS_1") == pytest.approx([3.0, MIDNIGHT, 2.5])
-    assert [event.kind for event in events if isinstance(event, Step)] == ["sync", "reset"]
+    assert [event.kind for event in events if isinstance(event, ClockStep)] == ["sync", "reset"]
 
 
 def test_sets_that_a_logger_wrote_in_turns_are_late_and_no_restart() -> None:
@@ -166,13 +166,13 @@ def test_sets_that_a_logger_wrote_in_turns_are_late_and_no_restart() -> None:
     events = decode(*parts)
     assert times(events, "DID_BAROMETER") == [*up, *(4 + t for t in up)]
     assert times(events, "DID_INS_1") == [1.0]
-    assert not [event for event in events if isinstance(event, Step)]
+    assert not [event for event in events if isinstance(event, ClockStep)]
 
 
 def test_a_set_whose_rows_changed_places_is_no_restart() -> None:
     events = decode(imu(1.0), imu(1.2), imu(0.9), imu(1.3))
     assert times(events, "DID_IMU") == [1.0, 1.2, 0.9, 1.3]
-    assert not [event for event in events if isinstance(event, Step)]
+    assert not [event for event in events if isinstance(event, ClockStep)]
 
 
 def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
@@ -180,7 +180,7 @@ def test_a_second_receiver_without_fix_disturbs_nothing() -> None:
     second = bytearray(build(frames.DATA, 14, bytes(second[6:-2])))
     events = decode(imu(500), ins(WEEK, 1000.0), bytes(second), imu(500.1), bytes(second))
     assert times(events, "DID_GPS2_POS") == [None, None]
-    assert len([event for event in events if isinstance(event, Step)]) == 1
+    assert len([event for event in events if isinstance(event, ClockStep)]) == 1
 
 
 @pytest.mark.parametrize("clock", [float("nan"), float("inf"), -1.0, 1e300, 5e-324])
@@ -192,8 +192,8 @@ def test_clocks_that_are_none(clock: float) -> None:
 
 
 def test_tell_is_pure() -> None:
-    state = remember()
-    (known, *said), again = tell(state, 1, 5 * S, -1), tell(state, 1, 5 * S, -1)
+    state = store_offset()
+    (known, *said), again = update_time(state, 1, 5 * S, -1), update_time(state, 1, 5 * S, -1)
     assert said == [5 * S, 1, 0, 0]
     assert again[0] == known != state
 
@@ -270,7 +270,7 @@ def test_foreign_messages_are_named() -> None:
     texts = [(event.protocol, event.name) for event in events if isinstance(event, Text)]
     assert texts == [("ubx", "NAV-PVT"), ("rtcm3", "1077"), ("nmea", "HCHDM")]
     assert times(events, "DID_IMU") == [1, 2]
-    assert not [event for event in events if isinstance(event, Reject)]
+    assert not [event for event in events if isinstance(event, RejectedFrame)]
 
 
 @pytest.mark.parametrize(
@@ -295,16 +295,16 @@ def test_packets_inside_a_failed_candidate_survive() -> None:
 
 
 def test_likeness() -> None:
-    score, words = likeness(imu(1) * 3 + ins(0, 1))
+    score, words = detection_score(imu(1) * 3 + ins(0, 1))
     assert score == 1
     assert "4 ISB packets (DID_IMU, DID_INS_1)" in words
-    assert likeness(bytes(1000))[0] == 0
-    assert 0 < likeness(b"$HCHDM,123.45,M*18\r\n")[0] <= 0.5
+    assert detection_score(bytes(1000))[0] == 0
+    assert 0 < detection_score(b"$HCHDM,123.45,M*18\r\n")[0] <= 0.5
 
 
 def test_protocol_1_is_told_by_name() -> None:
     body = bytes([4, 0, 5, 0, 0, 0, 80, 0, 0, 0, 0, 0, 0, 0]) + b"\xfd\x00" + bytes(70)
-    score, words = likeness((b"\xff" + body + b"\xfe") * 5)
+    score, words = detection_score((b"\xff" + body + b"\xfe") * 5)
     assert score < 0.5
     assert "protocol 1.x" in words
 

@@ -18,21 +18,21 @@ from protocols.isb.dataset_loader import SETS
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.driver import IsbDriver, version_of
 from protocols.isb.kept import settings_of
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.streams import STREAMS
 from protocols.layouts import EncodeError
-from protocols.transactions import Expect, Known, RefusedError, Send, SilentError, stop
+from protocols.transactions import DeviceContext, DeviceRejectedError, NoReplyError, Send, WaitFor, cancel
 from tests.transaction_player import Wire, play
 
 DRIVER = IsbDriver()
-KNOWN = Known(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
+KNOWN = DeviceContext(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
 S = 10**9
 VECTORS = json.loads((Path(__file__).parents[1] / "golden" / "isb" / "commands.json").read_text())
 
 
 def wire(**options: Any) -> Wire:
     """A twin that has its first fix."""
-    there = Wire(IsbDevice(**options), "isb", step_ns=5_000_000)
+    there = Wire(IsbSimulator(**options), "isb", step_ns=5_000_000)
     there.pass_time(5)
     return there
 
@@ -45,7 +45,7 @@ def read(setting: str, there: Wire) -> Mapping[str, Any]:
 
 
 def test_who_it_is() -> None:
-    known = play(DRIVER.identify(Known(baud=115_200)), wire(serial=61_234))
+    known = play(DRIVER.identify(DeviceContext(baud=115_200)), wire(serial=61_234))
     assert (known.product, known.serial_number, known.firmware, known.baud) == ("IMX-5.0.4", "61234", "2.7.1", 115_200)
     assert play(DRIVER.alive(KNOWN), wire())
 
@@ -92,7 +92,7 @@ def test_every_setting_is_read_or_refused_in_words() -> None:
     for setting in DRIVER.settings(KNOWN):
         try:
             values = read(setting.name, there)
-        except RefusedError as error:
+        except DeviceRejectedError as error:
             refused.append((setting.name, error.why))
             continue
         told.append(setting.name)
@@ -115,13 +115,13 @@ def test_a_set_that_is_refused_is_in_the_result_and_an_ask_raises() -> None:
     there = wire()
     written = play(DRIVER.write("DID_GPX_FLASH_CFG", {"ser0BaudRate": 115_200}, KNOWN), there)
     assert (written.got, "NACK" in written.refused) == (None, True)
-    with pytest.raises(RefusedError):
+    with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("GET_DID_EVB_STATUS", {}, KNOWN), there)
-    with pytest.raises(RefusedError):
+    with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("DID_SYS_CMD.MANF_CHIP_ERASE", {}, KNOWN), there)
 
 
-class Deaf(IsbDevice):
+class Deaf(IsbSimulator):
     """Hears nothing for a while."""
 
     deaf_until_ns = 10**18
@@ -133,7 +133,7 @@ class Deaf(IsbDevice):
 def test_silence_is_raised_after_three_tries_and_a_late_device_is_heard() -> None:
     there = Wire(Deaf(), "isb", step_ns=5_000_000)
     there.pass_time(2)
-    with pytest.raises(SilentError, match="No answer to GET DID_FLASH_CONFIG"):
+    with pytest.raises(NoReplyError, match="No answer to GET DID_FLASH_CONFIG"):
         read("DID_FLASH_CONFIG", there)
     assert len(there.sent) == 3
     assert not play(DRIVER.alive(KNOWN), there)
@@ -299,20 +299,20 @@ def test_a_wrong_value_is_refused_at_its_field(setting: str, values: dict[str, A
 
 
 def test_a_firmware_has_its_own_fields() -> None:
-    assert version_of(Known(firmware="2.3.0")) == "2.2.2"
-    assert version_of(Known(firmware="1.0.0")) == "2.0.3"
-    assert version_of(Known(firmware="")) == version_of(KNOWN) == "2.7.1"
+    assert version_of(DeviceContext(firmware="2.3.0")) == "2.2.2"
+    assert version_of(DeviceContext(firmware="1.0.0")) == "2.0.3"
+    assert version_of(DeviceContext(firmware="")) == version_of(KNOWN) == "2.7.1"
     old = {field.name for field in settings_of("2.0.3")["DID_FLASH_CONFIG"].fields}
     assert "gnssCn0Minimum" not in old
     with pytest.raises(EncodeError, match="gnssCn0Minimum"):
-        DRIVER.setting_frames("DID_FLASH_CONFIG", {"gnssCn0Minimum": 10}, Known(firmware="2.0.3"))
+        DRIVER.setting_frames("DID_FLASH_CONFIG", {"gnssCn0Minimum": 10}, DeviceContext(firmware="2.0.3"))
 
 
 def test_a_stopped_dialogue_leaves_nothing_behind() -> None:
     dialogue = DRIVER.write("DID_FLASH_CONFIG", {"dynamicModel": 4}, KNOWN)
     assert isinstance(next(dialogue), Send)
-    assert isinstance(dialogue.send(None), Expect)
-    assert stop(dialogue) == []
+    assert isinstance(dialogue.send(None), WaitFor)
+    assert cancel(dialogue) == []
 
 
 def test_every_data_set_that_streams_has_a_group() -> None:

@@ -11,7 +11,7 @@ from protocols.events import Batch, Reply
 from protocols.isb.dataset_loader import CURRENT, SETS, TABLES
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import DATA, build
-from protocols.isb.json_codec import packet_of, plain
+from protocols.isb.json_codec import frame_from_json, frame_to_json
 from protocols.isb.messages import RAW_KINDS
 from tests.protocols.isb_vectors import FORMS, by_did, leaves, packet
 
@@ -41,9 +41,9 @@ def events_of(data: bytes, *, firmware: str = "") -> list[Batch | Reply]:
 def test_every_packet_type(row: dict[str, Any]) -> None:
     (event,) = events_of(packet(row))
     name = {"DATA": "DID_INS_1", "SET_DATA": "SET_DID_FLASH_CONFIG"}.get(row["type"], row["type"])
-    assert event.message.name == name == plain(packet(row))["message"]
-    assert plain(packet(row))["id"] == row["did"]
-    assert packet_of(plain(packet(row))) == packet(row)
+    assert event.message.name == name == frame_to_json(packet(row))["message"]
+    assert frame_to_json(packet(row))["id"] == row["did"]
+    assert frame_from_json(frame_to_json(packet(row))) == packet(row)
 
 
 @of("raw")
@@ -51,7 +51,7 @@ def test_raw_gnss_data(row: dict[str, Any]) -> None:
     data = packet(row)
     name, struct = RAW_KINDS[row["kind"]]
     assert struct == row["struct"]
-    said = plain(data)["fields"]
+    said = frame_to_json(data)["fields"]
     records = said[name] if row["kind"] == 1 else [said[name]]
     assert len(records) == row["count"]
     for record in records:
@@ -61,7 +61,7 @@ def test_raw_gnss_data(row: dict[str, Any]) -> None:
     (batch,) = events_of(data)
     assert isinstance(batch, Batch)
     assert len(np.atleast_1d(batch.columns[name][0])) == row["count"]
-    assert packet_of(plain(data)) == data
+    assert frame_from_json(frame_to_json(data)) == data
 
 
 @of("velocity")
@@ -76,7 +76,7 @@ def test_velocity_frames(row: dict[str, Any]) -> None:
 def test_other_firmware(row: dict[str, Any]) -> None:
     """What is known of an older or newer structure is given, and nothing that is not: no value of another field."""
     data = packet(row)
-    said = leaves(plain(data, row["version"])["fields"])
+    said = leaves(frame_to_json(data, row["version"])["fields"])
     data_set = SETS[row["did"]]
     assert data_set.struct is not None
     named = {field.name for field, _ in data_set.struct.places if field.dtype != "bytes"}
@@ -92,7 +92,7 @@ def test_other_firmware(row: dict[str, Any]) -> None:
     (event,) = events_of(data, firmware=row["version"])
     columns = event.columns if isinstance(event, Batch) else event.values
     assert {name.partition(".")[0] for name in columns} == {name.partition(".")[0] for name in tops}
-    assert packet_of(plain(data, row["version"])) == data
+    assert frame_from_json(frame_to_json(data, row["version"])) == data
 
 
 @pytest.mark.parametrize("row", [r for r in FORMS if r["form"] == "firmware"], ids=lambda r: f"{r['did']}-{r['size']}")
@@ -102,7 +102,7 @@ def test_the_size_alone_tells(row: dict[str, Any]) -> None:
     newest = [version for version, size in sizes.items() if size == row["size"]][-1:]
     if newest != [row["version"]] or sizes.get(CURRENT) == row["size"]:
         return
-    assert plain(packet(row))["fields"] == plain(packet(row), row["version"])["fields"]
+    assert frame_to_json(packet(row))["fields"] == frame_to_json(packet(row), row["version"])["fields"]
 
 
 def test_every_direction_wraps_and_no_accuracy_does() -> None:

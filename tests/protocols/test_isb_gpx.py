@@ -9,19 +9,19 @@ import pytest
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.driver import IsbDriver
-from protocols.isb.simulator.gpx import GpxDevice
+from protocols.isb.simulator.gpx import GpxSimulator
 from protocols.isb.streams import BY_GPX_BIT, GPX_PRESETS, OF_GPX, STREAMS, dids_of
-from protocols.transactions import Known, RefusedError
+from protocols.transactions import DeviceContext, DeviceRejectedError
 from server.configuration.form_builder import forms_of
 from server.links.simulated_device import FAMILIES
 from tests.transaction_player import Wire, play
 
 DRIVER = IsbDriver()
-KNOWN = Known(product="GPX-1.0.3", firmware="2.7.1", baud=921_600)
+KNOWN = DeviceContext(product="GPX-1.0.3", firmware="2.7.1", baud=921_600)
 
 
 def wire(**options: Any) -> Wire:
-    there = Wire(GpxDevice(**options), "isb", step_ns=5_000_000)
+    there = Wire(GpxSimulator(**options), "isb", step_ns=5_000_000)
     there.pass_time(5)
     return there
 
@@ -32,14 +32,14 @@ def streams(there: Wire) -> dict[int, int]:
 
 
 def test_it_is_a_gpx() -> None:
-    assert play(DRIVER.identify(Known(baud=921_600)), wire()).product == "GPX-1.0.3"
+    assert play(DRIVER.identify(DeviceContext(baud=921_600)), wire()).product == "GPX-1.0.3"
     assert "GPX-1" in FAMILIES["isb"].products()
 
 
 def test_its_streams_are_read_and_written_though_it_has_no_rmc_of_an_imx() -> None:
     """The form asked for DID_RMC only, which a GPX refuses."""
     there = wire()
-    with pytest.raises(RefusedError):
+    with pytest.raises(DeviceRejectedError):
         play(DRIVER.run("GET_DID_RMC", {}, KNOWN), there)
     assert streams(there) == {13: 1, 30: 1, 15: 5, 123: 500}
     wanted = [{"did": 13, "period": 2}, {"did": 123, "period": 500}]

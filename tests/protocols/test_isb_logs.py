@@ -24,7 +24,7 @@ from protocols.events import Batch, Text
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import build
-from protocols.isb.json_codec import packet_of, plain
+from protocols.isb.json_codec import frame_from_json, frame_to_json
 from tests.oracles import isb as oracle
 from tests.protocols.isb_vectors import GOLDEN
 
@@ -78,10 +78,10 @@ def test_every_record_of_a_dat_log() -> None:
     ]
     for (did, offset, payload), row in zip(found, expected, strict=True):
         packet = build(frames.DATA, did, payload, offset=offset)
-        said = plain(packet)
+        said = frame_to_json(packet)
         assert said["message"] == row["did_name"]
         same(said["fields"], row["fields"], row["n"])
-        assert packet_of(said) == packet
+        assert frame_from_json(said) == packet
 
 
 def test_every_record_of_a_raw_log() -> None:
@@ -93,7 +93,7 @@ def test_every_record_of_a_raw_log() -> None:
         (row["did"], row["offset"], row["size"]) for row in sets
     ]
     for one, row in zip(found.packets, sets, strict=True):
-        same(plain(data[one.offset : one.offset + one.size])["fields"], row["fields"], row["n"])
+        same(frame_to_json(data[one.offset : one.offset + one.size])["fields"], row["fields"], row["n"])
     decoder = IsbDecoder()
     decoder.feed(data, 0)
     events = decoder.drain(stalled=True)

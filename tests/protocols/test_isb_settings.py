@@ -63,9 +63,9 @@ def test_ranges_are_the_vendors() -> None:
         {"startupNavDtMs": 500},
         {"insRotation": [-math.pi, math.pi, 4.7]},
     ):
-        validation.check(fields, good, partial=True)
+        validation.require_valid(fields, good, partial=True)
     with pytest.raises(ValueError, match="startupGPSDtMs lies between 200 and"):
-        validation.check(fields, {"startupGPSDtMs": 100}, partial=True)
+        validation.require_valid(fields, {"startupGPSDtMs": 100}, partial=True)
 
 
 def test_every_field_and_command_says_what_it_means() -> None:

@@ -10,9 +10,9 @@ import pytest
 from protocols.isb import frames
 from protocols.isb.dataset_loader import SETS
 from protocols.isb.kept import PERSISTENT
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.streams import PRESETS, dids_of
-from protocols.transactions import Dialogue, Send, stop
+from protocols.transactions import Send, Transaction, cancel
 from tests.protocols.test_isb_driver import DRIVER, KNOWN, S, read, wire
 from tests.transaction_player import Wire, play
 
@@ -32,7 +32,7 @@ def test_reading_all_settings_does_not_end_a_stream_that_has_no_bit() -> None:
     there = wire()
     play(DRIVER.within(DRIVER.run("GET_DID_SYS_PARAMS", {"period": 10}, KNOWN), KNOWN), there)
 
-    def survey() -> Dialogue[None]:
+    def survey() -> Transaction[None]:
         for name in ("streams", "DID_SYS_PARAMS", "DID_GROUND_VEHICLE"):
             yield from DRIVER.read(name, KNOWN)
 
@@ -44,7 +44,7 @@ def test_a_stream_that_was_asked_for_all_the_same_is_begun_again() -> None:
     """One that has its bit and sends nothing, as RTK without corrections: its answer costs it its stream."""
     there = wire()
     device = there.device
-    assert isinstance(device, IsbDevice)
+    assert isinstance(device, IsbSimulator)
     device.streams = {**device.streams, 13: 60_000}  # every three hours
     device._make()
     play(DRIVER.within(DRIVER.run("GET_DID_GPS1_POS", {}, KNOWN), KNOWN), there)
@@ -56,7 +56,7 @@ def test_a_stream_that_was_asked_for_all_the_same_is_begun_again() -> None:
     while not asked:
         asked = isinstance(act, Send) and act.frame == frames.get_data(13, period=0)
         act = act if asked else stopped.send(there.do(act))
-    assert [send.frame for send in stop(stopped)] == [frames.get_data(13, period=1)]
+    assert [send.frame for send in cancel(stopped)] == [frames.get_data(13, period=1)]
 
 
 def read_within(setting: str, there: Wire) -> Mapping[str, Any]:
@@ -97,7 +97,7 @@ def test_a_row_that_was_not_touched_is_not_sent(source: str) -> None:
     play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
     there.pass_time(5)
     device = there.device
-    assert isinstance(device, IsbDevice)
+    assert isinstance(device, IsbSimulator)
     before = dict(device.streams)
     values = read_within("streams", there)
     rows = {row["did"]: row for row in values["streams"]}
@@ -121,7 +121,7 @@ def test_the_rate_that_was_chosen_is_measured_whichever_source_the_device_counts
     play(DRIVER.run("DID_SYS_CMD.SOFTWARE_RESET", {}, KNOWN), there)
     there.pass_time(5)
     device = there.device
-    assert isinstance(device, IsbDevice)
+    assert isinstance(device, IsbSimulator)
     wanted = {"streams": [{"did": 58, "period": 2, "size": 0, "source_ms": 16.0}]}
     written = play(DRIVER.within(DRIVER.write("streams", wanted, KNOWN), KNOWN), there)
     assert written.got is not None

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocols.events import Event, Reject, Reply, Step, batches
+from protocols.events import ClockStep, Event, RejectedFrame, Reply, batches
 from protocols.isb import frames
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.messages import ROWS
-from protocols.isb.simulator.device import BOOT_NS, IsbDevice
+from protocols.isb.simulator.device import BOOT_NS, IsbSimulator
 from protocols.isb.simulator.signals import FIRST_FIX_NS, SKY, SOURCES, UTC_2026_S
 from protocols.simulator import trajectory
 
 S = 10**9
 
 
-def run(device: IsbDevice, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
+def run(device: IsbSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
     times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
     return b"".join(device.advance(now) for now in times)
 
@@ -45,14 +45,14 @@ def replies(data: bytes) -> list[Reply]:
     return [event for event in decode(data) if isinstance(event, Reply)]
 
 
-def ask(device: IsbDevice, packet: bytes, now: int = 2 * S) -> list[Reply]:
+def ask(device: IsbSimulator, packet: bytes, now: int = 2 * S) -> list[Reply]:
     """The answers to one packet, without the streams around them."""
     device.advance(now)
     return replies(device.receive(packet, now))
 
 
-def awake(**options: Any) -> IsbDevice:
-    device = IsbDevice(**options)
+def awake(**options: Any) -> IsbSimulator:
+    device = IsbSimulator(**options)
     device.advance(2 * S)
     return device
 
@@ -61,8 +61,8 @@ def awake(**options: Any) -> IsbDevice:
 
 
 def test_all_of_it_is_read_and_the_device_tells_its_name_first() -> None:
-    events = decode(run(IsbDevice(serial=62_123, road=1.0), 12))
-    assert not [event for event in events if isinstance(event, Reject)]
+    events = decode(run(IsbSimulator(serial=62_123, road=1.0), 12))
+    assert not [event for event in events if isinstance(event, RejectedFrame)]
     [info] = [event for event in events if isinstance(event, Reply)]
     assert events[0] is info
     assert (info.values["serialNumber"], info.values["hardwareType"]) == (62_123, 3)
@@ -75,23 +75,23 @@ def test_all_of_it_is_read_and_the_device_tells_its_name_first() -> None:
 
 
 def test_readings_are_the_drive_seen_from_a_body_that_looks_down() -> None:
-    events = decode(run(IsbDevice(), 40))
+    events = decode(run(IsbSimulator(), 40))
     time = column(events, 58, "time")
-    truth = trajectory.drive(time)
+    truth = trajectory.vehicle_motion(time)
     flip = np.array([1, -1, -1])
     assert np.abs(column(events, 58, "I.acc") - truth.force * flip).std(axis=0).max() < 0.02
     assert np.abs(column(events, 58, "I.pqr") - np.degrees(truth.rate * flip)).max() < 0.5
-    field = trajectory.drive(column(events, 52, "time")).field * flip
+    field = trajectory.vehicle_motion(column(events, 52, "time")).field * flip
     assert np.abs(column(events, 52, "mag") - field).max() < 0.01
-    pressure = trajectory.pressure(trajectory.drive(column(events, 53, "time")).position[:, 2] + 13.0)
+    pressure = trajectory.pressure(trajectory.vehicle_motion(column(events, 53, "time")).position[:, 2] + 13.0)
     assert np.abs(column(events, 53, "bar") * 1e3 - pressure).max() < 40
 
 
 def test_attitude_place_and_velocity_are_the_drive_in_ned() -> None:
-    events = decode(run(IsbDevice(), 30))
+    events = decode(run(IsbSimulator(), 30))
     fixed = column(events, 4, "week") > 0
     up = (column(events, 4, "timeOfWeek") - _tow_at_power_on())[fixed]
-    truth = trajectory.drive(up)
+    truth = trajectory.vehicle_motion(up)
     theta, ned = column(events, 4, "theta")[fixed], column(events, 4, "ned")[fixed]
     heading = np.degrees(np.pi / 2 - truth.euler[:, 2])  # yaw of the drive counts from east, anticlockwise
     assert np.abs((theta[:, 2] - heading + 180) % 360 - 180).max() < 1
@@ -106,7 +106,7 @@ def test_attitude_place_and_velocity_are_the_drive_in_ned() -> None:
 
 
 def test_quaternion_and_angles_are_the_same_attitude() -> None:
-    events = decode(run(IsbDevice(rate=50), 20))
+    events = decode(run(IsbSimulator(rate=50), 20))
     q = column(events, 5, "qn2b")
     assert np.abs(np.linalg.norm(q, axis=1) - 1).max() < 1e-6
     assert np.abs(np.degrees(trajectory.euler(q)) - column(events, 4, "theta")).max() < 1e-3
@@ -117,8 +117,8 @@ def _tow_at_power_on() -> float:
 
 
 def test_the_first_fix_is_one_step_and_nothing_is_in_1980() -> None:
-    events = decode(run(IsbDevice(), 10))
-    [step] = [event for event in events if isinstance(event, Step)]
+    events = decode(run(IsbSimulator(), 10))
+    [step] = [event for event in events if isinstance(event, ClockStep)]
     assert step.kind == "sync"
     weeks = column(events, 4, "week")
     assert set(weeks.tolist()) == {0, (UTC_2026_S + 18 - 315_964_800) // 604_800}
@@ -129,7 +129,7 @@ def test_the_first_fix_is_one_step_and_nothing_is_in_1980() -> None:
 
 
 def test_status_goes_from_aligning_to_navigation() -> None:
-    events = decode(run(IsbDevice(), 12))
+    events = decode(run(IsbSimulator(), 12))
     solution = column(events, 4, "insStatus") >> 16 & 0xF
     assert (solution[0], solution[-1]) == (1, 3)
     assert (np.diff(solution.astype(int)) != 0).sum() == 1
@@ -140,31 +140,31 @@ def test_status_goes_from_aligning_to_navigation() -> None:
 
 
 def test_noise_repeats_whatever_the_cuts() -> None:
-    one = run(IsbDevice(seed=3, road=1.0), 3, tick_ns=10_000_000)
-    assert run(IsbDevice(seed=3, road=1.0), 3, tick_ns=1_000_000) == one
-    assert run(IsbDevice(seed=3, road=1.0), 3, tick_ns=3 * S) == one
-    assert run(IsbDevice(seed=4, road=1.0), 3) != one
+    one = run(IsbSimulator(seed=3, road=1.0), 3, tick_ns=10_000_000)
+    assert run(IsbSimulator(seed=3, road=1.0), 3, tick_ns=1_000_000) == one
+    assert run(IsbSimulator(seed=3, road=1.0), 3, tick_ns=3 * S) == one
+    assert run(IsbSimulator(seed=4, road=1.0), 3) != one
 
 
 def test_faults() -> None:
-    clean = IsbDevice(seed=1)
-    events = decode(run(IsbDevice(seed=1, drop=0.1, corrupt=0.1), 10))
-    assert [event for event in events if isinstance(event, Reject)]
+    clean = IsbSimulator(seed=1)
+    events = decode(run(IsbSimulator(seed=1, drop=0.1, corrupt=0.1), 10))
+    assert [event for event in events if isinstance(event, RejectedFrame)]
     count = sum(len(batch) for batch in batches(events))
     assert 0.7 < count / sum(len(batch) for batch in batches(decode(run(clean, 10)))) < 0.9
-    jumped = decode(run(IsbDevice(clock_jump=(2.0, 5.0)), 3))
+    jumped = decode(run(IsbSimulator(clock_jump=(2.0, 5.0)), 3))
     assert np.diff(column(jumped, 58, "time")).max() == pytest.approx(5.01)
-    fast = decode(run(IsbDevice(clock_drift_ppm=10_000), 10))
+    fast = decode(run(IsbSimulator(clock_drift_ppm=10_000), 10))
     assert len(column(fast, 58, "time")) == pytest.approx(980, abs=2)
 
 
 def test_a_jump_is_one_way_and_a_device_that_comes_back_knows_the_date() -> None:
     decoder = IsbDecoder()
-    decoder.feed(run(IsbDevice(clock_jump=(8.0, 10.0)), 12), 0)
-    assert [event.kind for event in decoder.drain() if isinstance(event, Step)] == ["sync"]
-    decoder.feed(run(IsbDevice(start_ns=40 * S), 8, begin=40), 0)
+    decoder.feed(run(IsbSimulator(clock_jump=(8.0, 10.0)), 12), 0)
+    assert [event.kind for event in decoder.drain() if isinstance(event, ClockStep)] == ["sync"]
+    decoder.feed(run(IsbSimulator(start_ns=40 * S), 8, begin=40), 0)
     events = decoder.drain()
-    assert [event.kind for event in events if isinstance(event, Step)] == ["reset", "sync"]
+    assert [event.kind for event in events if isinstance(event, ClockStep)] == ["reset", "sync"]
     last = max(int(batch.time_ns[-1]) for batch in batches(events) if batch.time_ns is not None)
     assert last == UTC_2026_S * S + 48 * S
 
@@ -255,7 +255,7 @@ def test_writes_that_cannot_be_are_refused(packet: bytes) -> None:
 
 
 def test_nobody_listens_before_it_has_started() -> None:
-    device = IsbDevice()
+    device = IsbSimulator()
     assert device.receive(frames.get_data(1, period=0), 1000) == b""
 
 
@@ -264,11 +264,11 @@ def test_nobody_listens_before_it_has_started() -> None:
 def test_whatever_it_is_told_it_goes_on(chunks: list[bytes]) -> None:
     device = awake()
     for n, chunk in enumerate(chunks):
-        assert not [event for event in decode(device.receive(chunk, 2 * S + n)) if isinstance(event, Reject)]
+        assert not [event for event in decode(device.receive(chunk, 2 * S + n)) if isinstance(event, RejectedFrame)]
     answers = b"".join(device.receive(bytes([byte]), 5 * S) for byte in frames.get_data(1, period=0))
     assert "DID_DEV_INFO" in [one.message.name for one in replies(answers)]
 
 
 def test_a_product_that_there_is_not() -> None:
     with pytest.raises(ValueError, match="IMX-5"):
-        IsbDevice("IMX-6")
+        IsbSimulator("IMX-6")

@@ -14,7 +14,7 @@ from protocols.isb import frames
 from protocols.isb.dataset_loader import SETS, TABLES
 from protocols.isb.decoder import IsbDecoder
 from protocols.isb.frames import build, get_data, set_data, stop
-from protocols.isb.json_codec import packet_of, plain
+from protocols.isb.json_codec import frame_from_json, frame_to_json
 from protocols.isb.messages import COMMANDS, ROWS
 from protocols.layouts import size_of
 from tests.oracles import isb as oracle
@@ -42,7 +42,7 @@ def values(data: bytes) -> dict[str, Any]:
 
 @pytest.mark.parametrize("vector", DATA, ids=lambda vector: str(vector["did_name"]))
 def test_vendor_values(vector: dict[str, Any]) -> None:
-    said = plain(packet(vector))
+    said = frame_to_json(packet(vector))
     assert said["id"] == vector["did"]
     assert said["message"] == vector["did_name"]
     assert said["fields"] == vendor_fields(vector)
@@ -61,7 +61,7 @@ def text_bytes(texts: list[str], size: int) -> bytes:
 def test_like_the_oracle(vector: dict[str, Any]) -> None:
     data = packet(vector)
     expected = oracle.values(FORMATS[str(vector["did"])]["fields"], data[6:-2])
-    said = leaves(plain(data)["fields"])
+    said = leaves(frame_to_json(data)["fields"])
     for name, numbers in expected.items():
         if name in said and isinstance(numbers[0], str):
             assert said[name] == numbers
@@ -89,14 +89,14 @@ def test_columns_are_the_values_in_shown_units(vector: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("data", list(everything()), ids=lambda data: data[:4].hex())
 def test_plain_values_are_the_packet(data: bytes) -> None:
-    assert packet_of(json.loads(json.dumps(plain(data), allow_nan=False))) == data
+    assert frame_from_json(json.loads(json.dumps(frame_to_json(data), allow_nan=False))) == data
 
 
 def test_every_data_set_has_a_vector() -> None:
     met = {vector["did"] for vector in (*DATA, *COMPUTED)}
     assert met == set(SETS) == {int(did) for did in FORMATS}
     assert len(SETS) == 109
-    assert {plain(packet(vector))["message"] for vector in COMMAND_VECTORS} >= {
+    assert {frame_to_json(packet(vector))["message"] for vector in COMMAND_VECTORS} >= {
         row.name for row in COMMANDS.values() if row.name != "STOP_DID_BROADCAST"
     }
 
@@ -144,9 +144,9 @@ def test_commands_are_the_vendors() -> None:
             assert made[vector["what"]] == packet(vector)
         if vector["what"] == "set_data_offset":
             field, value = arguments["field"], arguments["value"]
-            assert plain(packet(vector))["fields"] == {field: value}
+            assert frame_to_json(packet(vector))["fields"] == {field: value}
             record = {"message": "SET_DID_FLASH_CONFIG", "fields": {field: value}}
-            assert packet_of(record) == packet(vector)
+            assert frame_from_json(record) == packet(vector)
 
 
 def said_by(vector: dict[str, Any]) -> dict[str, Any]:
@@ -172,7 +172,7 @@ def said_by(vector: dict[str, Any]) -> dict[str, Any]:
 @pytest.mark.parametrize("vector", COMMAND_VECTORS, ids=lambda vector: f"{vector['what']}-{vector['args'].get('did')}")
 def test_commands_say_what_the_vendor_put_in(vector: dict[str, Any]) -> None:
     """No argument of any vector is passed over."""
-    said, arguments = plain(packet(vector)), vector["args"]
+    said, arguments = frame_to_json(packet(vector)), vector["args"]
     assert len(packet(vector)) == vector["len"]
     expected = said_by(vector)
     assert {name: said["fields"][name] for name in expected} == expected
@@ -187,7 +187,7 @@ def test_commands_say_what_the_vendor_put_in(vector: dict[str, Any]) -> None:
 
 def test_the_document_preset() -> None:
     preset = bytes.fromhex("ef4905090c00e23c3501900000c000010000f7b0")
-    said = plain(preset)
+    said = frame_to_json(preset)
     assert (said["message"], said["fields"]["options"]) == ("SET_DID_RMC", 256)
     assert said["flags"]["options"] == ["RMC_OPTIONS_PRESERVE_CTRL"]
 
@@ -231,8 +231,8 @@ def test_lists_have_as_many_rows_as_are_in_use() -> None:
         sat = values(data)["sat"]
         assert sat.shape == (1, expected)
         assert expected == 0 or (sat["svId"] == 5).all()
-    assert len(plain(satellites(50, 12))["fields"]["sat"]) == 50
-    assert packet_of(plain(satellites(7))) == satellites(7)
+    assert len(frame_to_json(satellites(50, 12))["fields"]["sat"]) == 50
+    assert frame_from_json(frame_to_json(satellites(7))) == satellites(7)
 
 
 def test_raw_gnss_data_by_type() -> None:
@@ -242,9 +242,9 @@ def test_raw_gnss_data_by_type() -> None:
     ephemeris = build(frames.DATA, 69, bytes([1, 2, 0, 0]) + bytes(288))
     assert "eph" in values(ephemeris)
     odd = build(frames.DATA, 69, bytes([1, 77, 0, 0]) + b"abcd")
-    assert plain(odd)["fields"]["buf"] == b"abcd".hex()
+    assert frame_to_json(odd)["fields"]["buf"] == b"abcd".hex()
     for packet_ in (data, ephemeris, odd):
-        assert packet_of(plain(packet_)) == packet_
+        assert frame_from_json(frame_to_json(packet_)) == packet_
 
 
 def test_velocity_frame_follows_the_status() -> None:
@@ -263,14 +263,14 @@ def test_shorter_longer_and_older() -> None:
     assert "upTime" not in values(build(frames.DATA, 10, whole[:56]))
     longer = build(frames.DATA, 10, whole + b"\1\2\3")
     assert set(values(longer)) == set(values(build(frames.DATA, 10, whole)))
-    assert plain(longer)["wire"]["unknown"] == {"64": "010203"}
-    assert packet_of(plain(longer)) == longer
+    assert frame_to_json(longer)["wire"]["unknown"] == {"64": "010203"}
+    assert frame_from_json(frame_to_json(longer)) == longer
     old = build(frames.DATA, 8, bytes(range(45)))
-    assert list(plain(old)["fields"]) == ["options"]  # the pairs are elsewhere before 2.1.9
-    assert packet_of(plain(old)) == old
+    assert list(frame_to_json(old)["fields"]) == ["options"]  # the pairs are elsewhere before 2.1.9
+    assert frame_from_json(frame_to_json(old)) == old
     cut = build(frames.DATA, 4, by_did(4)[6:-2][24:36], offset=24)
-    assert [len(value) for value in plain(cut)["fields"].values()] == [2, 1]
-    assert packet_of(plain(cut)) == cut
+    assert [len(value) for value in frame_to_json(cut)["fields"].values()] == [2, 1]
+    assert frame_from_json(frame_to_json(cut)) == cut
 
 
 def test_firmware_picks_the_layout() -> None:
@@ -290,7 +290,7 @@ def test_firmware_picks_the_layout() -> None:
 
 
 def test_unknown_data_sets_are_kept() -> None:
-    said = plain(build(frames.DATA, 200, b"abc"))
+    said = frame_to_json(build(frames.DATA, 200, b"abc"))
     assert said == {"id": 200, "message": "DID_200", "fields": {"data": "616263"}}
     assert ROWS[200].kind == "reply"
 
@@ -301,15 +301,15 @@ def test_texts_are_text() -> None:
     versions += b"".join(
         word.ljust(30, b"\0") for word in (b"ROM BASE 0x118B2060", b"FWVER=HPG 1.12", b"", b"", b"", b"")
     )
-    said = plain(data := build(frames.DATA, 17, versions))["fields"]
+    said = frame_to_json(data := build(frames.DATA, 17, versions))["fields"]
     assert said["swVersion"] == "EXT CORE 1.00 (71b20c)"
     assert said["extension"] == ["ROM BASE 0x118B2060", "FWVER=HPG 1.12", "", "", "", ""]
-    assert packet_of(plain(data)) == data
+    assert frame_from_json(frame_to_json(data)) == data
     head = struct.pack("<dIHbBHH", 1.5, 7, 3, 2, 0, 2, 12)
     event = build(frames.DATA, 119, head + b"temperature!")
-    assert plain(event)["fields"]["data"] == "temperature!"
-    assert packet_of(plain(event)) == event
+    assert frame_to_json(event)["fields"]["data"] == "temperature!"
+    assert frame_from_json(frame_to_json(event)) == event
     raw = build(frames.DATA, 119, head[:16] + struct.pack("<HH", 1, 3) + b"\1\2\3")
-    assert plain(raw)["fields"]["data"] == "010203"
-    assert packet_of(plain(raw)) == raw
+    assert frame_to_json(raw)["fields"]["data"] == "010203"
+    assert frame_from_json(frame_to_json(raw)) == raw
     assert values(event)["data"] == "temperature!"

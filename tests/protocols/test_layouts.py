@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from protocols import native_cache
 from protocols.checksums import check_sum8, sum8
-from protocols.framing import Buffer
-from protocols.layouts import EncodeError, Layout, fit, pack, size_of, unpack
+from protocols.framing import StreamBuffer
+from protocols.layouts import EncodeError, Layout, form_for_size, pack, size_of, unpack
 from protocols.schema import Field
 
 RECORD = Field("r", shape=(-1,), fields=(Field("a", "u1"), Field("b", ">i2", scale=0.5)))
@@ -26,18 +26,18 @@ FIELDS = (Field("n", ">u2"), Field("v", ">f4", (3,)), Field("t", "ascii", (4,), 
 
 def test_one_frame() -> None:
     payload = bytes.fromhex("0102 3F800000 00000000 BF800000 41422020 01FFFE 020003")
-    fields = fit(FIELDS, len(payload))
+    fields = form_for_size(FIELDS, len(payload))
     assert fields is not None
     values = unpack(fields, payload)
     assert values == {"n": 258, "v": [1.0, 0.0, -1.0], "t": "AB", "r": [{"a": 1, "b": -2}, {"a": 2, "b": 3}]}
     assert pack(FIELDS, values) == payload
-    assert fit(FIELDS, len(payload) + 1) is None
-    assert fit(FIELDS, 3) is None
+    assert form_for_size(FIELDS, len(payload) + 1) is None
+    assert form_for_size(FIELDS, 3) is None
     assert size_of(FIELDS[1]) == 12
 
 
 def test_columns_have_shown_units_and_native_order() -> None:
-    fields = fit(FIELDS, 21)
+    fields = form_for_size(FIELDS, 21)
     assert fields is not None
     row = bytes.fromhex("0102 3F800000 00000000 BF800000 41422020 01FFFE")
     columns = Layout.of(fields).columns(np.frombuffer(row * 3, np.uint8).reshape(3, -1))
@@ -130,7 +130,7 @@ def test_check_value_of_the_sum() -> None:
 
 
 def test_buffer_knows_when_each_byte_came() -> None:
-    buffer = Buffer()
+    buffer = StreamBuffer()
     for arrival, chunk in ((10, b"abc"), (20, b""), (30, b"defg"), (40, b"h")):
         buffer.append(chunk, arrival)
     assert buffer.data() == b"abcdefgh"

@@ -6,22 +6,22 @@ import random
 
 import pytest
 
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
-from protocols.mixed_protocols import FEW, Mixture
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.mixed_protocols import FEW, MixedProtocolDetector
 from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 
 S = 1_000_000_000
 
 
 def spoken(protocol: str, seconds: float, seed: int = 0) -> bytes:
-    make = {"xbus": XbusDevice, "isb": IsbDevice, "idtp": IdtpDevice}[protocol]
+    make = {"xbus": XbusSimulator, "isb": IsbSimulator, "idtp": IdtpSimulator}[protocol]
     return make(seed=seed).advance(int(seconds * S))  # type: ignore[operator, no-any-return]
 
 
-def examine(own: str, data: bytes, size: int) -> Mixture:
-    mixture = Mixture(own)
+def examine(own: str, data: bytes, size: int) -> MixedProtocolDetector:
+    mixture = MixedProtocolDetector(own)
     for at in range(0, len(data), size):
         mixture.feed(data[at : at + size])
     mixture.feed(b"", final=True)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from protocols import native_cache
-from protocols.jit import BYTES, INT, INTS, PAIR, Kind
+from protocols.jit import BYTES, INT, INTS, PAIR, TypeSpec
 from server import jit_cache
 from tests.bench import idtp_mixed, isb_mixed
 from tests.protocols import xbus_vectors
@@ -32,15 +32,15 @@ def parted(value: int, by: int) -> tuple[int, int]:
     return value // by, value % by
 
 
-def made(function: Any, result: Kind, *arguments: Kind) -> Any:
+def made(function: Any, result: TypeSpec, *arguments: TypeSpec) -> Any:
     return numba.njit(result(numba.types)(*(kind(numba.types) for kind in arguments)), nogil=True)(function)
 
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept")
-    native_cache.keep(folder / "part.bin", {"tests.parted": made(parted, PAIR, INT, INT)})
-    native_cache.keep(folder / "whole.bin", {"tests.total": made(total, INT, BYTES, INTS)}, folder / "part.bin")
+    native_cache.save(folder / "part.bin", {"tests.parted": made(parted, PAIR, INT, INT)})
+    native_cache.save(folder / "whole.bin", {"tests.total": made(total, INT, BYTES, INTS)}, folder / "part.bin")
     return folder / "whole.bin"
 
 
@@ -65,17 +65,17 @@ def test_wrong_arguments_and_errors_are_told_as_ever(kept: Path) -> None:
 @pytest.mark.parametrize("cut", [0, 10, 36, 200, -1])
 def test_a_file_that_is_not_whole_is_as_if_it_were_not_there(kept: Path, tmp_path: Path, cut: int) -> None:
     (tmp_path / "x.bin").write_bytes(kept.read_bytes()[:cut])
-    assert not native_cache.fits(tmp_path / "x.bin")
+    assert not native_cache.is_valid(tmp_path / "x.bin")
     assert native_cache.load(tmp_path / "x.bin") == {}
 
 
 def test_code_for_another_processor_or_version_is_not_run(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert native_cache.fits(kept)
+    assert native_cache.is_valid(kept)
     monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
-    assert not native_cache.fits(kept)
+    assert not native_cache.is_valid(kept)
     monkeypatch.delenv("NUMBA_CPU_NAME")
     monkeypatch.setattr("importlib.metadata.version", lambda name: "0.1")
-    assert not native_cache.fits(kept)
+    assert not native_cache.is_valid(kept)
     monkeypatch.undo()
     monkeypatch.setattr(native_cache, "sources_mark", lambda: "others")
     assert native_cache.load(kept) == {}
@@ -93,8 +93,8 @@ def test_another_numba_does_the_work_itself(kept: Path, monkeypatch: pytest.Monk
 
 def test_a_file_is_written_whole_or_not_at_all(kept: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
-        native_cache.keep(tmp_path / "none" / "x.bin", {})
-    native_cache.keep(tmp_path / "x.bin", {}, kept)
+        native_cache.save(tmp_path / "none" / "x.bin", {})
+    native_cache.save(tmp_path / "x.bin", {}, kept)
     assert [one.name for one in tmp_path.iterdir()] == ["x.bin"]
     assert set(native_cache.load(tmp_path / "x.bin")) == set(native_cache.load(kept))
 
@@ -107,7 +107,7 @@ from protocols.events import Batch
 if len(sys.argv) > 2:
     warm(Path(sys.argv[2]))
 from protocols import registry
-from recordings import blocks
+from recordings import mcap_reader
 for path in sorted(Path(sys.argv[1]).iterdir()):
     decoder = registry.PROTOCOLS[path.name].decoder()
     digest, data = hashlib.sha256(), path.read_bytes()

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from protocols.nmea import LONGEST, SENTENCES, Found, checksum, find
+from protocols.nmea import LONGEST, SENTENCES, ParsedMessage, checksum, find_nmea
 
 
 def sentence(content: str) -> bytes:
@@ -126,7 +126,7 @@ EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_string_type_is_read(name: str) -> None:
     content, expected = EXAMPLES[name]
-    found, kept = find(sentence(content), final=False)
+    found, kept = find_nmea(sentence(content), final=False)
     assert [(one.name, one.protocol, one.offset, one.size) for one in found] == [(name, "nmea", 0, kept)]
     assert found[0].line == sentence(content).decode().strip()
     read = found[0].fields
@@ -143,12 +143,12 @@ def test_every_row_has_an_example() -> None:
 def test_a_known_checksum() -> None:
     """The sentence with which NMEA checksums are usually explained."""
     line = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
-    assert find(line, final=False)[0][0].name == "GPGGA"
+    assert find_nmea(line, final=False)[0][0].name == "GPGGA"
 
 
 @pytest.mark.parametrize("line", [b"$PRDID,-10.37,2.34,230.34\r\n", b"$HEHDT,274.07,T\r\n"])
 def test_what_the_document_prints_without_checksum_is_taken_without(line: bytes) -> None:
-    assert find(line, final=False)[0][0].name == line[1:6].decode()
+    assert find_nmea(line, final=False)[0][0].name == line[1:6].decode()
 
 
 @pytest.mark.parametrize(
@@ -161,35 +161,37 @@ def test_what_the_document_prints_without_checksum_is_taken_without(line: bytes)
     ],
 )
 def test_what_fails_is_found_without_a_name(line: bytes) -> None:
-    found, kept = find(line, final=False)
+    found, kept = find_nmea(line, final=False)
     assert [(one.offset, one.name, one.fields) for one in found] == [(0, "", {})]
     assert kept == len(line)
 
 
 def test_a_sentence_that_breaks_off_does_not_swallow_the_next() -> None:
     good = sentence("HCHDM,1.0,M")
-    found, _ = find(b"$GPGGA,1234" + good + b"noise" + good, final=False)
+    found, _ = find_nmea(b"$GPGGA,1234" + good + b"noise" + good, final=False)
     assert [(one.offset, one.name) for one in found] == [(0, ""), (11, "HCHDM"), (11 + len(good) + 5, "HCHDM")]
 
 
 def test_unknown_sentences_keep_their_words() -> None:
-    found, _ = find(sentence("XXFOO,1,,three"), final=False)
+    found, _ = find_nmea(sentence("XXFOO,1,,three"), final=False)
     assert found[0].fields == {"field_01": "1", "field_02": None, "field_03": "three"}
 
 
 def test_a_lone_dollar_is_not_waited_for_longer_than_a_sentence() -> None:
-    assert find(b"$" + b"A" * 50, final=False) == ([], 0)
-    assert find(b"$" + b"A" * 50, final=True) == ([], 51)
-    assert find(b"$" + b"A" * LONGEST, final=False) == ([], LONGEST + 1)
+    assert find_nmea(b"$" + b"A" * 50, final=False) == ([], 0)
+    assert find_nmea(b"$" + b"A" * 50, final=True) == ([], 51)
+    assert find_nmea(b"$" + b"A" * LONGEST, final=False) == ([], LONGEST + 1)
 
 
-def pieces(data: bytes, cuts: list[int]) -> list[Found]:
-    """What `find` gives when the data come in chunks and it keeps what it asks for; offsets in the whole."""
+def pieces(data: bytes, cuts: list[int]) -> list[ParsedMessage]:
+    """What `find_nmea` gives when the data come in chunks and it keeps what it asks for; offsets in the whole."""
     found, start, end = [], 0, 0
     for size in [*cuts, len(data)]:
         end = min(end + size, len(data))
-        now, kept = find(data[start:end], final=end == len(data))
-        found += [Found(one.offset + start, one.size, one.protocol, one.name, one.line, one.fields) for one in now]
+        now, kept = find_nmea(data[start:end], final=end == len(data))
+        found += [
+            ParsedMessage(one.offset + start, one.size, one.protocol, one.name, one.line, one.fields) for one in now
+        ]
         start += kept
     return found
 
@@ -201,12 +203,12 @@ whole = st.sampled_from([sentence(content) for content, _ in EXAMPLES.values()])
 @given(st.lists(noise | whole, max_size=8).map(b"".join), st.lists(st.integers(0, 40), max_size=20))
 @example(b"$A0", [1])
 def test_cutting_changes_nothing(data: bytes, cuts: list[int]) -> None:
-    assert pieces(data, cuts) == find(data, final=True)[0]
+    assert pieces(data, cuts) == find_nmea(data, final=True)[0]
 
 
 @given(st.binary(max_size=60) | st.text(max_size=60).map(lambda text: b"$" + text.encode() + b"\r\n"), st.booleans())
 def test_any_bytes_are_survived(data: bytes, final: bool) -> None:
-    found, kept = find(memoryview(data), final=final)
+    found, kept = find_nmea(memoryview(data), final=final)
     assert 0 <= kept <= len(data)
     assert len(data) - kept <= LONGEST
     assert all(0 <= one.offset < one.offset + one.size <= kept for one in found)
@@ -221,5 +223,5 @@ def test_any_words_under_a_true_checksum_are_survived(name: str, fields: list[st
     content = ",".join([name, *fields])
     if len(content) > LONGEST - 10:
         return
-    found, _ = find(sentence(content), final=True)
+    found, _ = find_nmea(sentence(content), final=True)
     assert [one.name for one in found] == [name]

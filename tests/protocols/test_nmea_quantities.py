@@ -7,8 +7,8 @@ import pytest
 
 from protocols import imx_sentences
 from protocols.events import Text
-from protocols.nmea import SENTENCES, SOURCE, checksum, find
-from protocols.nmea_quantities import Sentences
+from protocols.nmea import SENTENCES, SOURCE, checksum, find_nmea
+from protocols.nmea_quantities import NmeaQuantities
 from protocols.schema import Message
 
 
@@ -20,7 +20,7 @@ def text(name: str, offset: int = 0, **fields: object) -> Text:
 def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
     """They were field_01, field_02 … as text: nothing to plot, and no unit."""
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype != "ascii"}
-    (batch,) = Sentences().batches([text(row.name, **numbers)])
+    (batch,) = NmeaQuantities().batches([text(row.name, **numbers)])
     shown = {field.unit for field in batch.message.fields if field.unit}
     assert shown == {field.unit for field in row.fields if field.unit}
     vectors = {name[:-1] for name in numbers if name.endswith("X")}
@@ -30,7 +30,7 @@ def test_every_quantity_of_an_imx_has_its_unit(row: Message) -> None:
 @pytest.mark.parametrize("row", [row for row in SENTENCES.values() if row.source == SOURCE], ids=lambda row: row.name)
 def test_every_number_of_an_mti_has_its_unit(row: Message) -> None:
     numbers = {field.name: float(i) for i, field in enumerate(row.fields) if field.dtype == "f8"}
-    (batch,) = Sentences().batches([text(row.name, **numbers)])
+    (batch,) = NmeaQuantities().batches([text(row.name, **numbers)])
     shown = sorted(field.unit for field in batch.message.fields if field.unit)
     kinds = {(field.name.rstrip("XYZ"), field.unit) for field in row.fields if field.dtype == "f8" and field.unit}
     assert shown == sorted(unit for _, unit in kinds)
@@ -41,7 +41,7 @@ def test_every_number_of_an_mti_has_its_unit(row: Message) -> None:
 def test_numbers_along_axes_are_one_quantity() -> None:
     names = ["q0", "q1", "q2", "q3", *(f"{kind}{axis}" for kind in ("acc", "gyr", "mag") for axis in "XYZ"), "temp"]
     texts = [text("PSONCMS", k, **{name: float(i + k) for i, name in enumerate(names)}) for k in range(3)]
-    (batch,) = Sentences().batches(texts)
+    (batch,) = NmeaQuantities().batches(texts)
     assert list(batch.columns) == ["Quaternion", "Acceleration", "RateOfTurn", "MagneticField", "temp"]
     assert batch.columns["Quaternion"].shape == (3, 4)
     assert batch.columns["Acceleration"][2].tolist() == [6, 7, 8]
@@ -50,7 +50,7 @@ def test_numbers_along_axes_are_one_quantity() -> None:
 
 
 def test_a_sentence_keeps_its_message_and_words_alone_make_none() -> None:
-    sentences = Sentences()
+    sentences = NmeaQuantities()
     (first,) = sentences.batches([text("HCHDM", headingM=354.0, ref="M")])
     more = [text("HCHDM", headingM=1.0), text("GPTXT", text="hello"), text("X", a=np.int64(1))]
     second, other = sentences.batches(more)
@@ -80,7 +80,7 @@ def test_a_sentence_keeps_its_message_and_words_alone_make_none() -> None:
 def test_a_sign_that_is_a_letter_is_not_lost(line: str, expected: dict[str, float]) -> None:
     """Pitch and roll of $PHTRO, deviation and variation came out positive whatever the letter said."""
     raw = f"${line}*{checksum(line.encode()):02X}\r\n".encode()
-    (found,), _ = find(raw, final=True)
-    (batch,) = Sentences().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
+    (found,), _ = find_nmea(raw, final=True)
+    (batch,) = NmeaQuantities().batches([Text("nmea", found.name, found.line, 0, len(raw), 0, found.fields)])
     assert {name: float(batch.columns[name][0]) for name in expected} == pytest.approx(expected)
     assert found.line == raw.decode().strip()

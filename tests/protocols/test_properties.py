@@ -31,7 +31,7 @@ from protocols.isb import frames as isb
 from protocols.registry import PROTOCOLS
 from protocols.xbus.frames import build
 from tests.protocols import idtp_vectors, isb_vectors
-from tests.protocols.protocol_cases import KEY, SPEAKERS, Speaker, canonical, cut, run
+from tests.protocols.protocol_cases import KEY, SPEAKERS, ProtocolCase, canonical, cut, run
 from tests.protocols.xbus_vectors import everything
 
 ROOT = Path(__file__).parents[2]
@@ -135,7 +135,7 @@ speakers = pytest.mark.parametrize("speaker", SPEAKERS.values(), ids=lambda spea
 
 
 @st.composite
-def streams(draw: st.DrawFn, speaker: Speaker) -> bytes:
+def streams(draw: st.DrawFn, speaker: ProtocolCase) -> bytes:
     """Frames, damaged frames, sentences and noise, in any order."""
     noise = st.one_of(
         st.binary(max_size=30),
@@ -174,7 +174,7 @@ def streams(draw: st.DrawFn, speaker: Speaker) -> bytes:
 
 @speakers
 @given(data=st.data())
-def test_any_chunks(speaker: Speaker, data: st.DataObject) -> None:
+def test_any_chunks(speaker: ProtocolCase, data: st.DataObject) -> None:
     stream = data.draw(streams(speaker))
     places = data.draw(st.lists(st.integers(0, 100_000), max_size=12))
     assert canonical(run(speaker, cut(stream, places))) == canonical(run(speaker, [stream]))
@@ -182,14 +182,14 @@ def test_any_chunks(speaker: Speaker, data: st.DataObject) -> None:
 
 @speakers
 @given(data=st.data())
-def test_one_byte_at_a_time(speaker: Speaker, data: st.DataObject) -> None:
+def test_one_byte_at_a_time(speaker: ProtocolCase, data: st.DataObject) -> None:
     stream = data.draw(streams(speaker))[:600]
     assert canonical(run(speaker, [bytes([byte]) for byte in stream])) == canonical(run(speaker, [stream]))
 
 
 @speakers
 @given(data=st.data())
-def test_many_chunks_at_once(speaker: Speaker, data: st.DataObject) -> None:
+def test_many_chunks_at_once(speaker: ProtocolCase, data: st.DataObject) -> None:
     """As a recording is read: all chunks in one call, each with its time of arrival."""
     stream = data.draw(streams(speaker))
     chunks = [one for one in cut(stream, data.draw(st.lists(st.integers(0, 100_000), max_size=12))) if one]
@@ -205,7 +205,7 @@ def test_many_chunks_at_once(speaker: Speaker, data: st.DataObject) -> None:
 
 
 @speakers
-def test_a_frame_at_a_time(speaker: Speaker) -> None:
+def test_a_frame_at_a_time(speaker: ProtocolCase) -> None:
     """A live stream has one frame in a drain, which is decoded with plain numbers; twice, so that each layout has been
     seen when it comes again, with all that is lost and out of step between."""
     frames = [*speaker.everything()] * 2
@@ -219,7 +219,7 @@ def test_a_frame_at_a_time(speaker: Speaker) -> None:
 @example(noise=b"\xfa\xff\x36\xff\x1f\xf9" + b"\xfa" * 200, places=[100])
 @example(noise=b"\xef\x49" * 300, places=[7])
 @example(noise=b"\xef\x49\x04\x04\x00\x04" + b"\xef" * 200, places=[100])
-def test_arbitrary_bytes(speaker: Speaker, noise: bytes, places: list[int]) -> None:
+def test_arbitrary_bytes(speaker: ProtocolCase, noise: bytes, places: list[int]) -> None:
     events = run(speaker, cut(noise, places))
     for event in events:
         if isinstance(event, Batch):
@@ -229,7 +229,7 @@ def test_arbitrary_bytes(speaker: Speaker, noise: bytes, places: list[int]) -> N
 
 @speakers
 @given(data=st.data())
-def test_good_frame_survives(speaker: Speaker, data: st.DataObject) -> None:
+def test_good_frame_survives(speaker: ProtocolCase, data: st.DataObject) -> None:
     """A frame after any damage is found, unless the damage itself holds a frame that reaches into it, or one that makes
     this one old."""
     before = data.draw(st.one_of(st.binary(max_size=60), streams(speaker)))
@@ -260,7 +260,7 @@ def spans(events: Sequence[Event]) -> list[tuple[int, int]]:
 
 @speakers
 @given(data=st.data())
-def test_like_the_oracle(speaker: Speaker, data: st.DataObject) -> None:
+def test_like_the_oracle(speaker: ProtocolCase, data: st.DataObject) -> None:
     stream = data.draw(streams(speaker))
     frames, rejects = speaker.expected(stream)
     decoder = PROTOCOLS[speaker.name].listing()
@@ -279,7 +279,7 @@ def test_like_the_oracle(speaker: Speaker, data: st.DataObject) -> None:
 
 @speakers
 @given(data=st.data())
-def test_plain_values_are_the_frame(speaker: Speaker, data: st.DataObject) -> None:
+def test_plain_values_are_the_frame(speaker: ProtocolCase, data: st.DataObject) -> None:
     frame = data.draw(FRAMES[speaker.name])
     assert speaker.again(speaker.plain(frame)) == frame
     record = json.loads(json.dumps(speaker.plain(frame), allow_nan=False))
@@ -297,7 +297,7 @@ for line in canonical(run(SPEAKERS[sys.argv[1]], [data[:1000], data[1000:]])):
 
 
 @speakers
-def test_without_compilation(speaker: Speaker, tmp_path: Path) -> None:
+def test_without_compilation(speaker: ProtocolCase, tmp_path: Path) -> None:
     """NUMBA_DISABLE_JIT=1 runs the same source as plain Python and gives the same answers."""
     noise = bytes(range(256)) + b"\xfa\xff\x36\x05" + b"$HCHDM,123.45,M*18\r\n" + b"\xfa\xff\x36\xff\x1f\xff"
     stream = noise.join(speaker.everything())[:60_000]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.nmea import Found
+from protocols.nmea import ParsedMessage
 from protocols.xbus.binary_strings import WINDOW, find
 
 TSS2 = b":12345  0000H-0150  0250F"
@@ -21,7 +21,7 @@ EM1000 = bytes.fromhex("00 90 6A FF FA 00 00 00 39 30")  # −150, 250, 0, 12345
 def test_tss2() -> None:
     found, kept = find(TSS2 + b"\r\n", final=False)
     assert found == [
-        Found(
+        ParsedMessage(
             0,
             27,
             "tss2",

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.counters import Unwrap
+from protocols.counters import TickUnwrapper
 
 DAY, FULL = 864_000_000, 2**32
 
@@ -18,7 +18,7 @@ steps = st.sampled_from([25, 25, 25, 50, -25_000, -25_000, -60_000, -200_000, 3_
 @given(st.integers(0, FULL - 1), st.lists(steps, max_size=40), st.lists(st.integers(1, 9), max_size=20))
 def test_any_chunks(first: int, moves: list[int], cuts: list[int]) -> None:
     raw = (first + np.cumsum([0, *moves])) % FULL
-    whole, apart = Unwrap(FULL, auto=(DAY,), tick_ns=100_000), Unwrap(FULL, auto=(DAY,), tick_ns=100_000)
+    whole, apart = TickUnwrapper(FULL, auto=(DAY,), tick_ns=100_000), TickUnwrapper(FULL, auto=(DAY,), tick_ns=100_000)
     expected = whole.ticks(raw).tolist()
     got: list[int] = []
     found: list[tuple[int, str, int]] = []
@@ -41,7 +41,7 @@ def test_row_by_row(first: int, moves: list[tuple[int, int]], timed: bool, auto:
     """`tick` says of each row what `ticks` says of all, whatever was asked of which in between."""
     raw = (first + np.cumsum([0, *(move for move, _ in moves)])) % FULL
     arrival = 100_000 * np.cumsum([7, *(passed for _, passed in moves)]) if timed else None
-    whole, apart = (Unwrap(FULL, auto=auto, tick_ns=100_000) for _ in range(2))
+    whole, apart = (TickUnwrapper(FULL, auto=auto, tick_ns=100_000) for _ in range(2))
     expected = whole.ticks(raw, arrival).tolist()
     found: list[tuple[int, str, int]] = []
     for row, (value, ticks) in enumerate(zip(raw.tolist(), expected, strict=True)):
@@ -58,7 +58,7 @@ def test_row_by_row(first: int, moves: list[tuple[int, int]], timed: bool, auto:
 def test_many_steps_take_no_longer() -> None:
     """A small capture played over and over sets the clock back every hundred rows."""
     raw = np.tile(np.arange(0, 10_000, 100), 5000)
-    clock = Unwrap(FULL, tick_ns=100_000)
+    clock = TickUnwrapper(FULL, tick_ns=100_000)
     clock.ticks(raw[:10])
     start = time.process_time()
     clock.ticks(raw)

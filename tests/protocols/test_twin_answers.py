@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocols.xbus import frames
-from protocols.xbus.simulator.device import XbusDevice
-from protocols.xbus.simulator.faults import Moods
+from protocols.xbus.simulator.device import XbusSimulator
+from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import SETTINGS
 from tests.protocols.test_xbus_simulator import S, ask, column, decode, in_config, replies, run
 
@@ -116,7 +116,7 @@ def test_what_is_wrong_is_refused_with_its_code(mid: int, payload: bytes, code: 
 
 
 def test_measuring_refuses_configuration() -> None:
-    device = XbusDevice()
+    device = XbusSimulator()
     run(device, 1)
     assert ask(device, 0xC0, now=S) == (0x42, b"\x04")
     assert device.phase == "measurement"
@@ -240,7 +240,7 @@ def test_send_latest_waits_for_a_request() -> None:
 
 
 def test_a_stubborn_device_hears_after_a_reset() -> None:
-    device = XbusDevice(moods=Moods(stubborn=True))
+    device = XbusSimulator(moods=FaultInjection(stubborn=True))
     run(device, 1)
     assert replies(device.receive(frames.build(0x30), S)) == []
     assert ask(device, 0x40, now=S) == (0x41, b"")
@@ -265,7 +265,7 @@ def test_option_flags_are_set_and_cleared() -> None:
 
 def test_a_no_rotation_update_shows_in_the_status_word() -> None:
     """Begun at a stop it runs until the vehicle turns, and then says so until the next one."""
-    device = XbusDevice(measuring=True)
+    device = XbusSimulator(measuring=True)
     device.advance(35 * S)
     data = device.receive(frames.build(0x22, b"\x00\x0a"), 35 * S) + run(device, 20, begin=35)
     status = column(decode(data), "StatusWord").astype(np.int64) >> 3 & 3
@@ -299,7 +299,7 @@ def test_sync_settings_mark_samples() -> None:
 
 @given(st.binary(max_size=60) | st.builds(frames.build, st.integers(0, 255), st.binary(max_size=40)), st.booleans())
 def test_whatever_it_hears_it_goes_on(data: bytes, config: bool) -> None:
-    device = XbusDevice(measuring=True)
+    device = XbusSimulator(measuring=True)
     device.advance(S // 10)
     if config:
         device.receive(frames.build(0x30), S // 10)
@@ -318,7 +318,7 @@ def test_a_request_in_pieces_between_noise_is_heard() -> None:
 
 def test_an_unknown_product_is_our_callers_mistake() -> None:
     with pytest.raises(ValueError, match="MTi-630"):
-        XbusDevice("MTi-9000")
+        XbusSimulator("MTi-9000")
 
 
 def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
@@ -338,7 +338,7 @@ def test_the_vendors_software_finds_what_it_asks_for_first() -> None:
     [("MTi-3", "0388"), ("MTi-7", "0788"), ("MTi-30", "0368"), ("MTi-300", "0378"), ("MTi-G-710", "0778")],
 )
 def test_an_identifier_begins_as_the_vendors_do_for_the_product(product: str, begins: str) -> None:
-    assert XbusDevice(product).identifier().hex().startswith(begins)
+    assert XbusSimulator(product).identifier().hex().startswith(begins)
 
 
 @pytest.mark.parametrize("rates", [(80, 100), (400, 100), (50, 40)])

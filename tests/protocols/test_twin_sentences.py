@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Reject, Reply, Text
+from protocols.events import Batch, RejectedFrame, Reply, Text
 from protocols.simulator import trajectory
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.xbus.enums import STRING_TYPES
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.strings import LINES
 from tests.protocols.test_xbus_simulator import S, ask, decode, in_config, run
 from tests.protocols.xbus_values import DRIVER
@@ -29,7 +29,7 @@ def word(*names: str) -> int:
 ALL_TYPES = word(*WORDS)
 
 
-def told(device: XbusDevice, types: int, hertz: int = 10) -> bytes:
+def told(device: XbusSimulator, types: int, hertz: int = 10) -> bytes:
     """What a device sends in ten seconds after it was told to send strings."""
     six = device.product.series == 600
     payload = struct.pack(">IH", types, hertz) if six else struct.pack(">H", types)
@@ -40,7 +40,7 @@ def told(device: XbusDevice, types: int, hertz: int = 10) -> bytes:
 
 def lines(data: bytes) -> list[Text]:
     events = decode(data)
-    assert not [event for event in events if isinstance(event, (Batch, Reject, Reply))]
+    assert not [event for event in events if isinstance(event, (Batch, RejectedFrame, Reply))]
     return [event for event in events if isinstance(event, Text)]
 
 
@@ -66,7 +66,7 @@ def test_strings_say_what_the_drive_does() -> None:
     data = told(in_config("MTi-680G"), word(*HEADINGS))
     found = [event for event in decode(data) if isinstance(event, Text)]
     times = np.arange(101) / 10 + 2
-    axes = trajectory.matrix(trajectory.drive(times).q_enu_from_body_wxyz)
+    axes = trajectory.matrix(trajectory.vehicle_motion(times).q_enu_from_body_wxyz)
     truth = np.degrees(np.arctan2(axes[:, 0, 0], axes[:, 1, 0]))
     for name, key in HEADINGS.items():
         heading = np.array([line.fields[key] for line in found if line.name == name])
@@ -86,7 +86,7 @@ def test_lines_are_no_longer_than_the_load_says(product: str) -> None:
     setting: dict[str, Any] = {"string_types": ALL_TYPES}
     if product != "MTi-30":
         setting["frequency"] = hertz
-    load = DRIVER.load({"StringOutputType": setting}, Known(product=product)).total
+    load = DRIVER.load({"StringOutputType": setting}, DeviceContext(product=product)).total
     assert 0.5 * load * 10 < length <= load * 10.1
 
 

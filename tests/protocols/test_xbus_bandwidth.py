@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.xbus import frames
 from protocols.xbus.bandwidth import messages_of, size_of
 from protocols.xbus.output_configuration import (
     ALWAYS,
     OUTPUTS,
     SATELLITES,
+    accepted_rates,
     allowed,
-    granted,
-    greatest,
+    max_rate,
     output_of,
     streams,
 )
 from protocols.xbus.products import MODELS
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
 from tests.protocols.xbus_values import DRIVER
 
@@ -39,7 +39,7 @@ def wished(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def load_of(pairs: list[Pair], product: str = "") -> float:
-    return DRIVER.load(wished(pairs), Known(product=product)).total
+    return DRIVER.load(wished(pairs), DeviceContext(product=product)).total
 
 
 def messages(data: bytes) -> list[tuple[bytes, tuple[Pair, ...]]]:
@@ -124,7 +124,7 @@ def test_a_capture_of_49_s_to_the_byte(captures: Path) -> None:
 
 def measured(product: str, pairs: list[Pair], seconds: int) -> tuple[list[Pair], int]:
     """What a twin makes of a configuration, and the bytes that it sends in some seconds of it."""
-    device = XbusDevice(product, measuring=True)
+    device = XbusSimulator(product, measuring=True)
     device.advance(S // 10)
     device.receive(frames.build(0x30), S // 10)
     answer = device.receive(frames.build(0xC0, b"".join(struct.pack(">HH", *pair) for pair in pairs)), S // 10)
@@ -171,7 +171,7 @@ def test_any_configuration_is_as_heavy_as_computed(case: tuple[str, list[Pair]])
 @given(configurations())
 def test_parts_make_up_the_total_and_name_their_place(case: tuple[str, list[Pair]]) -> None:
     product, pairs = case
-    load = DRIVER.load(wished(pairs), Known(product=product))
+    load = DRIVER.load(wished(pairs), DeviceContext(product=product))
     assert [part.path for part in load.parts] == [*(f"outputs.{place}" for place in range(len(pairs))), ""]
     assert sum(part.bytes_per_s for part in load.parts) == load.total
     assert all(part.title for part in load.parts)
@@ -186,7 +186,7 @@ def test_what_fits_is_within_the_capacity_and_lowers_to_rates_that_there_are(
 ) -> None:
     product, pairs = case
     model = PRODUCTS[product].model
-    known = Known(product=product)
+    known = DeviceContext(product=product)
     capacity = share * load_of(pairs, product)
     fitted = DRIVER.fit(wished(pairs), capacity, known)
     now = [(entry["data_identifier"], entry["output_frequency"]) for entry in fitted["OutputConfiguration"]["outputs"]]
@@ -194,22 +194,22 @@ def test_what_fits_is_within_the_capacity_and_lowers_to_rates_that_there_are(
     for (identifier, before), (_, after) in zip(pairs, now, strict=True):
         output = output_of(identifier, model)
         assert output is not None
-        most = greatest(output, model)
+        most = max_rate(output, model)
         assert after == before or after in allowed(most)
-        assert granted(after, most) <= granted(before, most)
-    least = [(i, ALWAYS if greatest(OUTPUTS[i & 0xFFF0], model) == ALWAYS else 1) for i, _ in pairs]
+        assert accepted_rates(after, most) <= accepted_rates(before, most)
+    least = [(i, ALWAYS if max_rate(OUTPUTS[i & 0xFFF0], model) == ALWAYS else 1) for i, _ in pairs]
     assert DRIVER.load(fitted, known).total <= max(capacity, load_of(least, product))
 
 
 def test_what_fits_already_is_left_as_it_is() -> None:
     pairs = [(0x2010, 100), (0x4020, 400)]
-    assert DRIVER.fit(wished(pairs), 1e6, Known(product="MTi-630")) == wished(pairs)
+    assert DRIVER.fit(wished(pairs), 1e6, DeviceContext(product="MTi-630")) == wished(pairs)
 
 
 def test_the_fastest_are_lowered_first() -> None:
     """Everything at 400 Hz on 115 200 Bd: what is fast comes down to a common rate, what is slow stays."""
     pairs = [(0x1020, ALWAYS), (0x2010, 400), (0x4020, 400), (0x8020, 400), (0xC020, 100), (0x3010, 50)]
-    fitted = DRIVER.fit(wished(pairs), 11_520, Known(product="MTi-630"))["OutputConfiguration"]["outputs"]
+    fitted = DRIVER.fit(wished(pairs), 11_520, DeviceContext(product="MTi-630"))["OutputConfiguration"]["outputs"]
     assert [entry["output_frequency"] for entry in fitted] == [ALWAYS, 100, 100, 100, 100, 50]
 
 
@@ -217,18 +217,18 @@ def test_the_fastest_are_lowered_first() -> None:
 
 
 def test_limits_that_are_broken_are_said() -> None:
-    load = DRIVER.load(wished([(0x5031, 10)]), Known(product="MTi-680G"))
+    load = DRIVER.load(wished([(0x5031, 10)]), DeviceContext(product="MTi-680G"))
     assert any("fixed-point" in limit for limit in load.limits)
-    load = DRIVER.load(wished([(0x4020, 1)] * 33), Known(product="MTi-680G"))
+    load = DRIVER.load(wished([(0x4020, 1)] * 33), DeviceContext(product="MTi-680G"))
     assert any("32" in limit for limit in load.limits)
-    assert DRIVER.load(wished([(0x4020, 400)]), Known(product="MTi-680G")).limits == ()
+    assert DRIVER.load(wished([(0x4020, 400)]), DeviceContext(product="MTi-680G")).limits == ()
 
 
 def test_sentences_take_the_place_of_data() -> None:
     """600-series: the rate stands with the strings; before: 115200 / (period · (skip + 1)) lines a second."""
     outputs = wished([(0x2010, 400)])
     strings = {"StringOutputType": {"string_types": 1 << 8 | 1 << 3, "frequency": 10}}
-    load = DRIVER.load({**outputs, **strings}, Known(product="MTi-630"))
+    load = DRIVER.load({**outputs, **strings}, DeviceContext(product="MTi-630"))
     assert {part.title.split(",")[0] for part in load.parts} == {"HEHDT", "PHTRO"}
     assert load.total == 10 * (19 + 25)
     older = {
@@ -236,17 +236,17 @@ def test_sentences_take_the_place_of_data() -> None:
         "Period": {"period": 1152},
         "OutputSkipFactor": {"skip_factor": 4},
     }
-    assert DRIVER.load(older, Known(product="MTi-30")).total == 20 * 19
+    assert DRIVER.load(older, DeviceContext(product="MTi-30")).total == 20 * 19
     silent = {**older, "OutputSkipFactor": {"skip_factor": 0xFFFF}}
-    assert DRIVER.load(silent, Known(product="MTi-30")).total == 0
+    assert DRIVER.load(silent, DeviceContext(product="MTi-30")).total == 0
 
 
 @pytest.mark.parametrize("number", MODELS)
 def test_every_rate_of_a_product_is_granted_as_it_is(number: int) -> None:
     model = MODELS[number]
     for output in OUTPUTS.values():
-        most = greatest(output, model)
-        assert all(granted(rate, most) == rate for rate in allowed(most))
+        most = max_rate(output, model)
+        assert all(accepted_rates(rate, most) == rate for rate in allowed(most))
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_high_rate_items_of_the_1_series_weigh_what_their_hardware_sends(
     """Hardware before 2.0 sends about 1000 Hz: a quarter more than the 800 Hz that were always counted."""
     outputs = {"outputs": [{"data_identifier": identifier, "output_frequency": 0xFFFF}]}
     settings = {"OutputConfiguration": outputs, "HardwareVersion": hardware}
-    known = Known(product="MTi-3")
+    known = DeviceContext(product="MTi-3")
     assert DRIVER.load(settings, known).total == hertz * (4 + 3 + 12 + 1)
     chosen = DRIVER.fit(settings, 0.6 * hertz * 20, known)["OutputConfiguration"]["outputs"]
     assert chosen[0]["output_frequency"] == hertz // 2

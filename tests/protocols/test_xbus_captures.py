@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
 from protocols.xbus.data_identifiers import ITEMS
 from protocols.xbus.decoder import XbusDecoder
 from tests.protocols.xbus_vectors import GOLDEN, flat
@@ -73,8 +73,8 @@ def test_time_and_loss(capture: tuple[list[Event], list[dict[str, Any]]]) -> Non
             assert np.array_equal(batch.time_ns, batch.columns["SampleTimeFine"].astype(np.int64) * 100_000)
     counters = [line["1020"] for line in lines]
     lost = sum((b - a - 1) % 65536 for a, b in pairwise(counters))
-    assert sum(event.missing for event in events if isinstance(event, Gap)) == lost
-    assert not [event for event in events if isinstance(event, (Reject, Step))]
+    assert sum(event.missing for event in events if isinstance(event, SampleGap)) == lost
+    assert not [event for event in events if isinstance(event, (RejectedFrame, ClockStep))]
 
 
 def test_file_of_the_vendors_program() -> None:
@@ -83,4 +83,4 @@ def test_file_of_the_vendors_program() -> None:
     names = [event.message.name for event in events if isinstance(event, (Reply, Batch))]
     assert names[:2] == ["Configuration", "EmtsData"]
     assert "MTData2" in names
-    assert not [event for event in events if isinstance(event, Reject)]
+    assert not [event for event in events if isinstance(event, RejectedFrame)]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from protocols.schema import Command, Setting
 from protocols.xbus import commands
 from protocols.xbus.commands import GROUPS
-from protocols.xbus.json_codec import frame_of, plain
+from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from protocols.xbus.messages import BY_NAME, MESSAGES
 from protocols.xbus.output_configuration import OUTPUTS
 from protocols.xbus.products import MODELS, model_of
@@ -182,7 +182,7 @@ def test_a_command_of_the_vectors_by_name_and_arguments(vector: dict[str, Any]) 
     expected = bytes.fromhex(vector["message_hex"])
     bus = vector["args"].get("bid")
     if bus or same_entry_often(vector):
-        assert frame_of({"message": name, "fields": values, "wire": {"bid": bus} if bus else {}}) == expected
+        assert frame_from_json({"message": name, "fields": values, "wire": {"bid": bus} if bus else {}}) == expected
     else:
         assert DRIVER.frame(name, values, UNKNOWN) == expected
     assert DRIVER.name_of(expected) == name
@@ -195,7 +195,7 @@ def test_most_vectors_are_commands() -> None:
 
 def test_every_vector_composed_from_what_inspect_prints_is_the_frame_again() -> None:
     for frame in everything():
-        assert frame_of(json.loads(json.dumps(plain(frame)))) == frame
+        assert frame_from_json(json.loads(json.dumps(frame_to_json(frame)))) == frame
 
 
 def test_an_empty_list_is_sent_as_one_entry_that_means_none() -> None:
@@ -207,7 +207,7 @@ def test_an_empty_list_is_sent_as_one_entry_that_means_none() -> None:
 
 def test_the_wanted_word_of_option_flags_sets_and_clears() -> None:
     (frame,) = DRIVER.setting_frames("OptionFlags", {"flags": 0x82}, UNKNOWN)
-    fields = plain(frame)["fields"]
+    fields = frame_to_json(frame)["fields"]
     assert fields["set_flags"] == 0x82
     assert fields["clear_flags"] & 0x82 == 0
     assert fields["clear_flags"] | 0x82 == 0x3EFF
@@ -218,7 +218,7 @@ def test_an_alignment_is_two_settings() -> None:
     frames = [
         DRIVER.setting_frames(f"AlignmentRotation.{which}", unity, UNKNOWN)[0] for which in ("RotSensor", "RotLocal")
     ]
-    assert [plain(frame)["fields"]["parameter"] for frame in frames] == [0, 1]
+    assert [frame_to_json(frame)["fields"]["parameter"] for frame in frames] == [0, 1]
 
 
 # -- every command of every product, as forms ask for it ---------------------------------------------------------------
@@ -229,9 +229,9 @@ def test_every_command_of_every_product_is_a_frame_and_back() -> None:
     for name, command in SWEEP:
         known = KNOWN.get(name, UNKNOWN)
         frame = DRIVER.frame(command.name, sensible(command, known), known)
-        told = plain(frame)
+        told = frame_to_json(frame)
         assert told["message"] == command.name.split(" (")[0].split(".")[0], (name, command.name)
-        assert frame_of(told) == frame, (name, command.name)
+        assert frame_from_json(told) == frame, (name, command.name)
         spans = DRIVER.spans(frame)
         assert [span.offset for span in spans] == [sum(s.size for s in spans[:k]) for k in range(len(spans))]
         assert sum(span.size for span in spans) == len(frame)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from protocols.transactions import Dialogue, Known, Values
+from protocols.transactions import DeviceContext, Transaction, Values
 from protocols.xbus.simulator.settings import PRODUCTS
 from tests.protocols.xbus_simulators import CHANGES, Between, Deaf, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER
@@ -16,7 +16,7 @@ from tests.transaction_player import Wire, play
 @pytest.mark.parametrize(("product", "setting"), [("MTi-630", "PortConfig"), ("MTi-30", "Baudrate")])
 def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product: str, setting: str) -> None:
     line = wire(product, baud=115_200)
-    known = Known(product=product, baud=115_200)
+    known = DeviceContext(product=product, baud=115_200)
     values: Values = CHANGES[setting][1]
     change = DRIVER.line_change(setting, None, values, known)
     assert change is not None
@@ -33,7 +33,7 @@ def test_a_new_rate_acts_after_the_restart_and_the_device_is_found_there(product
 
 def test_a_device_that_sends_nothing_is_alive_all_the_same() -> None:
     line = wire()
-    known = Known(product="MTi-630")
+    known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.write("OutputConfiguration", {"outputs": []}, known), known), line)
     assert play(DRIVER.alive(known), line)
     assert phase(line) == "measurement"
@@ -62,15 +62,15 @@ class Switched(Between):
 
 def test_communication_is_restored_while_somebody_switches_the_power() -> None:
     line = Wire(Switched(), "xbus", 230_400, step_ns=300_000)
-    assert play(DRIVER.restore_communication(Known()), line)
+    assert play(DRIVER.restore_communication(DeviceContext()), line)
     assert line.baud == 115_200
     assert "WakeUpAck" in names(line)
-    assert play(DRIVER.alive(Known()), line)
+    assert play(DRIVER.alive(DeviceContext()), line)
 
 
 def test_a_restore_that_nobody_helps_ends() -> None:
     line = Wire(Deaf(), "xbus", step_ns=1_000_000_000)
-    assert not play(DRIVER.restore_communication(Known()), line)
+    assert not play(DRIVER.restore_communication(DeviceContext()), line)
     assert line.now_ns == pytest.approx(60e9, rel=0.01)
 
 
@@ -111,13 +111,13 @@ LINE_CHANGES: list[tuple[str, str, Values | None, Values, str | None]] = [
 def test_what_could_cut_the_line_is_known_before_it_is_written(
     product: str, setting: str, old: Values | None, new: Values, kind: str | None
 ) -> None:
-    change = DRIVER.line_change(setting, old, new, Known(product=product, baud=115_200))
+    change = DRIVER.line_change(setting, old, new, DeviceContext(product=product, baud=115_200))
     assert (change.kind if change else None) == kind
     assert change is None or change.words.endswith(".")
 
 
 def test_a_change_of_one_of_two_ports_tells_both_rates_at_which_the_device_may_be() -> None:
-    known = Known(product="MTi-630", baud=115_200)
+    known = DeviceContext(product="MTi-630", baud=115_200)
     both = {"words": [0x10002, 0x10002, 0]}
     change = DRIVER.line_change("PortConfig", both, {"words": [0x10002, 0x1000A, 0]}, known)
     assert change is not None
@@ -129,7 +129,7 @@ def test_a_change_of_one_of_two_ports_tells_both_rates_at_which_the_device_may_b
 
 def test_the_600_series_gets_its_rate_as_a_port_configuration() -> None:
     """SetBaudrate is deprecated there, and no trial would guard it."""
-    known, six = Known(product="MTi-30", baud=115_200), Known(product="MTi-630", baud=115_200)
+    known, six = DeviceContext(product="MTi-30", baud=115_200), DeviceContext(product="MTi-630", baud=115_200)
     present: dict[str, Values] = {"PortConfig": {"words": [0x10002, 0x1000A, 0]}}
     assert DRIVER.instead("SetBaudrate", {"baudrate_code": 0}, present, known) is None
     assert DRIVER.instead("SetBaudrate", {"baudrate_code": 0}, present, six) == (
@@ -150,7 +150,7 @@ def test_the_factory_values_can_be_written_and_are_accepted(product: str) -> Non
     assert set(factory) <= {setting.name for setting in DRIVER.settings(known)}
     assert "OutputConfiguration" in factory
 
-    def body() -> Dialogue[None]:
+    def body() -> Transaction[None]:
         for setting, values in factory.items():
             if "string_types" not in values:  # 0 is what it is
                 written = yield from DRIVER.write(setting, values, known)
@@ -162,7 +162,7 @@ def test_the_factory_values_can_be_written_and_are_accepted(product: str) -> Non
 
 
 def test_an_unknown_product_has_no_known_factory_values() -> None:
-    assert DRIVER.factory(Known()) == {}
+    assert DRIVER.factory(DeviceContext()) == {}
 
 
 def test_the_order_of_outputs_and_two_names_of_a_rate_mean_nothing() -> None:

@@ -7,8 +7,8 @@ import struct
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
-from protocols.registry import PROTOCOLS, guess, warm
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
+from protocols.registry import PROTOCOLS, detect, warm_up
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import MAX_ACCEPTED, build
 
@@ -61,7 +61,7 @@ def test_product_code_decides_the_wrap(product: str, wraps: bool) -> None:
     events = decode(reply + before + sample(1, fine=0) + sample(2, fine=10))
     (batch,) = of(events, Batch)
     assert isinstance(batch, Batch)
-    assert bool(of(events, Step)) is not wraps
+    assert bool(of(events, ClockStep)) is not wraps
     if wraps:
         assert np.diff(batch.time_ns).tolist() == [1_000_000] * 2
 
@@ -90,8 +90,8 @@ def test_a_better_clock_takes_over() -> None:
     events = decode(sample(0, coarse=10) + sample(1, coarse=10, fine=100_000) + sample(2, coarse=11))
     times = {int(o): b.time_ns for b in of(events, Batch) for o in b.offset}  # type: ignore[attr-defined]
     assert [None if t is None else t.tolist() for _, t in sorted(times.items())] == [[10**10], [10**10], None]
-    (step,) = of(events, Step)
-    assert isinstance(step, Step)
+    (step,) = of(events, ClockStep)
+    assert isinstance(step, ClockStep)
     assert step.kind == "sync"
 
 
@@ -100,13 +100,13 @@ def test_a_better_clock_takes_over() -> None:
 
 def test_gaps_are_counted_over_all_layouts() -> None:
     events = decode(sample(65534, fine=0) + sample(65535) + sample(3, fine=40) + sample(4, fine=50))
-    (gap,) = of(events, Gap)
-    assert isinstance(gap, Gap)
+    (gap,) = of(events, SampleGap)
+    assert isinstance(gap, SampleGap)
     assert (gap.missing, gap.counter, gap.time_ns) == (3, "PacketCounter", 4_000_000)
 
 
 def test_restart_is_no_gap() -> None:
-    assert not of(decode(sample(40_000) + sample(0) + sample(1)), Gap)
+    assert not of(decode(sample(40_000) + sample(0) + sample(1)), SampleGap)
 
 
 # -- patience ----------------------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ def test_false_length_costs_time_only() -> None:
     assert decoder.drain() == []
     assert decoder.buffered == len(false + frames)
     events = decoder.drain(stalled=True)
-    (reject,), (batch,) = of(events, Reject), of(events, Batch)
+    (reject,), (batch,) = of(events, RejectedFrame), of(events, Batch)
     assert (reject.offset, reject.reason) == (0, "truncated")  # type: ignore[attr-defined]
     assert len(batch) == 10  # type: ignore[arg-type]
     assert decoder.buffered == 0
@@ -131,12 +131,12 @@ def test_false_length_costs_time_only() -> None:
 
 def test_impossible_length_does_not_wait() -> None:
     events = decode(b"\xfa\xff\x36\xff\xff\xff" + sample(1))
-    assert [type(event) for event in events] == [Reject, Batch]
+    assert [type(event) for event in events] == [RejectedFrame, Batch]
 
 
 def test_frames_of_nobody_are_skipped() -> None:
     """BID and MID both 0: no frame, although it checksums."""
-    (reject,) = of(decode(build(0, b"", bid=0), sample(1)), Reject)
+    (reject,) = of(decode(build(0, b"", bid=0), sample(1)), RejectedFrame)
     assert reject.reason == "bad_id"  # type: ignore[attr-defined]
 
 
@@ -159,7 +159,7 @@ def test_arrival_is_that_of_the_last_byte() -> None:
 def test_bad_item_keeps_the_good_ones() -> None:
     good, tail = bytes.fromhex("1020020007E02004 00000003"), bytes.fromhex("2010103F80")
     events = decode(build(0x36, good + tail) + sample(8))
-    batch, reject = of(events, Batch)[0], of(events, Reject)[0]
+    batch, reject = of(events, Batch)[0], of(events, RejectedFrame)[0]
     assert batch.columns["PacketCounter"].tolist() == [7]  # type: ignore[attr-defined]
     assert batch.columns["StatusWord"].tolist() == [3]  # type: ignore[attr-defined]
     assert (reject.offset, reject.size, reject.reason) == (4 + len(good), 5, "bad_item")  # type: ignore[attr-defined]
@@ -167,7 +167,7 @@ def test_bad_item_keeps_the_good_ones() -> None:
 
 def test_item_of_a_wrong_size_is_opaque() -> None:
     events = decode(build(0x36, bytes.fromhex("1020020007 20100400000000 E0200400000003")))
-    (batch,), (reject,) = of(events, Batch), of(events, Reject)
+    (batch,), (reject,) = of(events, Batch), of(events, RejectedFrame)
     assert list(batch.columns) == ["PacketCounter", "0x2010", "StatusWord"]  # type: ignore[attr-defined]
     assert (reject.offset, reject.size) == (9, 7)  # type: ignore[attr-defined]
 
@@ -207,7 +207,7 @@ def test_sentences_between_frames() -> None:
 
 def test_bad_sentence_is_a_reject() -> None:
     (reject,) = decode(SENTENCE.replace(b"123", b"124") + sample(1))[:1]
-    assert isinstance(reject, Reject)
+    assert isinstance(reject, RejectedFrame)
     assert (reject.reason, reject.size) == ("bad_checksum", len(SENTENCE))
 
 
@@ -229,17 +229,17 @@ def test_skipped_bytes_are_counted() -> None:
 
 def test_guess() -> None:
     frames = b"".join(sample(i) for i in range(50))
-    (best, *_) = guess(frames[5:300])
+    (best, *_) = detect(frames[5:300])
     assert (best.protocol, best.score) == ("xbus", 1.0) or best.score > 0.9
     assert "Xbus frames (MTData2)" in best.why
-    assert guess(SENTENCE * 10)[0].score == pytest.approx(0.5)
-    assert guess(bytes(500))[0].score == 0
-    assert guess(b"")[0].score == 0
+    assert detect(SENTENCE * 10)[0].score == pytest.approx(0.5)
+    assert detect(bytes(500))[0].score == 0
+    assert detect(b"")[0].score == 0
 
 
 def test_warm() -> None:
-    assert set(warm()) == set(PROTOCOLS)
-    assert all(warm().values())
+    assert set(warm_up()) == set(PROTOCOLS)
+    assert all(warm_up().values())
 
 
 # -- GNSS messages without a fix ---------------------------------------------------------------------------------------
@@ -267,8 +267,8 @@ def test_the_clock_of_a_gnss_message_without_a_fix_is_nobodys(arbitrary: int, cu
         frames.append(sample(2 * i, fine=50_000 + 100 * i))
         frames.append((solution if i % 2 else satellites)(2 * i + 1, arbitrary, *([0] if i % 2 else [])))
     events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
-    assert not of(events, Step)
-    assert not of(events, Gap)
+    assert not of(events, ClockStep)
+    assert not of(events, SampleGap)
     timed = [batch for batch in of(events, Batch) if batch.time_ns is not None]  # type: ignore[attr-defined]
     times = [int(time) for batch in timed for time in batch.time_ns]  # type: ignore[attr-defined]
     assert times == [100_000 * (50_000 + 100 * i) for i in range(100)]
@@ -278,7 +278,7 @@ def test_the_clock_of_a_gnss_message_without_a_fix_is_nobodys(arbitrary: int, cu
 def test_a_gnss_message_with_a_fix_has_its_own_older_time(cut: str) -> None:
     frames = [sample(0, fine=1000), solution(1, 7, 0), solution(2, 200, 3), satellites(3, 200), sample(4, fine=1010)]
     events = decode(*(frames if cut != "whole" else [b"".join(frames)]))
-    assert not of(events, Step)
+    assert not of(events, ClockStep)
     found = {
         int(offset): None if batch.time_ns is None else int(batch.time_ns[row])  # type: ignore[attr-defined]
         for batch in of(events, Batch)
@@ -301,7 +301,7 @@ def test_two_devices_on_one_line_are_two(chunk: int) -> None:
     for at in range(0, len(data), chunk):
         decoder.feed(data[at : at + chunk], 0)
         events += decoder.drain()
-    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    assert not [event for event in events if isinstance(event, SampleGap | ClockStep | RejectedFrame)]
     for device, begin in (("", 0), ("2", 30_000)):
         mine = [event for event in events if isinstance(event, Batch) and event.device == device]
         numbers = np.concatenate([batch.columns["PacketCounter"] for batch in mine]).astype(np.int64)

@@ -11,12 +11,22 @@ import pytest
 from protocols.events import Reply
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Dialogue, Expect, InState, Known, RefusedError, Send, SilentError, Values, stop
+from protocols.transactions import (
+    DeviceContext,
+    DeviceRejectedError,
+    NoReplyError,
+    RequiresState,
+    Send,
+    Transaction,
+    Values,
+    WaitFor,
+    cancel,
+)
 from protocols.xbus import frames
 from protocols.xbus.device_info import identity
 from protocols.xbus.products import MODELS
-from protocols.xbus.simulator.device import XbusDevice
-from protocols.xbus.simulator.faults import Moods
+from protocols.xbus.simulator.device import XbusSimulator
+from protocols.xbus.simulator.faults import FaultInjection
 from protocols.xbus.simulator.settings import PRODUCTS
 from tests.protocols.xbus_simulators import CHANGES, Between, Deaf, known_of, names, phase, wire
 from tests.protocols.xbus_values import DRIVER, sensible
@@ -44,7 +54,7 @@ def test_everything_that_a_product_keeps_is_read_written_and_put_back(product: s
     known = known_of(line)
     settings = DRIVER.settings(known)
 
-    def body() -> Dialogue[dict[str, Values]]:
+    def body() -> Transaction[dict[str, Values]]:
         found: dict[str, Values] = {}
         for setting in settings:
             values = yield from DRIVER.read(setting.name, known)
@@ -66,7 +76,7 @@ def test_every_setting_that_can_be_written_is_among_the_changes() -> None:
     written = {
         setting.name
         for model in MODELS.values()
-        for setting in DRIVER.settings(Known(product=model.name))
+        for setting in DRIVER.settings(DeviceContext(product=model.name))
         if setting.write
     }
     assert set(CHANGES) == written
@@ -129,7 +139,7 @@ def test_option_flags_are_set_and_cleared_to_the_wanted_word() -> None:
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_every_command_of_every_product_is_answered(product: str) -> None:
     """In the state that it says it needs; refused is only what depends on something that is not there."""
-    for command in DRIVER.commands(Known(product=product)):
+    for command in DRIVER.commands(DeviceContext(product=product)):
         line = wire(product)
         known = known_of(line)
         if command.name == "ReqData":
@@ -156,7 +166,7 @@ SYNC_FIELDS = (
 
 
 def test_a_command_says_in_which_state_it_runs() -> None:
-    known = Known(product="MTi-630")
+    known = DeviceContext(product="MTi-630")
     states = {
         ("ResetOrientation", 0): "config",
         ("ResetOrientation", 3): "measuring",
@@ -166,14 +176,14 @@ def test_a_command_says_in_which_state_it_runs() -> None:
     arguments = {"ResetOrientation": "code", "IccCommand": "command"}
     for (command, code), state in states.items():
         dialogue = DRIVER.run(command, {arguments[command]: code}, known)
-        assert isinstance(dialogue, InState)
+        assert isinstance(dialogue, RequiresState)
         assert dialogue.state == state
 
 
-def alignments(line: Wire, known: Known) -> tuple[Values, Values]:
+def alignments(line: Wire, known: DeviceContext) -> tuple[Values, Values]:
     """What is stored: the rotation of the sensor, that of the local frame."""
 
-    def body() -> Dialogue[tuple[Values, Values]]:
+    def body() -> Transaction[tuple[Values, Values]]:
         sensor = yield from DRIVER.read("AlignmentRotation.RotSensor", known)
         return sensor, (yield from DRIVER.read("AlignmentRotation.RotLocal", known))
 
@@ -195,12 +205,12 @@ def test_an_orientation_reset_that_is_not_stored_is_discarded_when_measuring_beg
 @pytest.mark.parametrize("stubborn", [False, True])
 def test_an_orientation_reset_is_stored_by_the_code_that_stores_it(stubborn: bool) -> None:
     """Nothing comes between the two, not even the Reset of a device that is deaf to GoToConfig."""
-    line = wire(seconds=5.0, measuring=True, moods=Moods(stubborn=stubborn))
-    known = Known(product="MTi-630")
+    line = wire(seconds=5.0, measuring=True, moods=FaultInjection(stubborn=stubborn))
+    known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.run("ResetOrientation", {"code": 4}, known), known), line)
     store = DRIVER.within(DRIVER.run("ResetOrientation", {"code": 0}, known), known)
     if stubborn:
-        with pytest.raises(SilentError, match="GoToConfig"):
+        with pytest.raises(NoReplyError, match="GoToConfig"):
             play(store, line)
         assert "Reset" not in names(line)
         return
@@ -240,8 +250,8 @@ def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_o
 
     line = Wire(Unheard(), "xbus")
     line.pass_time(1)
-    with pytest.raises(SilentError, match="after a Reset"):
-        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
+    with pytest.raises(NoReplyError, match="after a Reset"):
+        play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
     assert names(line)[-1] == "GoToMeasurement"
     assert line.notes == ["The device does not answer GoToConfig: it is restarted (Reset)."]
     line.pass_time(2)
@@ -251,16 +261,16 @@ def test_a_reading_that_fails_on_its_way_tells_the_device_to_measure_again_and_o
 
 def test_a_sample_that_was_streamed_is_not_the_answer_to_a_request_that_is_refused() -> None:
     """Without SendLatest the device refuses, behind the samples that were on their way: "Done." said the job."""
-    line = wire(moods=Moods(late_ns=30_000_000))
-    with pytest.raises(RefusedError, match="ReqData"):
-        play(DRIVER.within(DRIVER.run("ReqData", {}, Known(product="MTi-630")), Known()), line)
+    line = wire(moods=FaultInjection(late_ns=30_000_000))
+    with pytest.raises(DeviceRejectedError, match="ReqData"):
+        play(DRIVER.within(DRIVER.run("ReqData", {}, DeviceContext(product="MTi-630")), DeviceContext()), line)
 
 
 def test_a_period_longer_than_ten_milliseconds_is_made_of_skips() -> None:
     line = wire("MTi-30")
     known = known_of(line)
 
-    def body() -> Dialogue[tuple[Values | None, Values]]:
+    def body() -> Transaction[tuple[Values | None, Values]]:
         written = yield from DRIVER.write("Period", {"period": 2304}, known)
         return written.got, (yield from DRIVER.read("OutputSkipFactor", known))
 
@@ -286,8 +296,8 @@ def test_a_serial_number_of_64_bits_is_one_whichever_message_tells_it() -> None:
 def test_what_may_not_be_done_twice_is_asked_once() -> None:
     """A second AdjustUTCTime after a lost acknowledgement would move the clock twice."""
     line = Wire(Deaf(), "xbus")
-    with pytest.raises(SilentError) as silent:
-        play(DRIVER.run("AdjustUTCTime", {"correction": 5}, Known()), line)
+    with pytest.raises(NoReplyError) as silent:
+        play(DRIVER.run("AdjustUTCTime", {"correction": 5}, DeviceContext()), line)
     assert silent.value.tries == 1
     assert names(line) == ["AdjustUTCTime"]
 
@@ -296,8 +306,8 @@ def test_what_may_not_be_done_twice_is_asked_once() -> None:
 
 
 def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
-    line = wire(moods=Moods(stubborn=True))
-    known = Known(product="MTi-630")
+    line = wire(moods=FaultInjection(stubborn=True))
+    known = DeviceContext(product="MTi-630")
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), line) == {"location_id": 0}
     sent = names(line)
     assert sent.count("Reset") == 1
@@ -308,16 +318,16 @@ def test_a_stubborn_device_is_reset_and_its_wake_up_answered() -> None:
 
 
 def test_a_device_that_is_just_starting_is_kept_in_config() -> None:
-    line = Wire(XbusDevice(start_ns=50_000_000), "xbus")
-    known = Known(product="MTi-630")
+    line = Wire(XbusSimulator(start_ns=50_000_000), "xbus")
+    known = DeviceContext(product="MTi-630")
     play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
     assert names(line)[:2] == ["GoToConfig", "WakeUpAck"]
 
 
 def test_silence_is_told_with_what_was_asked_and_how_often() -> None:
     line = Wire(Deaf(), "xbus")
-    with pytest.raises(SilentError, match="No answer to GoToConfig") as silent:
-        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), line)
+    with pytest.raises(NoReplyError, match="No answer to GoToConfig") as silent:
+        play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), line)
     assert silent.value.tries == 45
     assert line.now_ns == pytest.approx(4.5e9 + 3 * 0.5e9, rel=0.01)
 
@@ -329,7 +339,7 @@ def test_an_answer_that_is_lost_is_asked_for_again() -> None:
 
     line = Wire(Lossy(), "xbus")
     line.pass_time(1)
-    known = Known(product="MTi-630")
+    known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
     assert written.got == {"location_id": 7}
 
@@ -346,7 +356,7 @@ def test_a_late_acknowledgement_of_a_set_is_not_taken_for_values() -> None:
 
     line = Wire(Late(), "xbus")
     line.pass_time(1)
-    known = Known(product="MTi-630")
+    known = DeviceContext(product="MTi-630")
     line.device.receive(frames.build(0x30), line.now_ns)
     written = play(DRIVER.write("LocationID", {"location_id": 7}, known), line)
     assert written.got == {"location_id": 7}
@@ -359,8 +369,8 @@ def test_a_device_that_stops_answering_is_told_of_and_left_measuring_where_it_he
 
     line = Wire(Mute(), "xbus")
     line.pass_time(1)
-    known = Known(product="MTi-630")
-    with pytest.raises(SilentError, match="ReqLocationID"):
+    known = DeviceContext(product="MTi-630")
+    with pytest.raises(NoReplyError, match="ReqLocationID"):
         play(DRIVER.within(DRIVER.read("LocationID", known), known), line)
     assert names(line)[-1] == "GoToMeasurement"
 
@@ -368,9 +378,9 @@ def test_a_device_that_stops_answering_is_told_of_and_left_measuring_where_it_he
 def test_a_stopped_dialogue_still_tells_the_device_to_measure() -> None:
     """The browser has gone, the job is stopped: what remains to be written is GoToMeasurement."""
     line = wire()
-    known = Known(product="MTi-630")
+    known = DeviceContext(product="MTi-630")
 
-    def body() -> Dialogue[None]:
+    def body() -> Transaction[None]:
         yield from DRIVER.read("LocationID", known)
         yield from DRIVER.read("LatLonAlt", known)
 
@@ -379,7 +389,7 @@ def test_a_stopped_dialogue_still_tells_the_device_to_measure() -> None:
     while not (isinstance(act, Send) and DRIVER.name_of(act.frame) == "ReqLatLonAlt"):
         act = dialogue.send(line.do(act))
     assert phase(line) == "config"
-    for send in stop(dialogue):
+    for send in cancel(dialogue):
         line.write(send)
     assert names(line)[-1] == "GoToMeasurement"
     assert phase(line) == "measurement"
@@ -391,20 +401,20 @@ def test_an_error_of_the_device_has_its_detail() -> None:
             return frames.build(0x42, struct.pack(">BI", 40, 6))
 
     line = Wire(Broken(), "xbus")
-    with pytest.raises(RefusedError, match="DSP crashed") as refused:
-        play(DRIVER.run("ReqDID", {}, Known()), line)
+    with pytest.raises(DeviceRejectedError, match="DSP crashed") as refused:
+        play(DRIVER.run("ReqDID", {}, DeviceContext()), line)
     assert refused.value.code == 40
 
 
 def test_answers_that_get_lost_or_say_something_else_are_asked_for_again() -> None:
     """Three tries each: with one answer in five lost and one in ten another, a few hundred exchanges go through."""
-    line = wire(moods=Moods(mute=0.2, wrong=0.1), seed=5)
-    known = Known(product="MTi-630")
+    line = wire(moods=FaultInjection(mute=0.2, wrong=0.1), seed=5)
+    known = DeviceContext(product="MTi-630")
     done = failed = 0
     for number in range(60):
         try:
             written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
-        except SilentError:
+        except NoReplyError:
             failed += 1
         else:
             assert written.got == {"location_id": number}
@@ -415,16 +425,16 @@ def test_answers_that_get_lost_or_say_something_else_are_asked_for_again() -> No
 
 def test_answers_that_are_late_are_still_the_right_ones() -> None:
     """Each comes when the next try is on its way: what is read back is what was written."""
-    line = wire(moods=Moods(late_ns=700_000_000))
-    known = Known(product="MTi-630")
+    line = wire(moods=FaultInjection(late_ns=700_000_000))
+    known = DeviceContext(product="MTi-630")
     for number in (7, 8):
         written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": number}, known), known), line)
         assert written.got == {"location_id": number}
 
 
 def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> None:
-    line = wire(moods=Moods(cut=1))
-    known = Known(product="MTi-630")
+    line = wire(moods=FaultInjection(cut=1))
+    known = DeviceContext(product="MTi-630")
     written = play(DRIVER.within(DRIVER.write("LocationID", {"location_id": 7}, known), known), line)
     assert written.refused == "the device restarted before it answered"
     line.pass_time(2)
@@ -434,20 +444,20 @@ def test_power_that_fails_before_a_setting_is_stored_leaves_the_old_one() -> Non
     assert written.got == {"location_id": 7}
 
 
-def waits(dialogue: Dialogue[Any]) -> Iterator[Expect]:
+def waits(dialogue: Transaction[Any]) -> Iterator[WaitFor]:
     """The expectations of a dialogue that nobody answers."""
     try:
         act = next(dialogue)
         while True:
-            if isinstance(act, Expect):
+            if isinstance(act, WaitFor):
                 yield act
             act = dialogue.send(None)
-    except (StopIteration, SilentError):
+    except (StopIteration, NoReplyError):
         return
 
 
 def test_waits_are_as_long_as_the_vendors_software_waits() -> None:
-    known = Known(product="MTi-30")
+    known = DeviceContext(product="MTi-30")
     waited = {
         "RunSelftest": 3.0,
         "RestoreFactoryDef": 2.0,

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from protocols.layouts import EncodeError, is_open
 from protocols.schema import Command, Field
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.validation import bounds, is_whole
-from protocols.xbus.json_codec import plain
+from protocols.xbus.json_codec import frame_to_json
 from protocols.xbus.products import model_of
 from tests.protocols.xbus_values import DRIVER, KNOWN, SWEEP, sensible, sync
 
@@ -82,7 +82,7 @@ def test_a_value_within_its_range_comes_back_from_the_frame(
     values = sensible(command, KNOWN[name])
     put(values, path, right)
     frame = DRIVER.frame(command.name, values, KNOWN[name])
-    got: Any = plain(frame)["fields"]
+    got: Any = frame_to_json(frame)["fields"]
     for step in path.split("."):
         got = got[int(step)] if step.isdigit() else got[step]
     assert got == right
@@ -166,7 +166,7 @@ def test_an_older_gnss_product_has_what_its_successor_has() -> None:
     assert old is not None
     assert new is not None
     assert (old.name, old.number, old.kind) == ("MTi-G-700", new.number, new.kind)
-    old_rows, new_rows = (DRIVER.settings(Known(product=f"{model.name}-2A5G4")) for model in (old, new))
+    old_rows, new_rows = (DRIVER.settings(DeviceContext(product=f"{model.name}-2A5G4")) for model in (old, new))
     assert old_rows == new_rows
 
 

@@ -12,19 +12,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocols.events import Event, Gap, Reject, Reply, Step, batches
+from protocols.events import ClockStep, Event, RejectedFrame, Reply, SampleGap, batches
 from protocols.simulator import trajectory
 from protocols.xbus import frames
 from protocols.xbus.data_identifiers import item
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, granted, greatest, output_of
-from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusDevice
+from protocols.xbus.output_configuration import ALWAYS, OUTPUTS, accepted_rates, max_rate, output_of
+from protocols.xbus.simulator.device import WAKE_UP_WINDOW_NS, XbusSimulator
 from protocols.xbus.simulator.settings import PRODUCTS
 
 S = 10**9
 
 
-def run(device: XbusDevice, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
+def run(device: XbusSimulator, seconds: float, *, begin: float = 0, tick_ns: int = 10_000_000) -> bytes:
     """Everything that the device sends in some seconds."""
     times = range(int(begin * S), int((begin + seconds) * S) + 1, tick_ns)
     return b"".join(device.advance(now) for now in times)
@@ -56,15 +56,15 @@ def column(events: list[Event], name: str) -> np.ndarray[Any, Any]:
     return values[np.argsort(np.concatenate([batch.offset for batch in holding]), kind="stable")]
 
 
-def ask(device: XbusDevice, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
+def ask(device: XbusSimulator, mid: int, payload: bytes = b"", now: int = 2 * S) -> tuple[int, bytes]:
     """Send one message; the one answer."""
     answers = replies(device.receive(frames.build(mid, payload), now))
     assert len(answers) == 1, answers
     return answers[0]
 
 
-def in_config(product: str = "MTi-630", **options: Any) -> XbusDevice:
-    device = XbusDevice(product, **options)
+def in_config(product: str = "MTi-630", **options: Any) -> XbusSimulator:
+    device = XbusSimulator(product, **options)
     run(device, 1)
     assert ask(device, 0x30, now=1 * S) == (0x31, b"")
     return device
@@ -75,9 +75,9 @@ def in_config(product: str = "MTi-630", **options: Any) -> XbusDevice:
 
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_every_product_sends_its_configuration(product: str) -> None:
-    device = XbusDevice(product)
+    device = XbusSimulator(product)
     events = decode(run(device, 4.5))
-    assert not [event for event in events if isinstance(event, Reject | Gap | Step)]
+    assert not [event for event in events if isinstance(event, RejectedFrame | SampleGap | ClockStep)]
     assert [event.message.name for event in events if isinstance(event, Reply)] == ["WakeUp", "Configuration"]
     for identifier, rate in device.output:
         name = OUTPUTS[identifier & 0xFFF0].name
@@ -93,7 +93,7 @@ def test_every_item_in_every_form_is_what_the_decoder_expects(identifier: int) -
     if output is None:
         assert ask(device, 0xC0, struct.pack(">HH", identifier, 10)) == (0x42, b"\x21")
         return
-    rate = greatest(output, device.product.model)
+    rate = max_rate(output, device.product.model)
     wish = struct.pack(">HHHH", 0x1060, ALWAYS, identifier, 0)
     assert ask(device, 0xC0, wish) == (0xC1, struct.pack(">HHHH", 0x1060, ALWAYS, identifier, rate))
     assert ask(device, 0x10) == (0x11, b"")
@@ -131,14 +131,14 @@ def test_items_come_in_the_messages_in_which_they_are_due() -> None:
     ("wish", "rate"), [(0, 400), (0xFFFF, 400), (1000, 400), (400, 400), (399, 200), (150, 100), (3, 2)]
 )
 def test_a_wish_becomes_a_rate_that_divides(wish: int, rate: int) -> None:
-    assert granted(wish, 400) == rate
+    assert accepted_rates(wish, 400) == rate
 
 
 def test_it_measures_the_drive() -> None:
     """Within the errors of a good sensor: the twin adds noise and bias, no more."""
-    events = decode(run(XbusDevice(seed=2, rate=400), 60))
+    events = decode(run(XbusSimulator(seed=2, rate=400), 60))
     times = column(events, "SampleTimeFine") * 1e-4
-    truth = trajectory.drive(times)
+    truth = trajectory.vehicle_motion(times)
     assert np.abs(column(events, "RateOfTurn") - truth.rate).max() < np.radians(1)
     off = column(events, "Acceleration") - truth.force
     assert np.abs(off[np.abs(truth.force).max(axis=1) < 98]).max() < 0.1
@@ -162,7 +162,7 @@ def attitude(identifier: int) -> np.ndarray[Any, Any]:
 
 
 def test_the_pothole_clips_and_says_so() -> None:
-    events = decode(run(XbusDevice(rate=400), 54, tick_ns=S // 20))
+    events = decode(run(XbusSimulator(rate=400), 54, tick_ns=S // 20))
     status, force = column(events, "StatusWord").astype(np.int64), column(events, "Acceleration")
     clipped = (status >> 10 & 1) == 1
     assert 1 <= clipped.sum() < 40
@@ -172,7 +172,7 @@ def test_the_pothole_clips_and_says_so() -> None:
 
 
 def test_satellites_come_late_with_an_older_time() -> None:
-    device = XbusDevice("MTi-680G")
+    device = XbusSimulator("MTi-680G")
     events = decode(run(device, 20))
     pvt = column(events, "GnssPvtData")
     assert (pvt["fixtype"][:8] == 0).all()
@@ -190,7 +190,7 @@ def test_satellites_come_late_with_an_older_time() -> None:
 
 
 def test_time_wraps_after_a_day_in_the_older_series() -> None:
-    device = XbusDevice("MTi-30", measuring=True, clock_jump=(1.0, 86_398.0))
+    device = XbusSimulator("MTi-30", measuring=True, clock_jump=(1.0, 86_398.0))
     ticks = column(decode(run(device, 3)), "SampleTimeFine").astype(np.int64)
     assert ticks.max() < 864_000_000
     assert (np.diff(ticks) == 100).sum() >= len(ticks) - 3
@@ -201,7 +201,7 @@ def test_time_wraps_after_a_day_in_the_older_series() -> None:
 
 @given(st.lists(st.integers(0, 120_000_000), max_size=30))
 def test_how_time_is_cut_changes_nothing(cuts: list[int]) -> None:
-    whole, cut = XbusDevice(seed=9), XbusDevice(seed=9)
+    whole, cut = XbusSimulator(seed=9), XbusSimulator(seed=9)
     now, parts = 0, b""
     for step in cuts:
         now += step
@@ -210,13 +210,13 @@ def test_how_time_is_cut_changes_nothing(cuts: list[int]) -> None:
 
 
 def test_nothing_is_sent_twice_or_back_in_time() -> None:
-    device = XbusDevice()
+    device = XbusSimulator()
     assert len(device.advance(2 * S)) > 10_000
     assert device.advance(2 * S) == device.advance(1 * S) == b""
 
 
 def test_drift_is_in_the_rate_and_in_the_time() -> None:
-    device = XbusDevice(clock_drift_ppm=1000)
+    device = XbusSimulator(clock_drift_ppm=1000)
     device.advance(1 * S)
     ticks = column(decode(device.advance(101 * S)), "SampleTimeFine").astype(np.int64)
     assert abs(len(ticks) - 10_010) <= 1
@@ -224,28 +224,30 @@ def test_drift_is_in_the_rate_and_in_the_time() -> None:
 
 
 def test_a_jump_of_the_clock_is_a_step() -> None:
-    events = decode(run(XbusDevice(clock_jump=(2.0, 300.0)), 4))
-    assert [(event.kind, event.by_ns) for event in events if isinstance(event, Step)] == [
+    events = decode(run(XbusSimulator(clock_jump=(2.0, 300.0)), 4))
+    assert [(event.kind, event.by_ns) for event in events if isinstance(event, ClockStep)] == [
         ("jump", 300 * S + 10_000_000)
     ]
 
 
 def test_faults_are_counted_by_the_decoder_as_made() -> None:
-    clean, faulty = XbusDevice(seed=4), XbusDevice(seed=4, drop=0.02, corrupt=0.02)
+    clean, faulty = XbusSimulator(seed=4), XbusSimulator(seed=4, drop=0.02, corrupt=0.02)
     good, events = decode(run(clean, 60)), decode(run(faulty, 60))
     sent = len(column(good, "PacketCounter"))
-    lost = sum(event.missing for event in events if isinstance(event, Gap))
+    lost = sum(event.missing for event in events if isinstance(event, SampleGap))
     assert len(column(events, "PacketCounter")) + lost == sent
     assert 0.03 * sent < lost < 0.05 * sent
-    assert [event for event in events if isinstance(event, Reject)]
-    assert run(XbusDevice(seed=4, drop=0.02, corrupt=0.02), 60) == run(XbusDevice(seed=4, drop=0.02, corrupt=0.02), 60)
+    assert [event for event in events if isinstance(event, RejectedFrame)]
+    assert run(XbusSimulator(seed=4, drop=0.02, corrupt=0.02), 60) == run(
+        XbusSimulator(seed=4, drop=0.02, corrupt=0.02), 60
+    )
 
 
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
 def test_power_up_without_a_word_leads_to_measurement() -> None:
-    device = XbusDevice(start_ns=5 * S)
+    device = XbusSimulator(start_ns=5 * S)
     assert device.advance(5 * S - 1) == b""
     assert device.advance(5 * S).hex() == "faff3e00c3"
     assert device.advance(5 * S + WAKE_UP_WINDOW_NS - 1) == b""
@@ -254,7 +256,7 @@ def test_power_up_without_a_word_leads_to_measurement() -> None:
 
 
 def test_a_wake_up_ack_leads_to_config() -> None:
-    device = XbusDevice()
+    device = XbusSimulator()
     device.advance(0)
     assert device.receive(bytes.fromhex("FAFF3F00C2"), 400_000_000) == b""
     assert device.phase == "config"
@@ -262,7 +264,7 @@ def test_a_wake_up_ack_leads_to_config() -> None:
 
 
 def test_config_and_back() -> None:
-    device = XbusDevice()
+    device = XbusSimulator()
     run(device, 1)
     data = device.receive(bytes.fromhex("FAFF3000D1"), 1_500_000_000)
     assert data.endswith(bytes.fromhex("FAFF3100D0"))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from protocols.events import Batch, Reply
-from protocols.layouts import shown
+from protocols.layouts import to_display_units
 from protocols.schema import Message
 from protocols.xbus.data_identifiers import BY_NAME, ITEMS, item
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.json_codec import frame_of, plain
+from protocols.xbus.json_codec import frame_from_json, frame_to_json
 from protocols.xbus.messages import MESSAGES, form_of
 from tests.protocols.xbus_vectors import COMMANDS, COMPUTED, DATA, DEVICE, everything, flat, frame
 
@@ -143,7 +143,7 @@ def test_computed_items(vector: dict[str, Any]) -> None:
     ((name, expected),) = vector["values"].items()
     (field,) = batch.message.fields
     assert field.name == name
-    wire = flat(plain(frame(vector))["fields"])
+    wire = flat(frame_to_json(frame(vector))["fields"])
     assert (list(bytes.fromhex(wire[0])) if field.dtype == "bytes" else wire) == expected
 
 
@@ -192,7 +192,7 @@ def test_commands(vector: dict[str, Any]) -> None:
         assert [values[f"q{i}"] for i in range(4)] == pytest.approx(vector["args"]["quaternion"], rel=1e-7)
     if "data_hex" in vector["args"]:
         assert values["data"].hex().upper() == vector["args"]["data_hex"]
-    assert frame_of(plain(data)) == data
+    assert frame_from_json(frame_to_json(data)) == data
 
 
 def expected_record(entry: Any, record: dict[str, int]) -> dict[str, int]:
@@ -207,18 +207,18 @@ def expected_record(entry: Any, record: dict[str, int]) -> dict[str, int]:
 @pytest.mark.parametrize("vector", COMPUTED["messages"], ids=lambda v: f"{v['message']}-{v['message_hex'][4:12]}")
 def test_computed_messages(vector: dict[str, Any]) -> None:
     data = frame(vector)
-    record = plain(data)
+    record = frame_to_json(data)
     assert record["message"] == TWINS.get(vector["message"], vector["message"])
     assert record["fields"] == vector["fields"]
-    assert frame_of(record) == data
+    assert frame_from_json(record) == data
 
 
 def test_device_frames() -> None:
     """Frames quoted from real devices."""
     for vector in DEVICE:
         data = frame(vector)
-        assert frame_of(plain(data)) == data
-        assert plain(data)["message"] in ("MTData2", "Configuration", "DeviceID", "ProductCode")
+        assert frame_from_json(frame_to_json(data)) == data
+        assert frame_to_json(data)["message"] in ("MTData2", "Configuration", "DeviceID", "ProductCode")
 
 
 def shape_of(row: Message) -> tuple[tuple[str, str], ...]:
@@ -258,4 +258,4 @@ def test_item_formats() -> None:
     assert item(0x201C, 16).name == "0x201C"
     assert item(0x3011, 4).name == "BaroPressure"
     assert item(0x2010, 12).name == "0x2010"
-    assert shown(item(0x0811, 4), np.frombuffer(bytes.fromhex("00180000"), ">i4"))[0] == 1.5
+    assert to_display_units(item(0x0811, 4), np.frombuffer(bytes.fromhex("00180000"), ">i4"))[0] == 1.5

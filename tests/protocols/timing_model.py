@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.chunk_boundaries import Pieces
-from protocols.clock_sync import HostClock, Part
+from protocols.chunk_boundaries import ChunkBoundaries
+from protocols.clock_sync import ClockSync, TimedRows
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -97,9 +97,9 @@ class Stream:
     def __len__(self) -> int:
         return len(self.true)
 
-    def pieces(self) -> Pieces:
+    def pieces(self) -> ChunkBoundaries:
         """What a session would know of them."""
-        pieces = Pieces()
+        pieces = ChunkBoundaries()
         pieces.add_many(self.ends, self.came)
         return pieces
 
@@ -210,12 +210,12 @@ class Mapped:
     host: Floats
     bound: Floats
     restarts: Times
-    clock: HostClock
+    clock: ClockSync
 
 
-def mapped(given: Stream, clock: HostClock | None = None, *, drain_ms: float = 8) -> Mapped:
+def mapped(given: Stream, clock: ClockSync | None = None, *, drain_ms: float = 8) -> Mapped:
     """Feed a clock as a session does: every some milliseconds, what has arrived of each message."""
-    clock = clock or HostClock(given.byte_ns, pieces=given.pieces())
+    clock = clock or ClockSync(given.byte_ns, pieces=given.pieces())
     ends = np.flatnonzero(np.diff(given.arrival // int(drain_ms * MS))) + 1
     host, bound, restarts = np.empty(len(given)), np.empty(len(given)), np.empty(len(given), np.int64)
     offset = np.cumsum(given.size) - given.size
@@ -224,7 +224,7 @@ def mapped(given: Stream, clock: HostClock | None = None, *, drain_ms: float = 8
         for size in np.unique(given.size[first:last]).tolist():
             which = first + np.flatnonzero(given.size[first:last] == size)
             rows.append(which)
-            parts.append(Part(given.device[which], given.arrival[which], offset[which], size, size))
+            parts.append(TimedRows(given.device[which], given.arrival[which], offset[which], size, size))
         for which, times in zip(rows, clock.times(parts), strict=True):
             host[which] = (times - EPOCH_NS / S) * S
         bound[first:last], restarts[first:last] = clock.uncertainty_ns, clock.restarts

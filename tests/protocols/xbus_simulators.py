@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocols.transactions import Known, Values
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.transactions import DeviceContext, Values
+from protocols.xbus.simulator.device import XbusSimulator
 from tests.protocols.xbus_values import DRIVER
 from tests.transaction_player import Wire, play
 
 
 def wire(product: str = "MTi-630", *, seconds: float = 1.0, baud: int | None = None, **options: Any) -> Wire:
     """A twin that has been on for a while."""
-    line = Wire(XbusDevice(product, **options), "xbus", baud)
+    line = Wire(XbusSimulator(product, **options), "xbus", baud)
     line.pass_time(seconds)
     return line
 
 
 def phase(line: Wire) -> str:
-    assert isinstance(line.device, XbusDevice)
+    assert isinstance(line.device, XbusSimulator)
     return line.device.phase
 
 
-def known_of(line: Wire) -> Known:
-    return play(DRIVER.identify(Known()), line)
+def known_of(line: Wire) -> DeviceContext:
+    return play(DRIVER.identify(DeviceContext()), line)
 
 
 def names(line: Wire) -> list[str]:
@@ -47,7 +47,7 @@ class Between:
     """A twin whose answers something happens to."""
 
     def __init__(self, **options: Any) -> None:
-        self.device = XbusDevice(**options)
+        self.device = XbusSimulator(**options)
         self.answers = 0
 
     @property

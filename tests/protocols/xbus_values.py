@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from protocols.schema import Command, Field
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.validation import bounds
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 
 DRIVER = XbusDriver()
-UNKNOWN = Known()
-KNOWN = {model.name: Known(product=f"{model.name}-8A1G6") for model in MODELS.values()}
+UNKNOWN = DeviceContext()
+KNOWN = {model.name: DeviceContext(product=f"{model.name}-8A1G6") for model in MODELS.values()}
 
 
 def sync(args: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def sync(args: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def sensible(command: Command, known: Known) -> dict[str, Any]:
+def sensible(command: Command, known: DeviceContext) -> dict[str, Any]:
     """Values as a form starts with them: defaults, first choices, the least that is allowed."""
     if command.name == "SetCanOutputConfig":
         return {"outputs": [{"can_data_id": 5, "frame_format": 0, "can_id": 0x123, "frequency": 100}]}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from recordings.column_store import Columns, ColumnsWriter, Shape
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
 
 START = 1_760_000_000.0
 
@@ -32,14 +32,14 @@ SATELLITES = channel(4, "1", "MTData2", "GnssSatInfo", "rows", [column("svid", "
 STATUS = channel(5, "2", "DID_INS_1", "DID_INS_1", "record", [column("insStatus", "u4"), column("big", "i8")])
 
 
-def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) -> Columns:
+def store(folder: Path, n: int = 1000, rate: float = 100.0, devices: int = 2) -> ColumnStore:
     """n samples of a fast message, every tenth with a temperature, satellites once a second, another device."""
     rng = np.random.default_rng(3)
-    writer = ColumnsWriter(folder)
+    writer = ColumnStoreWriter(folder)
     infos = [ACCELERATION, COUNTER, TEMPERATURE, SATELLITES, STATUS][: 4 if devices == 1 else 5]
     for info in infos:
         dtypes = tuple(one["dtype"] for one in info["columns"])
-        writer.channel(info["id"], Shape(dtypes, (False,) * len(dtypes)))
+        writer.channel(info["id"], ChannelLayout(dtypes, (False,) * len(dtypes)))
     time = START + np.arange(n) / rate
     arrival = time + 0.002
     vector = rng.normal(size=(3, n)).astype(np.float32)

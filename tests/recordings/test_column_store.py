@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from recordings import column_store as module
-from recordings.column_store import Buckets, Columns, ColumnsWriter, Exact, Shape
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
 
 Array = NDArray[Any]
-SHAPE = Shape(("f4", "u2", "i8"), (False, True, False))
+SHAPE = ChannelLayout(("f4", "u2", "i8"), (False, True, False))
 START = 1_760_000_000.0
 
 
@@ -30,8 +30,8 @@ def rows(n: int, seed: int = 1) -> list[Array]:
     return [arrival, time, value, flags, rng.integers(-(2**40), 2**40, n)]
 
 
-def made(folder: Path, columns: list[Array], piece: int = 997) -> Columns:
-    writer = ColumnsWriter(folder)
+def made(folder: Path, columns: list[Array], piece: int = 997) -> ColumnStore:
+    writer = ColumnStoreWriter(folder)
     writer.channel(7, SHAPE)
     for start in range(0, len(columns[0]), piece):
         writer.append(7, [column[start : start + piece] for column in columns])
@@ -53,7 +53,7 @@ def test_a_stretch_is_exactly_its_rows(tmp_path: Path) -> None:
     key = key_of(columns)
     t0, t1 = key[5000], key[14_321]
     found = store.query(7, t0, t1)
-    assert isinstance(found, Exact)
+    assert isinstance(found, ExactRows)
     inside = (key >= t0) & (key <= t1)
     for got, whole in zip((found.arrival, found.time, *found.columns), columns, strict=True):
         np.testing.assert_array_equal(got, whole[inside])
@@ -78,7 +78,7 @@ def test_buckets_agree_with_a_plain_loop(tmp_path_factory: pytest.TempPathFactor
     width = data.draw(st.integers(1, 400))
     found = store.query(7, t0, t1, width, base=base)  # type: ignore[arg-type]
     inside = (key >= t0) & (key <= t1)
-    if isinstance(found, Exact):
+    if isinstance(found, ExactRows):
         assert inside.sum() <= 2 * width
         np.testing.assert_array_equal(found.columns[2], columns[4][inside])
         return
@@ -104,7 +104,7 @@ def test_a_fault_of_one_sample_is_seen_at_every_zoom(tmp_path: Path) -> None:
     store = made(tmp_path / "a", columns)
     for width in (1, 3, 10, 100, 1000, 10_000):
         found = store.query(7, START - 1, START + 1e6, width)
-        assert isinstance(found, Buckets)
+        assert isinstance(found, MinMaxBuckets)
         assert np.count_nonzero(found.low[1] & 0x0400) == 1
         assert not (found.high[1] & 0x0400).any() or width == 10_000
         assert (found.high[1] & 0x0003 == 0x0003).all()
@@ -115,15 +115,15 @@ def test_wide_queries_read_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     columns = rows(200_000)
     store = made(tmp_path / "a", columns)
     read = 0
-    inner = Columns._column
+    inner = ColumnStore._column
 
-    def counted(self: Columns, *arguments: Any) -> Array:
+    def counted(self: ColumnStore, *arguments: Any) -> Array:
         nonlocal read
         array = inner(self, *arguments)
         read += len(array)
         return array
 
-    monkeypatch.setattr(Columns, "_column", counted)
+    monkeypatch.setattr(ColumnStore, "_column", counted)
     store.query(7, START - 1, START + 1e6, 50)
     assert 0 < read < 20_000 + 2 * 4096
 
@@ -133,11 +133,11 @@ def test_a_whole_recording_is_looked_at_in_the_overview_alone(tmp_path: Path) ->
     store = made(tmp_path / "a", rows(200_000))
     assert store.span() is not None
     whole = store.query(7, START - 1, START + 1e6, 60)
-    reopened = Columns(tmp_path / "a")
+    reopened = ColumnStore(tmp_path / "a")
     reopened._near = np.empty(0, np.uint8)
     again = reopened.query(7, START - 1, START + 1e6, 60)
-    assert isinstance(whole, Buckets)
-    assert isinstance(again, Buckets)
+    assert isinstance(whole, MinMaxBuckets)
+    assert isinstance(again, MinMaxBuckets)
     np.testing.assert_array_equal(whole.t, again.t)
     np.testing.assert_array_equal(whole.low[0], again.low[0])
 
@@ -148,7 +148,7 @@ def test_a_sample_without_a_clock_is_found_by_its_arrival_and_late_ones_are_not_
     columns[1][3000] -= 0.3  # a fix that is older than its neighbours
     store = made(tmp_path / "a", columns)
     found = store.query(7, START - 10, START + 1e6)
-    assert isinstance(found, Exact)
+    assert isinstance(found, ExactRows)
     np.testing.assert_array_equal(found.time, columns[1])
     np.testing.assert_array_equal(found.arrival, columns[0])
     row = store.row_at(7, columns[0][1500])
@@ -159,13 +159,13 @@ def test_chosen_columns_alone_are_given(tmp_path: Path) -> None:
     columns = rows(3000)
     store = made(tmp_path / "a", columns)
     found = store.query(7, START - 1, START + 1e6, columns=[2])
-    assert isinstance(found, Exact)
+    assert isinstance(found, ExactRows)
     assert len(found.columns) == 1
     np.testing.assert_array_equal(found.columns[0], columns[4])
 
 
 def test_an_empty_channel_and_an_empty_stretch_are_empty(tmp_path: Path) -> None:
-    writer = ColumnsWriter(tmp_path / "a")
+    writer = ColumnStoreWriter(tmp_path / "a")
     writer.channel(7, SHAPE)
     store = writer.finish({})
     assert store.span() is None
@@ -176,7 +176,7 @@ def test_an_empty_channel_and_an_empty_stretch_are_empty(tmp_path: Path) -> None
 
 
 def test_a_store_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
-    writer = ColumnsWriter(tmp_path / "a")
+    writer = ColumnStoreWriter(tmp_path / "a")
     writer.channel(7, SHAPE)
     writer.append(7, rows(10_000))
     assert not (tmp_path / "a").exists()
@@ -185,14 +185,14 @@ def test_a_store_is_there_whole_or_not_at_all(tmp_path: Path) -> None:
     made(tmp_path / "a", rows(10))
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
     made(tmp_path / "a", rows(20))  # again, over the old one
-    assert Columns(tmp_path / "a").rows(7) == 20
+    assert ColumnStore(tmp_path / "a").rows(7) == 20
 
 
 def test_a_store_of_another_version_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made(tmp_path / "a", rows(10))
     monkeypatch.setattr(module, "VERSION", 99)
     with pytest.raises(ValueError, match="version"):
-        Columns(tmp_path / "a")
+        ColumnStore(tmp_path / "a")
 
 
 def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
@@ -210,14 +210,14 @@ def test_a_thinned_stretch_is_rows_of_it(tmp_path: Path) -> None:
 
 def test_what_is_written_can_be_read_before_it_is_finished_and_comes_out_the_same(tmp_path: Path) -> None:
     columns = rows(20_000)
-    writer = ColumnsWriter(tmp_path / "a")
+    writer = ColumnStoreWriter(tmp_path / "a")
     writer.channel(7, SHAPE)
     for n, start in enumerate(range(0, 20_000, 997)):
         writer.append(7, [column[start : start + 997] for column in columns])
         if n in (0, 3, 11):
-            so_far = Columns(writer.show({"progress": n / 21}))
+            so_far = ColumnStore(writer.show({"progress": n / 21}))
             known = so_far.query(7, -np.inf, np.inf)
-            assert isinstance(known, Exact)
+            assert isinstance(known, ExactRows)
             assert len(known) == min(start + 997, 20_000)
             np.testing.assert_array_equal(known.columns[1], columns[3][: len(known)])
             early = so_far
@@ -231,8 +231,8 @@ def test_what_is_written_can_be_read_before_it_is_finished_and_comes_out_the_sam
     plain = made(tmp_path / "b", columns)
     t0, t1 = store.span(7) or (0.0, 0.0)
     coarse, other = store.query(7, t0, t1, 20), plain.query(7, t0, t1, 20)
-    assert isinstance(coarse, Buckets)
-    assert isinstance(other, Buckets)
+    assert isinstance(coarse, MinMaxBuckets)
+    assert isinstance(other, MinMaxBuckets)
     np.testing.assert_array_equal(coarse.low[1], other.low[1])  # a fault of one sample is in both
 
 
@@ -254,4 +254,4 @@ def test_a_damaged_store_is_refused_when_it_is_opened(tmp_path: Path, name: str,
     path = tmp_path / "a" / name
     path.write_bytes(np.random.default_rng(1).bytes(path.stat().st_size) if content is None else content)
     with pytest.raises((ValueError, OSError)):
-        Columns(tmp_path / "a")
+        ColumnStore(tmp_path / "a")

@@ -17,11 +17,11 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from protocols.xbus.frames import build
-from recordings.column_store import Columns, ColumnsWriter, Exact, Shape
-from recordings.exporters import FORMATS, ExportError, Wish, by_suffix, csv_tables, export
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows
+from recordings.exporters import FORMATS, ExportError, ExportRequest, by_suffix, csv_tables, export
 from recordings.exporters.message_table import join, tables, windows
-from recordings.mcap_reader import Recording
-from recordings.mcap_writer import Writer
+from recordings.mcap_reader import McapReader
+from recordings.mcap_writer import McapWriter
 from tests.recordings.store_fixtures import ACCELERATION, START, store
 
 Array = NDArray[Any]
@@ -41,7 +41,7 @@ def numbers(rows: list[list[str]], at: int) -> Array:
 
 def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
-    made = export("csv", Wish(columns), tmp_path / "run.csv")
+    made = export("csv", ExportRequest(columns), tmp_path / "run.csv")
     assert [path.name for path in made] == [
         "run_MTi-630_MTData2.csv",
         "run_MTi-630_MTData2.GnssSatInfo.csv",
@@ -75,7 +75,7 @@ def test_no_heading_of_csv_is_a_formula_to_a_spreadsheet() -> None:
 
 def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
     columns = store(tmp_path / "store", devices=1)
-    made = export("parquet", Wish(columns, title="A drive"), tmp_path / "run.parquet")
+    made = export("parquet", ExportRequest(columns, title="A drive"), tmp_path / "run.parquet")
     assert [path.name for path in made] == ["run_MTData2.parquet", "run_MTData2.GnssSatInfo.parquet"]
     table = pq.read_table(made[0])
     assert table.schema.field("Acceleration.x").metadata[b"unit"].decode() == "m/s²"
@@ -91,7 +91,7 @@ def test_parquet_has_types_units_and_nulls(tmp_path: Path) -> None:
 
 def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
-    (made,) = export("mcap", Wish(columns), tmp_path / "run.mcap")
+    (made,) = export("mcap", ExportRequest(columns), tmp_path / "run.mcap")
     found: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     with made.open("rb") as file:
         reader = make_reader(file)
@@ -131,27 +131,27 @@ def test_mcap_is_plain_objects_with_a_schema(tmp_path: Path) -> None:
 
 def test_mcap_of_a_short_recording_is_not_one_chunk(tmp_path: Path) -> None:
     """Cut at three quarters, a file of one chunk was lost whole."""
-    (made,) = export("mcap", Wish(store(tmp_path / "store")), tmp_path / "run.mcap")
+    (made,) = export("mcap", ExportRequest(store(tmp_path / "store")), tmp_path / "run.mcap")
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(made.read_bytes()[: made.stat().st_size * 3 // 4])
-    with Recording(torn) as recording:
+    with McapReader(torn) as recording:
         kept = sum(block.table.shape[1] for block in recording.blocks())
     assert kept > 1000
 
 
 def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) -> None:
-    writer = ColumnsWriter(tmp_path / "store")
+    writer = ColumnStoreWriter(tmp_path / "store")
     fast = {**ACCELERATION, "columns": ACCELERATION["columns"][:1]}
     slow = {**fast, "id": 2, "name": "Temperature", "title": "Temperature"}
     for number in (1, 2):
-        writer.channel(number, Shape(("f4",), (False,)))
+        writer.channel(number, ChannelLayout(("f4",), (False,)))
     t = START + np.arange(100) / 10
     writer.append(1, [t, t, np.arange(100, dtype=np.float32)])
     late = START + np.array([0.05, 1.05, 2.05, 8.05])
     writer.append(2, [late, late, np.array([1, 2, 3, 4], np.float32)])
     told = {"channels": [fast, slow], "devices": [{"id": "1", "name": "MTi"}], "format": "mcap"}
     columns = writer.finish(told)
-    (made,) = export("csv-aligned", Wish(columns), tmp_path / "run.csv")
+    (made,) = export("csv-aligned", ExportRequest(columns), tmp_path / "run.csv")
     assert made.read_text().startswith(
         "# A line for each sample of Acceleration. Any other column holds its last value"
     )
@@ -166,7 +166,7 @@ def test_aligned_rows_hold_the_last_value_while_it_is_not_old(tmp_path: Path) ->
 def test_the_stretch_is_exact_and_both_ends_belong_to_it(format: str, tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     times = columns.exact(1, 0, 1000).time
-    wish = Wish(columns, t0=float(times[100]), t1=float(times[200]), channels=(1,))
+    wish = ExportRequest(columns, t0=float(times[100]), t1=float(times[200]), channels=(1,))
     (made,) = export(format, wish, tmp_path / f"run{FORMATS[format].suffix}")
     if format == "parquet":
         found = pq.read_table(made).column("time").to_numpy()
@@ -189,7 +189,7 @@ def test_a_cancelled_export_leaves_nothing(format: str, tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        export(format, Wish(columns), tmp_path / "out" / f"run{FORMATS[format].suffix}", stop)
+        export(format, ExportRequest(columns), tmp_path / "out" / f"run{FORMATS[format].suffix}", stop)
     assert list((tmp_path / "out").iterdir()) == []
 
 
@@ -199,7 +199,7 @@ def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> No
         columns = store(tmp_path / f"store{n}", n=n, rate=1000.0, devices=1)
         tracemalloc.start()
         try:
-            export(format, Wish(columns, channels=(1, 2, 3)), tmp_path / f"run{n}{FORMATS[format].suffix}")
+            export(format, ExportRequest(columns, channels=(1, 2, 3)), tmp_path / f"run{n}{FORMATS[format].suffix}")
             return tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
@@ -208,12 +208,12 @@ def test_memory_does_not_grow_with_the_length(format: str, tmp_path: Path) -> No
 
 
 def test_quantities_are_joined_by_time_and_arrival() -> None:
-    def part(times: list[float], arrivals: list[float], values: list[int]) -> Exact:
-        return Exact(np.array(times), np.array(arrivals), [np.array(values)])
+    def part(times: list[float], arrivals: list[float], values: list[int]) -> ExactRows:
+        return ExactRows(np.array(times), np.array(arrivals), [np.array(values)])
 
     nan = math.nan
-    a = Exact(np.array([1.0, 2, 2, 3]), np.array([1.0, 2, 2, nan]), [np.array([10, 20, 21, 30])])
-    b = Exact(np.array([2.0, 2, 2, 4]), np.array([2.0, 2, 2, nan]), [np.array([5, 6, 7, 8])])
+    a = ExactRows(np.array([1.0, 2, 2, 3]), np.array([1.0, 2, 2, nan]), [np.array([10, 20, 21, 30])])
+    b = ExactRows(np.array([2.0, 2, 2, 4]), np.array([2.0, 2, 2, nan]), [np.array([5, 6, 7, 8])])
     joined = join([a, b])
     (va, ma), (vb, mb) = joined.columns()
     assert ma is not None
@@ -243,9 +243,9 @@ def test_windows_part_no_moment_and_lose_no_row(tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     with pytest.raises(ExportError, match="nothing in this stretch"):
-        export("csv", Wish(columns, channels=()), tmp_path / "run.csv")
+        export("csv", ExportRequest(columns, channels=()), tmp_path / "run.csv")
     with pytest.raises(ExportError, match="bytes"):
-        export("mtb", Wish(columns), tmp_path / "run.mtb")
+        export("mtb", ExportRequest(columns), tmp_path / "run.mtb")
     assert by_suffix(".CSV") == "csv"
     assert by_suffix(".xlsx") is None
 
@@ -253,7 +253,7 @@ def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
 def test_columns_of_one_name_are_told_apart(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     columns.manifest["channels"][1] = {**columns.manifest["channels"][1], "name": "Temperature"}
-    table = tables(Wish(columns, device="1"))[0]
+    table = tables(ExportRequest(columns, device="1"))[0]
     assert table.names[1:] == [["Temperature"], ["Temperature #2"]]
 
 
@@ -262,7 +262,7 @@ def test_a_table_says_the_name_of_its_message_once(tmp_path: Path) -> None:
     columns = store(tmp_path / "store")
     told = columns.manifest["channels"]
     told[3] = {**told[3], "message": "DID_GPS1_SAT", "name": "DID_GPS1_SAT.sat"}
-    made = export("csv", Wish(columns, channels=(4,), device="1"), tmp_path / "run.csv")
+    made = export("csv", ExportRequest(columns, channels=(4,), device="1"), tmp_path / "run.csv")
     assert [path.name for path in made] == ["run_MTi-630_DID_GPS1_SAT.sat.csv"]
     assert rows_of(made[0])[0] == ["time (s)", "arrival (s)", "sat.svid", "sat.cno (dBHz)"]
 
@@ -270,9 +270,9 @@ def test_a_table_says_the_name_of_its_message_once(tmp_path: Path) -> None:
 # ── bytes ────────────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def recorded(path: Path) -> tuple[Columns, bytes, bytes, list[bytes]]:
+def recorded(path: Path) -> tuple[ColumnStore, bytes, bytes, list[bytes]]:
     """An MTi with its Configuration in the middle, noise between the frames, and another device; frames by chunk."""
-    writer = Writer(path, {})
+    writer = McapWriter(path, {})
     writer.device("1", {"protocol": "xbus"})
     writer.device("2", {"protocol": "isb"})
     configuration = build(0x0D, bytes(118))
@@ -288,27 +288,27 @@ def recorded(path: Path) -> tuple[Columns, bytes, bytes, list[bytes]]:
         chunks.append(data)
     writer.close()
     about = [{"id": "1", "name": "MTi", "protocol": "xbus"}, {"id": "2", "name": "IMX", "protocol": "isb"}]
-    columns = ColumnsWriter(path.with_suffix(".store")).finish({"channels": [], "devices": about, "format": "mcap"})
+    columns = ColumnStoreWriter(path.with_suffix(".store")).finish({"channels": [], "devices": about, "format": "mcap"})
     return columns, whole, configuration, chunks
 
 
 def test_an_mtb_begins_with_the_configuration_and_holds_frames_alone(tmp_path: Path) -> None:
     columns, _, configuration, chunks = recorded(tmp_path / "a.mcap")
-    wish = Wish(columns, tmp_path / "a.mcap")
+    wish = ExportRequest(columns, tmp_path / "a.mcap")
     (made,) = export("mtb", wish, tmp_path / "run.mtb")
     frames = b"".join(chunks).replace(configuration, b"")
     assert made.read_bytes() == configuration + frames
-    part = Wish(columns, tmp_path / "a.mcap", t0=START + 0.1, t1=START + 0.5)
+    part = ExportRequest(columns, tmp_path / "a.mcap", t0=START + 0.1, t1=START + 0.5)
     (made,) = export("mtb", part, tmp_path / "part.mtb")
     assert made.read_bytes() == configuration + b"".join(chunks[9:50])
 
 
 def test_the_bytes_of_a_device_are_as_they_came(tmp_path: Path) -> None:
     columns, whole, _, _ = recorded(tmp_path / "a.mcap")
-    wish = Wish(columns, tmp_path / "a.mcap", device="1")
+    wish = ExportRequest(columns, tmp_path / "a.mcap", device="1")
     (made,) = export("bytes", wish, tmp_path / "run.bin")
     assert made.read_bytes() == whole
-    (made,) = export("raw", Wish(columns, tmp_path / "a.mcap"), tmp_path / "run.raw")
+    (made,) = export("raw", ExportRequest(columns, tmp_path / "a.mcap"), tmp_path / "run.raw")
     assert made.read_bytes() == b"".join(bytes([n % 256]) * 3 for n in range(1, 300))
     with pytest.raises(ExportError, match="one device"):
-        export("bytes", Wish(columns, tmp_path / "a.mcap"), tmp_path / "all.bin")
+        export("bytes", ExportRequest(columns, tmp_path / "a.mcap"), tmp_path / "all.bin")

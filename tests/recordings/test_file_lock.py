@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from recordings import file_lock, quota
-from recordings.compaction import ASIDE, is_loose, pack
+from recordings.compaction import ASIDE, compact, is_uncompacted
 from recordings.library import Library
-from recordings.mcap_writer import RecordingError, Writer
+from recordings.mcap_writer import McapWriter, RecordingError
 from server.library.compaction_worker import left_behind
 from tests.recordings.test_mcap_writer import ABOUT, read
 from tests.server_process import ROOT, tied
@@ -20,8 +20,8 @@ from tests.server_process import ROOT, tied
 HOLDER = """
 import sys
 from pathlib import Path
-from recordings.mcap_writer import Writer
-writer = Writer(Path(sys.argv[1]), {})
+from recordings.mcap_writer import McapWriter
+writer = McapWriter(Path(sys.argv[1]), {})
 writer.chunk("1", "rx", b"a minute of driving", 1)
 print("there", flush=True)
 sys.stdin.read()
@@ -48,10 +48,10 @@ def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(t
     path = tmp_path / "drive.mcap"
     with recording_elsewhere(path) as child:
         assert file_lock.is_written(path)
-        assert not is_loose(path)
+        assert not is_uncompacted(path)
         assert left_behind(tmp_path) == []
         with pytest.raises(RecordingError, match="being recorded"):
-            pack(path)
+            compact(path)
         assert quota.cull(tmp_path, 1) == []
         library = Library(tmp_path)
         with pytest.raises(RecordingError, match="being recorded"):
@@ -62,7 +62,7 @@ def test_a_recording_of_another_process_is_neither_packed_nor_culled_nor_moved(t
     assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
     assert not file_lock.is_in_use(path)
     assert left_behind(tmp_path) == [path]
-    pack(path)
+    compact(path)
     assert [data for _, _, data in read(path)] == [b"a minute of driving", b"and another one"]
 
 
@@ -88,7 +88,7 @@ def test_only_dead_leftovers_of_packing_are_taken_away(tmp_path: Path) -> None:
 def test_a_file_that_is_replaced_while_it_is_packed_stays(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     for name, text in ((path, b"old"), (tmp_path / "new.mcap", b"new")):
-        writer = Writer(name, ABOUT)
+        writer = McapWriter(name, ABOUT)
         writer.chunk("1", "rx", text, 1)
         writer.close()
 
@@ -97,6 +97,6 @@ def test_a_file_that_is_replaced_while_it_is_packed_stays(tmp_path: Path) -> Non
             os.replace(tmp_path / "new.mcap", path)
 
     with pytest.raises(RecordingError, match="replaced while"):
-        pack(path, progress=replace)
+        compact(path, progress=replace)
     assert [data for _, _, data in read(path)] == [b"new"]
     assert [one.name for one in tmp_path.iterdir()] == ["a.mcap"]

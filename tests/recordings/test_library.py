@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recordings.compaction import pack
+from recordings.compaction import compact
 from recordings.importers import SUFFIXES
 from recordings.library import INDEX, KEPT_S, Library, clean_name
-from recordings.mcap_writer import RecordingError, Writer
+from recordings.mcap_writer import McapWriter, RecordingError
 from recordings.quota import BIN, cull, is_pinned
-from recordings.sidecar import Edits, Marker, beside
+from recordings.sidecar import Edits, Marker, sidecar_path
 from tests.recordings.store_fixtures import START, store
 
 NS = round(START * 1e9)
 
 
 def recording(path: Path, title: str = "Yard loop", start: int = NS) -> Path:
-    writer = Writer(path, {"title": title})
+    writer = McapWriter(path, {"title": title})
     writer.device("1", {"protocol": "xbus", "name": "MTi-630", "serial_number": "0080A1B2"})
     for n in range(10):
         writer.chunk("1", "rx", bytes.fromhex("FAFF3E00C3"), start + n * 100_000_000)
@@ -38,7 +38,7 @@ def ids(library: Library, search: str = "") -> list[str]:
 
 def test_what_lies_in_the_folder_is_listed_newest_first(tmp_path: Path) -> None:
     recording(tmp_path / "old.mcap")
-    pack(recording(tmp_path / "new.mcap", start=NS + 10**12))
+    compact(recording(tmp_path / "new.mcap", start=NS + 10**12))
     (tmp_path / "sub").mkdir()
     recording(tmp_path / "sub" / "hidden.mcap")
     recording(tmp_path / ".hidden.mcap")
@@ -64,7 +64,7 @@ def test_an_unchanged_file_is_not_looked_into_again(tmp_path: Path, monkeypatch:
     from recordings import library as module
 
     looked: list[Path] = []
-    monkeypatch.setattr(module, "peek", lambda path: looked.append(path))
+    monkeypatch.setattr(module, "probe", lambda path: looked.append(path))
     library.all()
     assert looked == []
     os.utime(path, (1, 1))
@@ -107,7 +107,7 @@ def test_what_the_file_holds_counts_where_nothing_was_changed_beside_it(tmp_path
     edits = Edits(
         title="From elsewhere", tags=("x",), pinned=True, markers=(Marker(START, text="there", id=1_000_001),)
     )
-    pack(path, edit=edits.as_metadata())
+    compact(path, edit=edits.as_metadata())
     library = Library(tmp_path)
     assert library.get("a").edits == edits
     library.edit("a", Edits(pinned=False))
@@ -119,7 +119,7 @@ def test_a_damaged_file_beside_a_recording_is_told_and_keeps_it_pinned(tmp_path:
     path = recording(tmp_path / "a.mcap")
     library = Library(tmp_path)
     library.edit("a", Edits(title="Precious", pinned=True))
-    beside(path).write_text(beside(path).read_text()[:-9])
+    sidecar_path(path).write_text(sidecar_path(path).read_text()[:-9])
     assert "a.mcap.json is damaged" in library.get("a").peek.damaged
     assert is_pinned(path)
 
@@ -146,7 +146,7 @@ def test_an_odd_folder_in_the_bin_hides_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"imuscope": 1, "tags": 7, "title": ["x"], "markers": [1, {}]}'])
 def test_a_broken_file_beside_a_recording_changes_nothing(tmp_path: Path, text: str) -> None:
-    beside(recording(tmp_path / "a.mcap")).write_text(text)
+    sidecar_path(recording(tmp_path / "a.mcap")).write_text(text)
     library = Library(tmp_path)
     assert library.get("a").title == "Yard loop"
     assert library.edit("a", Edits(title="Again")).title == "Again"
@@ -279,7 +279,7 @@ def test_the_quota_counts_what_may_go_and_takes_the_bin_first_and_nothing_that_w
 
     def record(name: str, age: int, pinned: bool = False) -> None:
         path = tmp_path / f"{name}.mcap"
-        writer = Writer(path, {})
+        writer = McapWriter(path, {})
         writer.chunk("1", "rx", os.urandom(100_000), 1)
         writer.close()
         os.utime(path, (1000 + age, 1000 + age))

@@ -14,9 +14,9 @@ from mcap_ros2.writer import Writer as RosWriter
 
 from recordings.importers import open_file
 from recordings.mcap_decoders import reader_of
-from recordings.mcap_reader import Topic
+from recordings.mcap_reader import McapChannel
 from recordings.mcap_writer import RecordingError
-from recordings.tabular import Rows, TableSource
+from recordings.tabular import TableRows, TableSource
 from tests.recordings.store_fixtures import START
 
 NS = round(START * 1e9)
@@ -67,7 +67,7 @@ def bag(path: Path) -> Path:
     return path
 
 
-def rows_of(path: Path) -> Rows:
+def rows_of(path: Path) -> TableRows:
     source = open_file(path)
     assert isinstance(source, TableSource)
     (rows,) = source.rows()
@@ -136,21 +136,21 @@ def test_protobuf_that_describes_itself_is_read_zeros_too(tmp_path: Path) -> Non
 def test_senseless_schemas_and_messages_give_no_numbers(
     encoding: tuple[str, str], schema: bytes, message: bytes
 ) -> None:
-    read = reader_of(Topic(1, "/odd", encoding[0], "a/msg/B", encoding[1], schema))
+    read = reader_of(McapChannel(1, "/odd", encoding[0], "a/msg/B", encoding[1], schema))
     if read is not None:
         read(message)
 
 
 @given(message=st.binary(max_size=120))
 def test_senseless_messages_of_a_known_kind_are_read_without_harm(message: bytes) -> None:
-    read = reader_of(Topic(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
+    read = reader_of(McapChannel(1, "/imu", "cdr", "sensor_msgs/msg/Imu", "ros2msg", IMU.encode()))
     assert read is not None
     read(b"\x00\x01\x00\x00" + message)
 
 
 def test_an_array_of_nothing_is_not_counted_to_four_thousand_million() -> None:
     text = b"a/Empty[] many\n====\nMSG: a/Empty\n# nothing\n"
-    assert reader_of(Topic(1, "/odd", "cdr", "a/msg/B", "ros2msg", text)) is None
+    assert reader_of(McapChannel(1, "/odd", "cdr", "a/msg/B", "ros2msg", text)) is None
 
 
 def test_what_nobody_can_read_is_told(tmp_path: Path) -> None:

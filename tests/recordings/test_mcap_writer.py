@@ -21,9 +21,9 @@ from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, make_reader
 
 from recordings import compaction as packing
-from recordings.compaction import pack
-from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, Recording, json_messages
-from recordings.mcap_writer import RecordingError, Writer
+from recordings.compaction import compact
+from recordings.mcap_reader import CHANNEL_ID, DATA, LENGTH, TIME, McapReader, json_messages
+from recordings.mcap_writer import McapWriter, RecordingError
 
 ABOUT = {"title": "A drive", "created": "2026-11-21T04:00:00Z", "host": "rover", "version": "0.1.0"}
 Message = tuple[str, int, bytes]
@@ -33,7 +33,7 @@ def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:
     """A small recording of everything there can be; what is in it, in order."""
     rng = np.random.default_rng(1)
     out: list[Message] = []
-    writer = Writer(path, ABOUT)
+    writer = McapWriter(path, ABOUT)
     writer.device("1", {"source": "/dev/ttyUSB0", "protocol": "xbus", "baud": None})
     for n in range(chunks):
         time = 1_760_000_000_000_000_000 + n * 2_500_000
@@ -54,11 +54,11 @@ def written(path: Path, chunks: int = 300, size: int = 40) -> list[Message]:
 
 
 def read(path: Path) -> list[Message]:
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         return messages(recording)
 
 
-def messages(recording: Recording) -> list[Message]:
+def messages(recording: McapReader) -> list[Message]:
     return [
         (recording.topics[channel].name, time, bytes(block.data[at : at + size]))
         for block in recording.blocks()
@@ -85,10 +85,10 @@ def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> Non
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)  # several chunks of a megabyte
     before = path.stat()
-    pack(path, edit={"title": "Another drive"})
+    compact(path, edit={"title": "Another drive"})
     assert read(path) == wanted
     assert theirs(path) == wanted
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert len(recording.chunks) >= 3
         assert not recording.damage
         assert recording.meta("recording") == {**ABOUT, "format": "1"}
@@ -101,7 +101,7 @@ def test_a_packed_recording_is_the_same_messages_in_order(tmp_path: Path) -> Non
 def test_the_summary_of_a_packed_recording_is_right_for_the_standard_reader(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)
-    pack(path)
+    compact(path)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
@@ -120,7 +120,7 @@ def test_a_short_recording_that_is_cut_keeps_what_stands_before(tmp_path: Path) 
     """It was mostly one chunk: cut at three quarters, 9 messages of 1,618 were left."""
     path = tmp_path / "a.mcap"
     kept = written(path, chunks=1600, size=200)
-    pack(path)
+    compact(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 3 // 4])
     left = read(path)
@@ -131,9 +131,9 @@ def test_a_short_recording_that_is_cut_keeps_what_stands_before(tmp_path: Path) 
 def test_blocks_outside_a_span_are_not_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)
-    pack(path)
+    compact(path)
     last = wanted[-2][1]
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         blocks = list(recording.blocks(last - 1_000_000, last))
         assert 1 <= len(blocks) < len(recording.chunks)
         assert last in np.concatenate([block.table[TIME] for block in blocks])
@@ -147,11 +147,11 @@ def test_a_recording_cut_at_any_byte_yields_a_prefix_and_says_so(
     path = tmp_path_factory.mktemp("cut") / "a.mcap"
     wanted = written(path)
     if packing:
-        pack(path)
+        compact(path)
     size = path.stat().st_size
     keep = 8 + int(cut * (size - 8))
     os.truncate(path, keep)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         found = messages(recording)
         assert found == wanted[: len(found)]
         assert keep == size or not recording.whole
@@ -166,12 +166,12 @@ def test_bytes_turned_anywhere_never_raise(tmp_path_factory: pytest.TempPathFact
     path = tmp_path_factory.mktemp("hurt") / "a.mcap"
     written(path, chunks=60)
     if data.draw(st.booleans()):
-        pack(path)
+        compact(path)
     raw = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 4))):
         raw[data.draw(st.integers(8, len(raw) - 1))] = data.draw(st.integers(0, 255))
     path.write_bytes(raw)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         for block in recording.blocks():
             assert (block.table[DATA] + block.table[LENGTH] <= len(block.data)).all()
 
@@ -179,13 +179,13 @@ def test_bytes_turned_anywhere_never_raise(tmp_path_factory: pytest.TempPathFact
 def test_a_damaged_chunk_is_told_and_the_others_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=6000, size=1000)
-    pack(path)
-    with Recording(path) as recording:
+    compact(path)
+    with McapReader(path) as recording:
         second = recording.chunks[1]
     raw = bytearray(path.read_bytes())
     raw[second.chunk_start_offset + second.chunk_length // 2] ^= 0xFF
     path.write_bytes(raw)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         found = messages(recording)
         assert len(recording.damage) == 1
         assert "chunk" in recording.damage[0].words
@@ -208,9 +208,9 @@ def test_packing_keeps_a_recording_with_good_data_behind_damage(tmp_path: Path) 
     wanted = damaged(path, 1000, 20_000)
     before = path.read_bytes()
     with pytest.raises(RecordingError, match="damaged and stays"):
-        pack(path)
+        compact(path)
     assert path.read_bytes() == before
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         found = messages(recording)
         assert any("left out" in damage.words for damage in recording.damage)
     assert len([one for one in found if one not in wanted]) <= 2, "but for the ends of the damage, nothing is made up"
@@ -225,7 +225,7 @@ def test_garbage_that_looks_like_the_end_hides_nothing(tmp_path: Path, opcode: i
     raw = path.read_bytes()
     at = raw.index(wanted[100][2]) - 31
     path.write_bytes(raw[:at] + bytes([opcode]) + raw[at + 1 :])
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert messages(recording) == wanted[:100] + wanted[101:]
         assert len(recording.damage) == 1
 
@@ -237,7 +237,7 @@ def test_a_recording_that_ends_in_zeros_is_torn_and_packed(tmp_path: Path) -> No
     raw = path.read_bytes()
     at = raw.index(wanted[300][2]) - 31
     path.write_bytes(raw[:at] + bytes(100_000))
-    pack(path)
+    compact(path)
     assert read(path) == wanted[:300]
 
 
@@ -245,18 +245,18 @@ def test_packing_compares_before_it_replaces(tmp_path: Path, monkeypatch: pytest
     path = tmp_path / "a.mcap"
     wanted = written(path, chunks=500)
 
-    def less(source: Recording, out: BinaryIO, **options: Any) -> None:
+    def less(source: McapReader, out: BinaryIO, **options: Any) -> None:
         shorter = tmp_path / "shorter.mcap"
         shorter.unlink(missing_ok=True)
         written(shorter, chunks=499)
-        with Recording(shorter) as other:
+        with McapReader(shorter) as other:
             real(other, out, **options)
         list(source.blocks())
 
-    real = packing.packed
-    monkeypatch.setattr(packing, "packed", less)
+    real = packing.write_compacted
+    monkeypatch.setattr(packing, "write_compacted", less)
     with pytest.raises(RecordingError, match="does not hold the same"):
-        pack(path)
+        compact(path)
     assert read(path) == wanted
 
 
@@ -268,15 +268,15 @@ def test_a_recording_that_says_it_held_more_is_not_packed(tmp_path: Path) -> Non
     size = 31 + len(wanted[200][2])
     path.write_bytes(raw[:at] + bytes([0x80]) + raw[at + 1 : at + size] + raw[at + size :])  # a kind nobody knows
     with pytest.raises(RecordingError, match="stays as it is"):
-        pack(path)
+        compact(path)
     assert len(read(path)) == len(wanted) - 1
 
 
 CHILD = """
 import sys, time
 from pathlib import Path
-from recordings.mcap_writer import Writer
-writer = Writer(Path(sys.argv[1]), {})
+from recordings.mcap_writer import McapWriter
+writer = McapWriter(Path(sys.argv[1]), {})
 n = 0
 while True:
     writer.chunk("1", "rx", n.to_bytes(4, "little") * 25, time.time_ns())
@@ -297,7 +297,7 @@ def test_kill_9_loses_nothing_that_was_handed_over(tmp_path: Path) -> None:
     child.wait()
     child.stdout.close()
     told = max([told, *(int(line) for line in rest if line.isdigit())][:-1] or [told])
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         found = messages(recording)
     assert len(found) >= told
     assert [int.from_bytes(data[:4], "little") for _, _, data in found] == list(range(len(found)))
@@ -312,7 +312,7 @@ def test_kill_9_loses_nothing_that_was_handed_over(tmp_path: Path) -> None:
 def test_a_full_disk_is_one_sentence_and_what_is_written_stays(tmp_path: Path) -> None:
     """A limit of the file's size stands for the disk: both fail in the middle of a record."""
     path = tmp_path / "a.mcap"
-    writer = Writer(path, ABOUT)
+    writer = McapWriter(path, ABOUT)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
@@ -330,7 +330,7 @@ def test_a_full_disk_is_one_sentence_and_what_is_written_stays(tmp_path: Path) -
         signal.signal(signal.SIGXFSZ, before)
     assert failed is not None
     assert failed.message.endswith(": a.mcap.")
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert len(messages(recording)) == n
         assert not recording.damage  # cut back to the last whole record
     with pytest.raises(RecordingError, match="closed"):
@@ -346,14 +346,14 @@ def test_a_disk_that_is_full_from_the_start_leaves_no_empty_file(
 
     monkeypatch.setattr(os, "write", full)
     with pytest.raises(RecordingError, match="disk is full"):
-        Writer(tmp_path / "a.mcap", ABOUT)
+        McapWriter(tmp_path / "a.mcap", ABOUT)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_notes_are_found_by_topic(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     written(path)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         notes: list[Any] = [body for _, body in json_messages(recording, "notes")]
     assert notes == [{"kind": "marker", "text": "bump", "device": "1"}]
 
@@ -366,11 +366,11 @@ def test_what_is_no_mcap_file_is_told_or_is_empty(tmp_path: Path, content: bytes
         assert read(path) == []
     else:
         with pytest.raises(RecordingError):
-            Recording(path)
+            McapReader(path)
 
 
 def test_a_name_that_is_taken_is_not_written_over(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"precious")
     with pytest.raises(RecordingError, match="already"):
-        Writer(tmp_path / "a.mcap", {})
+        McapWriter(tmp_path / "a.mcap", {})
     assert (tmp_path / "a.mcap").read_bytes() == b"precious"

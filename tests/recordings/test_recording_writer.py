@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import pack
-from recordings.mcap_reader import Recording, json_messages
-from recordings.mcap_writer import RecordingError, Writer
-from recordings.recording_writer import GATHER_S, Limits, Tape
+from recordings.compaction import compact
+from recordings.mcap_reader import McapReader, json_messages
+from recordings.mcap_writer import McapWriter, RecordingError
+from recordings.recording_writer import GATHER_S, Limits, RecordingWriter
 from tests.recordings.test_mcap_writer import Message, messages, theirs
 from tests.timeouts import PATIENCE_S
 
@@ -33,11 +33,11 @@ def until(condition: Callable[[], object], what: str) -> None:
 
 
 def read(path: Path) -> list[Message]:
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         return messages(recording)
 
 
-def put(tape: Tape, n: int, size: int = 50, start: int = 0) -> list[Message]:
+def put(tape: RecordingWriter, n: int, size: int = 50, start: int = 0) -> list[Message]:
     wanted = []
     for i in range(start, start + n):
         data = i.to_bytes(4, "big") * (size // 4)
@@ -48,7 +48,7 @@ def put(tape: Tape, n: int, size: int = 50, start: int = 0) -> list[Message]:
 
 
 def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     tape.device("1", {"protocol": "xbus"})
     wanted = put(tape, 5000)
     tape.note("marker", "bump", 7, "1")
@@ -62,7 +62,7 @@ def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
     chunks = [message for message in read(path) if message[0][:2] in ("rx", "tx")]
     assert chunks == wanted
     assert theirs(path) == read(path)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert recording.meta("device/1") == {"protocol": "xbus"}
         assert list(json_messages(recording, "notes")) == [(7, {"kind": "marker", "text": "bump", "device": "1"})]
         assert list(json_messages(recording, "snapshot/1")) == [(9, {"values": {"Baudrate": {"rate": 2}}})]
@@ -71,7 +71,7 @@ def test_all_that_was_put_is_in_the_file_in_order(tmp_path: Path) -> None:
 
 def test_what_was_put_is_written_without_being_asked(tmp_path: Path) -> None:
     """A process that is killed loses what is not in the file yet."""
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     wanted = put(tape, 100)
     until(lambda: read(tmp_path / "drive-1.mcap") == wanted, "it is in the file")
     tape.stop()
@@ -80,7 +80,7 @@ def test_what_was_put_is_written_without_being_asked(tmp_path: Path) -> None:
 
 def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
     ended: list[Path] = []
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns, Limits(split_bytes=20_000), ended.append)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, Limits(split_bytes=20_000), ended.append)
     tape.device("1", {"protocol": "xbus"})
     tape.device("1", {"product": "MTi-630"})
     wanted: list[Message] = []
@@ -93,7 +93,7 @@ def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
     assert ended == paths
     assert [message for path in paths for message in read(path)] == wanted
     for n, path in enumerate(paths):
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             list(recording.blocks())
             assert recording.whole
             about = recording.meta("recording")
@@ -101,13 +101,13 @@ def test_parts_follow_each_other_without_a_byte_between(tmp_path: Path) -> None:
             assert about["previous"] == (paths[n - 1].stem if n else "")
             assert recording.meta("device/1") == {"protocol": "xbus", "product": "MTi-630"}
             assert recording.size < 40_000
-        pack(path)
+        compact(path)
         assert theirs(path) == read(path)
 
 
 def test_a_part_ends_when_it_is_old_enough(tmp_path: Path) -> None:
     clock = count(0, 1_000_000_000)  # every look at it is a second later
-    tape = Tape(named(tmp_path), ABOUT, lambda: next(clock), Limits(split_s=30))
+    tape = RecordingWriter(named(tmp_path), ABOUT, lambda: next(clock), Limits(split_s=30))
     wanted = []
     for start in range(0, 400, 10):
         wanted += put(tape, 10, start=start)
@@ -129,7 +129,7 @@ def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, mo
         return int(real(fd, data[:taken]))
 
     real = os.write
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     monkeypatch.setattr(os, "write", write)
     wanted = put(tape, 500)
     until(lambda: not tape.running, "it has ended")
@@ -148,7 +148,7 @@ def test_a_full_disk_ends_the_tape_and_keeps_what_was_written(tmp_path: Path, mo
 def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_back(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
-    tape = Tape(named(folder), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(folder), ABOUT, time.time_ns)
     wanted = put(tape, 100)
     until(lambda: tape.behind_s == 0.0, "it is written")
     shutil.rmtree(folder)
@@ -160,7 +160,7 @@ def test_a_folder_that_is_removed_ends_the_tape_and_what_was_recorded_is_put_bac
 
 
 def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> None:
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     wanted = put(tape, 100)
     until(lambda: tape.behind_s == 0.0, "it is written")
     other = tmp_path / "other"
@@ -177,7 +177,7 @@ def test_a_name_that_another_file_has_taken_loses_nothing(tmp_path: Path) -> Non
 def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: Path) -> None:
     notices: list[str] = []
     parts: list[Path] = []
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns, on_part=parts.append, on_notice=notices.append)
     wanted = put(tape, 2000)
     until(lambda: tape.behind_s == 0.0, "it is written")
     os.truncate(tmp_path / "drive-1.mcap", 50_000)
@@ -191,12 +191,12 @@ def test_a_file_that_another_program_shortens_costs_only_what_it_cut(tmp_path: P
     assert (first + second)[-3990:] == wanted[-3990:], "the record that was cut through swallows what it still claims"
     assert len(first + second) > 3990 + 50_000 // 100
     with pytest.raises(RecordingError, match="stays as it is"):
-        pack(parts[0])
+        compact(parts[0])
     assert read(parts[0]) == first
 
 
 def test_a_clock_that_is_set_while_recording_begins_a_new_part_with_the_new_time(tmp_path: Path) -> None:
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
     put(tape, 10)
     tape.set_clock(1_000_000)
     put(tape, 10)
@@ -207,20 +207,20 @@ def test_a_clock_that_is_set_while_recording_begins_a_new_part_with_the_new_time
 
 def test_a_tape_that_cannot_begin_says_why(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
-        Tape(named(tmp_path / "nowhere"), ABOUT, time.time_ns)
+        RecordingWriter(named(tmp_path / "nowhere"), ABOUT, time.time_ns)
 
 
 def test_a_slow_disk_holds_up_nobody_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tape = Tape(named(tmp_path), ABOUT, time.time_ns)
-    slow = Writer.chunks
+    tape = RecordingWriter(named(tmp_path), ABOUT, time.time_ns)
+    slow = McapWriter.chunks
     held = [True]
 
-    def chunks(self: Writer, found: list[tuple[str, str, bytes, int]]) -> None:
+    def chunks(self: McapWriter, found: list[tuple[str, str, bytes, int]]) -> None:
         while held[0]:
             time.sleep(0.001)
         slow(self, found)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Writer, "chunks", chunks)
+    monkeypatch.setattr(McapWriter, "chunks", chunks)
     now = time.time_ns()
     tape.chunk("1", "rx", b"first", now - 5_000_000_000)
     for i in range(1000):

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import pack
-from recordings.mcap_writer import Writer
-from recordings.replay import TURN_NS, Played, Replay, extent
+from recordings.compaction import compact
+from recordings.mcap_writer import McapWriter
+from recordings.replay import TURN_NS, ReplayClock, ReplayedChunk, extent
 from recordings.sources import McapSource
 
 MS = 1_000_000
@@ -28,7 +28,7 @@ class Clock:
 def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int = 20) -> Path:
     """Two devices, a chunk every 10 ms each, and answers to one of them."""
     path = folder / "drive.mcap"
-    writer = Writer(path, {})
+    writer = McapWriter(path, {})
     for n in range(chunks):
         writer.chunk("1", "rx", bytes([n % 256]) * size, START + n * 10 * MS)
         writer.chunk("2", "rx", b"b%d" % n, START + n * 10 * MS + 3 * MS)
@@ -36,14 +36,14 @@ def recording(folder: Path, chunks: int = 100, *, packed: bool = True, size: int
             writer.chunk("1", "tx", b"sent", START + n * 10 * MS + 1 * MS)
     writer.close()
     if packed:
-        pack(path)
+        compact(path)
     return path
 
 
-def played(replay: Replay, clock: Clock, most: int = 10_000) -> list[tuple[int, Played]]:
+def played(replay: ReplayClock, clock: Clock, most: int = 10_000) -> list[tuple[int, ReplayedChunk]]:
     """All that it plays, with the time on the clock at which it did."""
     began = clock.ns
-    found: list[tuple[int, Played]] = []
+    found: list[tuple[int, ReplayedChunk]] = []
     while (wait := replay.wait_ns()) is not None and len(found) < most:
         clock.ns += wait
         taken = replay.take()
@@ -56,7 +56,7 @@ def played(replay: Replay, clock: Clock, most: int = 10_000) -> list[tuple[int, 
 def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> None:
     clock = Clock()
     source = McapSource(recording(tmp_path, packed=packed))
-    found = played(Replay(source, clock), clock)
+    found = played(ReplayClock(source, clock), clock)
     assert len(found) == 200
     assert [at for at, one in found] == [one.time_ns - START for _, one in found]
     assert b"".join(one.data for _, one in found if one.device == "1") == b"".join(bytes([n]) * 20 for n in range(100))
@@ -68,7 +68,7 @@ def test_every_byte_is_played_when_it_is_due(tmp_path: Path, packed: bool) -> No
 @pytest.mark.parametrize("speed", [0.1, 0.5, 2.0, 50.0])
 def test_speed(tmp_path: Path, speed: float) -> None:
     clock = Clock()
-    found = played(Replay(McapSource(recording(tmp_path)), clock, speed=speed), clock)
+    found = played(ReplayClock(McapSource(recording(tmp_path)), clock, speed=speed), clock)
     assert len(found) == 200
     for at, one in found:
         assert abs(at - (one.time_ns - START) / speed) <= 200  # ns: sums of rounded waits
@@ -76,7 +76,7 @@ def test_speed(tmp_path: Path, speed: float) -> None:
 
 def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
     clock = Clock()
-    replay = Replay(McapSource(recording(tmp_path)), clock)
+    replay = ReplayClock(McapSource(recording(tmp_path)), clock)
     clock.ns += 105 * MS
     assert len(replay.take()) == 22  # 0 … 100 and 3 … 103 ms
     replay.pause()
@@ -101,10 +101,10 @@ def test_speed_pause_and_seek_while_it_plays(tmp_path: Path) -> None:
 def test_seeking_to_a_moment_is_skipping_to_it(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path, chunks=3000, size=2000))  # several blocks
     clock = Clock()
-    whole = played(Replay(source, clock), clock)
+    whole = played(ReplayClock(source, clock), clock)
     for at in (0, 7, 1234, 15_000, 29_999, 30_500):
         clock = Clock()
-        replay = Replay(source, clock)
+        replay = ReplayClock(source, clock)
         replay.seek(START + at * MS)
         rest = played(replay, clock)
         wanted = [(one.device, one.data) for _, one in whole if one.time_ns >= START + at * MS]
@@ -115,10 +115,10 @@ def test_a_range_and_a_loop(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
     clock = Clock()
     some = {"start_ns": START + 200 * MS, "stop_ns": START + 300 * MS}
-    once = played(Replay(source, clock, **some), clock)  # type: ignore[arg-type]
+    once = played(ReplayClock(source, clock, **some), clock)  # type: ignore[arg-type]
     assert [one.time_ns for _, one in once] == [START + (200 + 10 * n + d) * MS for n in range(10) for d in (0, 3)]
     clock = Clock()
-    again = played(Replay(source, clock, loop=True, **some), clock, 60)  # type: ignore[arg-type]
+    again = played(ReplayClock(source, clock, loop=True, **some), clock, 60)  # type: ignore[arg-type]
     assert [one.data for _, one in again] == [one.data for _, one in once] * 3
     assert [one.anew for _, one in again[:22]] == [False] * 20 + [True, True]
     assert again[20][0] - again[19][0] >= TURN_NS
@@ -127,21 +127,21 @@ def test_a_range_and_a_loop(tmp_path: Path) -> None:
 def test_one_device_or_what_was_sent(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
     clock = Clock()
-    assert {one.device for _, one in played(Replay(source, clock, devices=["2"]), clock)} == {"2"}
-    sent = played(Replay(source, clock, ways=["tx"]), clock)
+    assert {one.device for _, one in played(ReplayClock(source, clock, devices=["2"]), clock)} == {"2"}
+    sent = played(ReplayClock(source, clock, ways=["tx"]), clock)
     assert b"".join(one.data for _, one in sent) == b"sent" * 10
 
 
 def test_one_device_of_a_range_keeps_step_with_the_others(tmp_path: Path) -> None:
     source = McapSource(recording(tmp_path))
     clock = Clock()
-    replay = Replay(source, clock, devices=["2"], start_ns=START)
+    replay = ReplayClock(source, clock, devices=["2"], start_ns=START)
     assert replay.wait_ns() == 3 * MS
 
 
 def test_whoever_was_held_up_goes_on_at_the_pace_of_the_recording(tmp_path: Path) -> None:
     clock = Clock()
-    replay = Replay(McapSource(recording(tmp_path)), clock)
+    replay = ReplayClock(McapSource(recording(tmp_path)), clock)
     replay.take()
     clock.ns += 60_000 * MS  # a reader that does not read
     replay.held()
@@ -152,20 +152,20 @@ def test_whoever_was_held_up_goes_on_at_the_pace_of_the_recording(tmp_path: Path
 
 def test_times_that_run_backwards_count_as_those_before(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
-    writer = Writer(path, {})
+    writer = McapWriter(path, {})
     for n, at in enumerate((0, 20, 10, 30)):
         writer.chunk("1", "rx", b"%d" % n, START + at * MS)
     writer.close()
     clock = Clock()
-    found = played(Replay(McapSource(path), clock), clock)
+    found = played(ReplayClock(McapSource(path), clock), clock)
     assert [(at // MS, one.data) for at, one in found] == [(0, b"0"), (20, b"1"), (20, b"2"), (30, b"3")]
 
 
 def test_a_recording_of_nothing_has_ended(tmp_path: Path) -> None:
     path = tmp_path / "drive.mcap"
-    Writer(path, {}).close()
+    McapWriter(path, {}).close()
     for loop in (False, True):
-        replay = Replay(McapSource(path), Clock(), loop=loop)
+        replay = ReplayClock(McapSource(path), Clock(), loop=loop)
         assert replay.ended
         assert replay.take() == []
         assert replay.wait_ns() is None
@@ -184,7 +184,7 @@ def test_in_a_loop_devices_that_are_played_apart_stay_in_step(tmp_path: Path) ->
     span = extent(source)
     assert span is not None
     some = {"start_ns": span[0], "stop_ns": span[1] + 1, "loop": True}
-    first = played(Replay(source, clock, devices=["1"], **some), clock, 40)  # type: ignore[arg-type]
+    first = played(ReplayClock(source, clock, devices=["1"], **some), clock, 40)  # type: ignore[arg-type]
     clock = Clock()
-    second = played(Replay(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
+    second = played(ReplayClock(source, clock, devices=["2"], **some), clock, 40)  # type: ignore[arg-type]
     assert [b - a for (a, _), (b, _) in zip(first, second, strict=True)] == [3 * MS] * 40

@@ -14,12 +14,12 @@ import pyarrow as pa
 import pytest
 from rerun.chunk import RrdReader
 
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.column_store import Columns, ColumnsWriter, Shape
-from recordings.exporters import Wish, by_suffix, export
-from recordings.mcap_writer import Writer
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter
+from recordings.exporters import ExportRequest, by_suffix, export
+from recordings.mcap_writer import McapWriter
 from recordings.rrd.chunks import name_of
 from recordings.rrd.entities import devices_of
 from recordings.rrd.size_limit import MOST, WHOLE, amount
@@ -33,11 +33,15 @@ ENVIRONMENT = {**os.environ, "HOME": os.devnull}  # Rerun's program would keep s
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> Columns:
+def store(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
     """Six seconds of a device of each family on one clock, and a marker."""
     folder = tmp_path_factory.mktemp("rrd")
-    devices = {"1": XbusDevice(product="MTi-680G", start_ns=0), "2": IsbDevice(start_ns=0), "3": IdtpDevice(start_ns=0)}
-    writer = Writer(folder / "a.mcap", {"title": "Three on a drive"})
+    devices = {
+        "1": XbusSimulator(product="MTi-680G", start_ns=0),
+        "2": IsbSimulator(start_ns=0),
+        "3": IdtpSimulator(start_ns=0),
+    }
+    writer = McapWriter(folder / "a.mcap", {"title": "Three on a drive"})
     for id, protocol in zip(devices, ("xbus", "isb", "idtp"), strict=True):
         writer.device(id, {"source": f"twin:{protocol}", "link": "twin", "protocol": protocol})
     for n in range(1, 600):
@@ -50,7 +54,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Columns:
 
 
 @pytest.fixture(scope="module")
-def read(store: Columns, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[pa.RecordBatch]]:
+def read(store: ColumnStore, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[pa.RecordBatch]]:
     out = tmp_path_factory.mktemp("file") / "a.rrd"
     shares: list[float] = []
     write_rrd(store, out, progress=shares.append)
@@ -90,7 +94,7 @@ def times(batches: list[pa.RecordBatch], name: str, having: str) -> np.ndarray[A
 
 
 def test_every_value_and_every_time_of_every_channel_is_in_the_file(
-    store: Columns, read: dict[str, list[pa.RecordBatch]]
+    store: ColumnStore, read: dict[str, list[pa.RecordBatch]]
 ) -> None:
     infos = {info["id"]: info for info in store.manifest["channels"]}
     compared = 0
@@ -154,7 +158,7 @@ def numbers_or_words(batches: list[pa.RecordBatch], name: str) -> list[Any]:
 
 
 def test_the_attitude_is_a_transform_of_the_body_in_its_own_frame(
-    store: Columns, read: dict[str, list[pa.RecordBatch]]
+    store: ColumnStore, read: dict[str, list[pa.RecordBatch]]
 ) -> None:
     quaternion = next(info["id"] for info in store.manifest["channels"] if info["name"] == "DID_INS_2.qn2b")
     rows = store.exact(quaternion, 0, store.rows(quaternion))
@@ -184,7 +188,7 @@ def test_all_devices_stand_on_one_plane_in_metres(read: dict[str, list[pa.Record
         assert column(read[name_of(("world", "track", name))], "LineStrips3D:strips")
 
 
-def test_on_a_map_a_device_is_where_it_said(store: Columns, read: dict[str, list[pa.RecordBatch]]) -> None:
+def test_on_a_map_a_device_is_where_it_said(store: ColumnStore, read: dict[str, list[pa.RecordBatch]]) -> None:
     infos = store.manifest["channels"]
     mapped = {device.name: device.position for device in devices_of(store.manifest["devices"], infos)}
     assert len(mapped) == 3
@@ -200,7 +204,7 @@ def test_on_a_map_a_device_is_where_it_said(store: Columns, read: dict[str, list
     assert sum(position is not None and bool(position.on_map) for position in mapped.values()) == 2
 
 
-def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pictures(store: Columns) -> None:
+def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pictures(store: ColumnStore) -> None:
     import rerun.blueprint as rrb
 
     from recordings.rrd.blueprint import blueprint
@@ -219,7 +223,7 @@ def test_the_map_is_laid_out_behind_the_track_so_that_nobody_is_asked_for_its_pi
     assert tabs.active_tab == 0
 
 
-def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(store: Columns) -> None:
+def test_live_plots_stand_in_two_columns_because_the_viewer_is_low_in_the_page(store: ColumnStore) -> None:
     import rerun.blueprint as rrb
 
     from recordings.rrd.blueprint import blueprint
@@ -264,7 +268,7 @@ def texts(batches: list[pa.RecordBatch]) -> list[str]:
     return numbers_or_words(batches, "TextLog:text")
 
 
-def test_static_things_come_first_and_a_layout_is_in_it(store: Columns, tmp_path: Path) -> None:
+def test_static_things_come_first_and_a_layout_is_in_it(store: ColumnStore, tmp_path: Path) -> None:
     write_rrd(store, tmp_path / "a.rrd")
     reader = RrdReader(tmp_path / "a.rrd")
     assert len(reader.blueprints()) == 1
@@ -278,11 +282,11 @@ def test_static_things_come_first_and_a_layout_is_in_it(store: Columns, tmp_path
     assert static - set(names[:begins]) == set()
 
 
-def drive(folder: Path, n: int) -> Columns:
+def drive(folder: Path, n: int) -> ColumnStore:
     """A store of one status word that flickers once, and a rotation of n samples at 1 kHz."""
-    writer = ColumnsWriter(folder)
-    writer.channel(1, Shape(("f4",) * 4, (False,) * 4))
-    writer.channel(2, Shape(("u2",), (True,)))
+    writer = ColumnStoreWriter(folder)
+    writer.channel(1, ChannelLayout(("f4",) * 4, (False,) * 4))
+    writer.channel(2, ChannelLayout(("u2",), (True,)))
     arrival = START / 1e9 + np.arange(n) / 1000
     angle = np.arange(n) / n * 3
     zero = np.zeros(n, np.float32)
@@ -372,10 +376,10 @@ def test_stopped_it_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(out.iterdir()) == []
 
 
-def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: Columns, tmp_path: Path) -> None:
+def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: ColumnStore, tmp_path: Path) -> None:
     infos = store.manifest["channels"]
     acceleration = next(info["id"] for info in infos if info["name"] == "Acceleration" and info["device"] == "1")
-    files = export(by_suffix(".rrd") or "", Wish(store, channels=(acceleration,)), tmp_path / "a.rrd")
+    files = export(by_suffix(".rrd") or "", ExportRequest(store, channels=(acceleration,)), tmp_path / "a.rrd")
     assert [file.name for file in files] == ["a.rrd"]
     curves = {name for name, batches in entities(files[0]).items() if column(batches, "Scalars:scalars")}
     assert curves == {name_of(("MTi-680G", "Acceleration [m/s²]"))}
@@ -385,7 +389,7 @@ def test_it_is_one_of_the_formats_and_costs_nothing_until_it_is_wanted(store: Co
 
 
 def test_a_layout_is_known_without_rerun() -> None:
-    names = ", ".join(f"recordings.rrd.{name}" for name in ("layout", "ground", "amount"))
+    names = ", ".join(f"recordings.rrd.{name}" for name in ("entities", "enu", "size_limit"))
     code = f"import sys; import {names}; print('rerun' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert said.stdout.strip() == "False"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.column_store import BLOCK_ROWS, ColumnsWriter, Shape
+from recordings.column_store import BLOCK_ROWS, ChannelLayout, ColumnStoreWriter
 from recordings.statistics import Floats, norm_statistics, statistics, statistics_of, wrapped
 
 
@@ -45,8 +45,8 @@ def test_along_the_line_it_is_what_numpy_says_of_all_at_once(tmp_path: Path) -> 
     n = BLOCK_ROWS + 5000
     time, pressure = np.arange(n) / 400.0, 101_325 + rng.normal(size=n)
     pressure[7] = np.nan
-    writer = ColumnsWriter(tmp_path / "store")
-    writer.channel(1, Shape(("f8",), (False,)))
+    writer = ColumnStoreWriter(tmp_path / "store")
+    writer.channel(1, ChannelLayout(("f8",), (False,)))
     writer.append(1, [time, time, pressure])
     store = writer.finish({})
     lo, hi = store.between(1, 0.0, 170.0)
@@ -62,8 +62,8 @@ def test_the_length_of_vectors_is_that_of_each(tmp_path: Path) -> None:
     """Bounds of components say nothing about a mean length."""
     x, y, z = np.random.default_rng(5).normal(size=(3, 1000))
     time = np.arange(1000.0)
-    writer = ColumnsWriter(tmp_path / "store")
-    writer.channel(1, Shape(("f8", "f8", "f8"), (False, False, False)))
+    writer = ColumnStoreWriter(tmp_path / "store")
+    writer.channel(1, ChannelLayout(("f8", "f8", "f8"), (False, False, False)))
     writer.append(1, [time, time, x, y, z])
     told = norm_statistics(writer.finish({}), 1, range(3), 0, 1000)
     want = np.sqrt(x * x + y * y + z * z)

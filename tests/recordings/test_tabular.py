@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
 
-from recordings.column_store import Columns
-from recordings.exporters import Wish, export
+from recordings.column_store import ColumnStore
+from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.mcap_writer import RecordingError
 from recordings.tabular import TableSource
@@ -20,16 +20,16 @@ from server.library.decode import decode
 from tests.recordings.store_fixtures import START, store
 
 
-def opened(path: Path) -> Columns:
+def opened(path: Path) -> ColumnStore:
     return decode(open_file(path), path.with_suffix(".columns"), protocol_set.speech())
 
 
-def table(path: Path, text: str) -> Columns:
+def table(path: Path, text: str) -> ColumnStore:
     path.write_text(text, encoding="utf-8")
     return opened(path)
 
 
-def named(columns: Columns) -> dict[str, int]:
+def named(columns: ColumnStore) -> dict[str, int]:
     return {info["name"]: info["id"] for info in columns.manifest["channels"]}
 
 
@@ -95,7 +95,7 @@ def test_a_table_that_is_none_is_told_in_a_sentence(text: str, tmp_path: Path) -
 
 def test_what_was_exported_as_csv_is_read_again(tmp_path: Path) -> None:
     columns = store(tmp_path / "store", devices=1)
-    made = export("csv", Wish(columns), tmp_path / "run.csv")[0]
+    made = export("csv", ExportRequest(columns), tmp_path / "run.csv")[0]
     again = opened(made)
     numbers = named(again)
     for name, number in (("Acceleration", 1), ("PacketCounter", 2)):
@@ -130,7 +130,7 @@ def test_messages_in_json_are_tables_and_others_are_named(tmp_path: Path) -> Non
 
 def test_an_export_as_mcap_is_read_again(tmp_path: Path) -> None:
     columns = store(tmp_path / "store", devices=1)
-    (made,) = export("mcap", Wish(columns, channels=(2,)), tmp_path / "run.mcap")
+    (made,) = export("mcap", ExportRequest(columns, channels=(2,)), tmp_path / "run.mcap")
     again = opened(made)
     got = again.exact(named(again)["PacketCounter"], 0, 1000)
     assert got.columns[0].tolist() == list(range(1000))
@@ -138,7 +138,7 @@ def test_an_export_as_mcap_is_read_again(tmp_path: Path) -> None:
 
 def test_quantities_of_an_export_have_their_axes_and_units_again(tmp_path: Path) -> None:
     columns = store(tmp_path / "store", devices=1)
-    (made,) = export("mcap", Wish(columns, channels=(1,)), tmp_path / "run.mcap")
+    (made,) = export("mcap", ExportRequest(columns, channels=(1,)), tmp_path / "run.mcap")
     (info,) = (one for one in opened(made).manifest["channels"] if "Acceleration" in one["name"])
     assert [(column["name"], column["unit"]) for column in info["columns"]] == [(axis, "m/s²") for axis in "xyz"]
 
@@ -169,7 +169,7 @@ def test_an_export_of_a_former_version_opens_as_before(tmp_path: Path) -> None:
 def test_satellites_of_an_export_are_rows_again(tmp_path: Path) -> None:
     """A table is one message a moment there; its rows were columns of their own, and those past the sixteenth gone."""
     columns = store(tmp_path / "store")
-    (made,) = export("mcap", Wish(columns, channels=(4,)), tmp_path / "run.mcap")
+    (made,) = export("mcap", ExportRequest(columns, channels=(4,)), tmp_path / "run.mcap")
     source = open_file(made)
     assert isinstance(source, TableSource)
     (rows,) = (rows for rows in source.rows() if rows.table == "/MTi-630/GnssSatInfo")

@@ -8,48 +8,48 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
-from protocols.xbus.simulator.device import XbusDevice
-from server.configuration.controllers import Desks
-from server.configuration.device_controller import Desk, Task
+from protocols.xbus.simulator.device import XbusSimulator
+from server.configuration.controllers import ControllerRegistry
+from server.configuration.device_controller import DeviceController, QueuedJob
 from server.devices.protocol_set import speech
 from server.devices.sessions import Sessions
 from server.links import open_link
 from server.links.base import LinkSettings, steady_clock
-from server.links.simulated_device import TwinOptions
-from server.links.simulated_line import Faults
-from server.links.simulator import Bench
+from server.links.simulated_device import SimulatorOptions
+from server.links.simulated_line import LineFaults
+from server.links.simulator import SimulatorThread
 from server.streaming.hub import Hub
 from server.wire import Job
 from tests.timeouts import PATIENCE_S
 
 
-class House:
+class ControlHarness:
     """Hub, sessions and desks."""
 
     def __init__(self, data: Path, trial_s: float) -> None:
         now_ns = steady_clock()
         self.hub = Hub(lambda: now_ns() / 1e9)
         self.sessions = Sessions(self.hub, open_link, speech(), LinkSettings(now_ns=now_ns))
-        self.desks = Desks(self.hub, self.sessions, data, trial_s)
+        self.desks = ControllerRegistry(self.hub, self.sessions, data, trial_s)
 
-    async def add(self, source: str) -> Desk:
+    async def add(self, source: str) -> DeviceController:
         """Open a source and wait until it streams."""
         device = self.sessions.add(source).info.id
         desk = self.desks.get(device)
         await until(lambda: desk.session.info.status == "live", "it streams")
         return desk
 
-    async def apply(self, desk: Desk, changes: dict[str, dict[str, object]], reason: str = "") -> Job:
+    async def apply(self, desk: DeviceController, changes: dict[str, dict[str, object]], reason: str = "") -> Job:
         return await over(desk.add("Write", self.desks.jobs.apply(desk, changes, reason)))
 
-    async def read(self, desk: Desk) -> Job:
+    async def read(self, desk: DeviceController) -> Job:
         return await over(desk.add("Read", self.desks.jobs.read(desk, None, "")))
 
 
 @asynccontextmanager
-async def house(data: Path, trial_s: float = 0.5) -> AsyncIterator[House]:
+async def house(data: Path, trial_s: float = 0.5) -> AsyncIterator[ControlHarness]:
     """A server's inside, closed as the server closes it."""
-    made = House(data, trial_s)
+    made = ControlHarness(data, trial_s)
     made.sessions.start()
     try:
         yield made
@@ -65,17 +65,17 @@ async def until(condition: Callable[[], object], what: str, patience_s: float = 
         await asyncio.sleep(0.01)
 
 
-async def over(task: Task) -> Job:
+async def over(task: QueuedJob) -> Job:
     """The job when it is done."""
     await asyncio.wait_for(task.over.wait(), PATIENCE_S)
     return task.job
 
 
 @asynccontextmanager
-async def bench(port: int = 0, **faults: int) -> AsyncIterator[Bench]:
+async def bench(port: int = 0, **faults: int) -> AsyncIterator[SimulatorThread]:
     """An MTi-630 at a pseudo-terminal that outlives the server's handle on it, connected to one of its host ports."""
-    options = TwinOptions(faults=Faults(baud=115_200, **faults))
-    made = Bench(lambda start_ns: XbusDevice("MTi-630", start_ns=start_ns, rate=100, port=port), options)
+    options = SimulatorOptions(faults=LineFaults(baud=115_200, **faults))
+    made = SimulatorThread(lambda start_ns: XbusSimulator("MTi-630", start_ns=start_ns, rate=100, port=port), options)
     made.start()
     try:
         yield made

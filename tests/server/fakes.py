@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step, Text
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap, Text
 from protocols.schema import Field, Message
 from protocols.xbus.device_info import identity
-from server.devices.ingest import About
-from server.devices.protocol_detection import Speech
+from server.devices.ingest import ProtocolTraits
+from server.devices.protocol_detection import ProtocolSet
 from server.links.base import Chunk, Link, LinkError, LinkSettings, Progress, Try
 
 NOW_NS = 1_700_000_000_000_000_000
@@ -132,7 +132,7 @@ class FakeDecoder:
             if head == b"F" and len(self._data) < 4:
                 if not stalled:
                     break
-                events.append(Reject(self._at, len(self._data), "truncated", self._arrival))
+                events.append(RejectedFrame(self._at, len(self._data), "truncated", self._arrival))
                 self._take(len(self._data))
             elif head == b"F":
                 events += self._sample(self._data[1], int.from_bytes(self._data[2:4], "little", signed=True))
@@ -147,7 +147,7 @@ class FakeDecoder:
                 elif head == b"!":
                     raise RuntimeError("a decoder that breaks")
                 else:
-                    events.append(Reject(self._at, 1, "bad_checksum", self._arrival))
+                    events.append(RejectedFrame(self._at, 1, "bad_checksum", self._arrival))
                 self._take(1)
         return events
 
@@ -158,9 +158,9 @@ class FakeDecoder:
     def _sample(self, count: int, force: int) -> list[Event]:
         out: list[Event] = []
         if self._count is not None and count < self._count:
-            out.append(Step(self._at, "reset", -1_000_000, self._arrival))
+            out.append(ClockStep(self._at, "reset", -1_000_000, self._arrival))
         elif self._count is not None and count > self._count + 1:
-            out.append(Gap(self._at, count - self._count - 1, "Count", self._arrival))
+            out.append(SampleGap(self._at, count - self._count - 1, "Count", self._arrival))
         self._count = count
         columns = {"Count": np.array([count], "u1"), "Force": np.array([[force]], "i2")}
         arrival = np.array([self._arrival], np.int64)
@@ -173,11 +173,11 @@ def _guess(data: bytes) -> Sequence[FakeGuess]:
     return [FakeGuess("fake", min(share, 1.0), f"{data.count(b'F')} samples")]
 
 
-SPEECH = Speech(
+SPEECH = ProtocolSet(
     decoder=lambda name, reading, link: FakeDecoder(),
     guess=_guess,
     title=lambda name: "Fake sensor",
-    about=lambda name: About(identity=identity),
+    about=lambda name: ProtocolTraits(identity=identity),
 )
 
 

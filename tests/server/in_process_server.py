@@ -15,16 +15,16 @@ from server import http_server
 from server.app import create_app
 from server.auth import Access
 from server.config import Config
-from server.devices.protocol_detection import Speech
+from server.devices.protocol_detection import ProtocolSet
 from server.devices.sessions import OpenLink
 from tests.server.fakes import SPEECH
 from tests.timeouts import PATIENCE_S
 
 
-class Running:
-    """`with Running(config, open_link) as running:` serves on a free port until the block ends."""
+class InProcessServer:
+    """`with InProcessServer(config, open_link) as running:` serves on a free port until the block ends."""
 
-    def __init__(self, config: Config, open_link: OpenLink, speech: Speech = SPEECH) -> None:
+    def __init__(self, config: Config, open_link: OpenLink, speech: ProtocolSet = SPEECH) -> None:
         self._app = create_app(config, Access(config), open_link=open_link, speech=speech)
         self.state: Any = self._app._app.state  # type: ignore[attr-defined]
         self._listener = http_server.listen("127.0.0.1", 0)
@@ -50,7 +50,7 @@ class Running:
         self.loop.call_soon_threadsafe(lambda: done.set_result(function(*arguments)))
         return done.result(PATIENCE_S)
 
-    def __enter__(self) -> Running:
+    def __enter__(self) -> InProcessServer:
         return self
 
     def __exit__(

@@ -1,6 +1,6 @@
 """A fast device at the end of a TCP connection, that knows when it sent each byte.
 
-with Line(rate=2000) as line:
+with TcpDevice(rate=2000) as line:
     serve(line.source)
     line.sent            all bytes that were sent
     line.sent_at(n)      when byte n was, monotonic s
@@ -18,7 +18,7 @@ from tests.bench.serial_device import frame
 from tests.timeouts import PATIENCE_S
 
 
-class Line:
+class TcpDevice:
     """Sends frames (tests/bench/serial_device.py) to who connects, until that one goes or the block ends.
 
     Args:
@@ -71,7 +71,7 @@ class Line:
                 n += 1
             time.sleep(0.5 / self._rate)
 
-    def __enter__(self) -> Line:
+    def __enter__(self) -> TcpDevice:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.idtp.simulator import IdtpDevice
-from server.devices.decode_options import OPTIONS, Reading
+from protocols.idtp.simulator import IdtpSimulator
+from server.devices.decode_options import OPTIONS, DecodeOptions
 from server.devices.protocol_detection import unknown_hint
 from server.devices.session import Session
 from server.links.base import LinkSettings
@@ -50,7 +50,7 @@ class Newer:
         return with_version(build(0, bytes(12), sequence=self.sent, timestamp=self.sent, mode=SAFETY), 0x31)
 
 
-def stage_after(device: Any, reading: Reading, link: type[FakeLink], seconds: float = 2) -> Session:
+def stage_after(device: Any, reading: DecodeOptions, link: type[FakeLink], seconds: float = 2) -> Session:
     found: list[Session] = []
 
     async def run() -> None:
@@ -66,13 +66,13 @@ def stage_after(device: Any, reading: Reading, link: type[FakeLink], seconds: fl
 
 
 def test_udp_was_asked_for_its_baud_rate() -> None:
-    assert stage_after(Text(), Reading(), Datagrams).info.hint == unknown_hint("udp")
+    assert stage_after(Text(), DecodeOptions(), Datagrams).info.hint == unknown_hint("udp")
     assert "baud" not in unknown_hint("udp")
     assert "baud" in unknown_hint("serial")
 
 
-@pytest.mark.parametrize("reading", [Reading(), Reading("idtp")])
-def test_another_version_is_named(reading: Reading) -> None:
+@pytest.mark.parametrize("reading", [DecodeOptions(), DecodeOptions("idtp")])
+def test_another_version_is_named(reading: DecodeOptions) -> None:
     session = stage_after(Newer(), reading, Datagrams)
     told = [session.info.message, *(event.text for event in session._hub.log)]
     assert any("IDTP 3.1" in one for one in told), told
@@ -84,7 +84,7 @@ def test_another_version_is_named(reading: Reading) -> None:
 def test_nobody_said_that_lite_frames_over_a_network_are_unprotected(
     mode: int, link: type[FakeLink], warned: int
 ) -> None:
-    session = stage_after(IdtpDevice(mode=mode), Reading(), link)
+    session = stage_after(IdtpSimulator(mode=mode), DecodeOptions(), link)
     assert sum("nothing protects their values" in notice for notice in session.info.notices) == warned
     assert sum("nothing protects" in event.text for event in session._hub.log) == warned
 

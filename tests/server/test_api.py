@@ -20,10 +20,10 @@ from server.api import static_files
 from server.auth import LOOKING
 from server.config import Config
 from server.links.base import Link, LinkError, LinkSettings
-from server.streaming.send_queue import Outbox
+from server.streaming.send_queue import SendQueue
 from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S, connect
 
 
@@ -34,13 +34,13 @@ def open_link(source: str, settings: LinkSettings) -> Link:
 
 
 @pytest.fixture
-def running() -> Iterator[Running]:
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+def running() -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         yield running
 
 
 @pytest.fixture
-def client(running: Running) -> Client:
+def client(running: InProcessServer) -> Client:
     return running.client
 
 
@@ -174,7 +174,7 @@ def test_every_route_answers_errors_in_the_one_shape(client: Client) -> None:
 
 
 def test_every_route_needs_a_token_beyond_loopback() -> None:
-    with Running(GUARDED, open_link) as running:
+    with InProcessServer(GUARDED, open_link) as running:
         client = running.client
         found = routes_with(client, "c" * 24)
         assert len(found) >= 7
@@ -197,7 +197,7 @@ def routes_with(client: Client, token: str) -> list[tuple[str, str]]:
 
 
 def test_the_token_of_the_printed_address_becomes_a_cookie() -> None:
-    with Running(GUARDED, open_link) as running:
+    with InProcessServer(GUARDED, open_link) as running:
         client = running.client
         answer = client.get(f"/?token={'v' * 24}&device=1", follow_redirects=False)
         assert answer.status_code == 303
@@ -255,9 +255,9 @@ def test_a_head_is_that_of_its_get(path: str, client: Client) -> None:
     assert head.headers["content-type"] == got.headers["content-type"]
 
 
-def test_a_view_of_another_program_is_no_browser(running: Running) -> None:
+def test_a_view_of_another_program_is_no_browser(running: InProcessServer) -> None:
     """With --foxglove one browser was counted, before anybody had come."""
-    outbox = Outbox()
+    outbox = SendQueue()
     outbox.is_browser = False
     running.call(running.state.hub.attach, outbox)
     try:
@@ -296,7 +296,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
     (tmp_path / "assets" / "a-123.js").write_text("1")
     (tmp_path / "assets" / "a-123.js.br").write_bytes(b"brotli")
     (tmp_path / "assets" / "a-123.js.gz").write_bytes(b"gzip")
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         running.state.files = static_files.Files(tmp_path)
         client = running.client
         index = client.get("/", headers={"accept-encoding": "identity"})
@@ -321,7 +321,7 @@ def test_the_page_and_its_headers(tmp_path: Path) -> None:
 
 
 def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         running.state.files = static_files.Files(tmp_path)
         client = running.client
         answer = client.get("/")
@@ -334,7 +334,7 @@ def test_a_page_that_is_not_built_says_how(tmp_path: Path) -> None:
 
 def test_a_refused_websocket_is_no_fault_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
     """A page without a token filled the log with "ASGI callable returned without completing handshake"."""
-    with Running(GUARDED, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
+    with InProcessServer(GUARDED, open_link) as running, pytest.raises(InvalidStatus) as refused, connect(running.ws):
         pass
     assert refused.value.response.status_code == 401
     assert json.loads(refused.value.response.body)["kind"] == "no-token"
@@ -343,7 +343,7 @@ def test_a_refused_websocket_is_no_fault_in_the_log(caplog: pytest.LogCaptureFix
     ]
 
 
-def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
+def test_the_websocket_tells_everything_and_answers(running: InProcessServer) -> None:
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         assert socket.subprotocol == SUBPROTOCOL
         assert [json.loads(socket.recv())["op"] for _ in range(5)] == [
@@ -371,13 +371,13 @@ def test_the_websocket_tells_everything_and_answers(running: Running) -> None:
         time.sleep(0.02)
 
 
-def test_a_wrong_subprotocol_is_told(running: Running) -> None:
+def test_a_wrong_subprotocol_is_told(running: InProcessServer) -> None:
     with connect(running.ws, subprotocols=None) as socket:
         assert json.loads(socket.recv())["kind"] == "bad-subprotocol"
 
 
 @pytest.mark.parametrize(("origin", "host"), [("http://evil.example", None), (None, "evil.example")])
-def test_a_foreign_page_gets_no_websocket(running: Running, origin: str | None, host: str | None) -> None:
+def test_a_foreign_page_gets_no_websocket(running: InProcessServer, origin: str | None, host: str | None) -> None:
     url = running.ws if host is None else running.ws.replace("127.0.0.1", host)
     address = running.ws.removeprefix("ws://").removesuffix("/ws").split(":")
     with pytest.raises(InvalidStatus) as caught, socket_to(address, url, origin):

@@ -8,19 +8,19 @@ from typing import Any
 
 import pytest
 
-from protocols.transactions import Known, RefusedError
+from protocols.transactions import DeviceContext, DeviceRejectedError
 from protocols.xbus.driver import XbusDriver
-from protocols.xbus.simulator.device import XbusDevice
-from server.configuration.device_controller import Desk
+from protocols.xbus.simulator.device import XbusSimulator
+from server.configuration.device_controller import DeviceController
 from server.wire import Job
-from tests.server.control_harness import House, bench, house, over, until
+from tests.server.control_harness import ControlHarness, bench, house, over, until
 from tests.server.test_shared_line import both
 from tests.transaction_player import Wire, play
 
 DRIVER = XbusDriver()
 
 
-async def told(here: House, desk: Desk, command: str, values: dict[str, Any] | None = None) -> Job:
+async def told(here: ControlHarness, desk: DeviceController, command: str, values: dict[str, Any] | None = None) -> Job:
     work = here.desks.jobs.run(desk, command, values or {}, changes=False, restarts=command == "Reset")
     return await over(desk.add(command, work))
 
@@ -98,11 +98,11 @@ def test_a_restart_ends_the_rest(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("at_rest", [False, True])
 def test_a_refusal_leaves_a_device_at_rest_where_it_was(at_rest: bool) -> None:
-    device = XbusDevice(measuring=True)
+    device = XbusSimulator(measuring=True)
     wire = Wire(device, "xbus")
     if at_rest:
-        play(DRIVER.run("GoToConfig", {}, Known()), wire)
-    known = Known(at_rest=at_rest)
-    with pytest.raises(RefusedError):
+        play(DRIVER.run("GoToConfig", {}, DeviceContext()), wire)
+    known = DeviceContext(at_rest=at_rest)
+    with pytest.raises(DeviceRejectedError):
         play(DRIVER.within(DRIVER.run("ReqGnssPlatform", {}, known), known), wire)
     assert device.phase == ("config" if at_rest else "measurement")

@@ -24,15 +24,15 @@ from mcap.records import Metadata
 from recordings import column_store, mcap_writer, sidecar
 from recordings.importers import open_file
 from recordings.library import INDEX, Library
-from recordings.mcap_reader import Recording
+from recordings.mcap_reader import McapReader
 from recordings.mcap_records import bytes_of
-from recordings.mcap_writer import RecordingError, Writer
-from recordings.probe import peek
+from recordings.mcap_writer import McapWriter, RecordingError
+from recordings.probe import probe
 from server.commands.decode import DecodeError, decode_file
 from server.config import MapTiles, load
-from server.configuration.rollback import Record, Trials
+from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.configuration.snapshots import SnapshotError, from_text, to_text
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from tests.server_process import ROOT
 
 KEPT = ROOT / "tests" / "golden" / "previous_formats"
@@ -60,7 +60,7 @@ def test_a_recording_opens_with_its_values(kept: Path, family: str) -> None:
     """Every message, as many samples as then, and the values of the last one. Times are mapped anew at each opening,
     better than before where that is possible, so of them only the arrival is held."""
     then = json.loads((kept / "decoded.json").read_text(encoding="utf-8"))
-    made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", Reading(), io.StringIO())
+    made = decode_file(kept / f"{family}.mcap", kept / f"{family}.csv", DecodeOptions(), io.StringIO())
     assert sorted(path.name for path in made) == sorted(name for name in then if name.startswith(family))
     for path in made:
         with path.open(newline="", encoding="utf-8") as file:
@@ -117,7 +117,7 @@ def test_a_trial_that_was_under_way_is_found(kept: Path, tmp_path: Path) -> None
     folder = tmp_path / "trials"
     folder.mkdir()
     shutil.copy(kept / "trial.json", folder / "xbus-0080A1B2.json")
-    (record,) = Trials(folder).all()
+    (record,) = RollbackStore(folder).all()
     assert record.old == {"Baudrate": {"baudrate": 2}}
     assert (record.old_baud, record.new_baud, record.restart, record.state) == (115_200, 921_600, True, "asking")
     assert (record.serial_number, record.deadline) == ("0080A1B2", 1795252300.5)
@@ -158,26 +158,26 @@ def test_columns_of_another_version_are_made_again(tmp_path: Path) -> None:
     (store / "columns.bin").write_bytes(b"")
     (store / "manifest.json").write_text(json.dumps({"version": column_store.VERSION - 1, "shapes": {}}))
     with pytest.raises(ValueError, match=f"columns of version {column_store.VERSION - 1}"):
-        column_store.Columns(store)
+        column_store.ColumnStore(store)
 
 
 # ── later formats ────────────────────────────────────────────────────────────────────────────────────────────────────
 
 
 def test_what_is_written_tells_its_format(tmp_path: Path) -> None:
-    writer = Writer(tmp_path / "new.mcap", {"title": "New"})
+    writer = McapWriter(tmp_path / "new.mcap", {"title": "New"})
     writer.close()
-    with Recording(tmp_path / "new.mcap") as recording:
+    with McapReader(tmp_path / "new.mcap") as recording:
         assert recording.meta(mcap_writer.RECORDING)["format"] == str(mcap_writer.FORMAT)
     sidecar.write(tmp_path / "new.mcap", sidecar.Edits(title="Newer"))
     assert json.loads((tmp_path / "new.mcap.json").read_text())["imuscope"] == sidecar.VERSION
-    Trials(tmp_path).keep(Record("s", "xbus", "", "1", "", {}, {}, None, None, False))
+    RollbackStore(tmp_path).keep(RollbackRecord("s", "xbus", "", "1", "", {}, {}, None, None, False))
     assert json.loads((tmp_path / "xbus-1.json").read_text())["imuscope"] == 1
 
 
 def later(path: Path) -> Path:
     """A recording of a format that is not there yet."""
-    writer = Writer(path, {"title": "Later"})
+    writer = McapWriter(path, {"title": "Later"})
     writer.chunk("1", "rx", b"\xfa\xff", 1)
     writer.close()
     old, new = (
@@ -198,8 +198,8 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
     assert error.value.message == f"later.mcap {words}"
     assert error.value.hint.startswith("Update imuscope")
     with pytest.raises(DecodeError, match="newer imuscope"):
-        decode_file(path, tmp_path / "out.csv", Reading(), io.StringIO())
-    told = peek(path)
+        decode_file(path, tmp_path / "out.csv", DecodeOptions(), io.StringIO())
+    told = probe(path)
     assert told is not None
     assert (told.title, told.damaged, told.devices) == ("Later", f"It {words}", [])
     (entry,) = Library(tmp_path).all()
@@ -208,7 +208,7 @@ def test_a_recording_of_a_later_format_is_refused(tmp_path: Path) -> None:
 
 def test_what_a_newer_imuscope_changed_about_a_recording_is_not_overwritten(tmp_path: Path) -> None:
     shutil.copy(KEPT / "1" / "xbus.mcap", tmp_path)
-    beside = sidecar.beside(tmp_path / "xbus.mcap")
+    beside = sidecar.sidecar_path(tmp_path / "xbus.mcap")
     beside.write_text('{"imuscope": 2, "title": {"en": "Pond"}}')
     library = Library(tmp_path)
     (entry,) = library.all()
@@ -236,6 +236,6 @@ def test_a_trial_of_a_later_format_is_left_alone(tmp_path: Path, caplog: pytest.
     body = json.loads((KEPT / "1" / "trial.json").read_text())
     path = tmp_path / "xbus-1.json"
     path.write_text(json.dumps({"imuscope": 2, **body, "old": "elsewhere"}))
-    assert Trials(tmp_path).all() == []
+    assert RollbackStore(tmp_path).all() == []
     assert "newer imuscope" in caplog.text
     assert path.exists()

@@ -25,29 +25,29 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from recordings import bounds
-from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, Recording
-from recordings.probe import peek
+from recordings.mcap_reader import CHUNK, LARGEST_CHUNK, MAGIC, McapReader
+from recordings.probe import probe
 from server import http_server, wire
 from server.api.devices import check_path
 from server.api.errors import ApiError
 from server.config import Config
-from server.configuration.correction_manager import CorrectionDesk
+from server.configuration.correction_manager import CorrectionManager
 from server.configuration.correction_stream import file_of
 from server.library import range_query
 from server.links import open_link
 from server.links.base import LinkSettings
-from server.links.replay import expanded
+from server.links.replay import split_devices
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S
 
 
-def connected(running: Running) -> socket.socket:
+def connected(running: InProcessServer) -> socket.socket:
     host, port = running.url.removeprefix("http://").split(":")
     return socket.create_connection((host, int(port)), PATIENCE_S)
 
 
-def taken(running: Running) -> list[int]:
+def taken(running: InProcessServer) -> list[int]:
     """The descriptors that the server's side holds at its port."""
     found = []
     for fd in map(int, os.listdir("/proc/self/fd")):
@@ -59,7 +59,7 @@ def taken(running: Running) -> list[int]:
     return found
 
 
-def answers(running: Running) -> bool:
+def answers(running: InProcessServer) -> bool:
     with contextlib.suppress(TransportError):
         return running.client.get("/healthz").status_code == 200
     return False
@@ -68,7 +68,7 @@ def answers(running: Running) -> bool:
 def test_a_request_whose_head_does_not_come_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(http_server, "HEAD_S", 0.1)
     with (
-        Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connected(running) as silent,
         connected(running) as slow,
     ):
@@ -83,7 +83,7 @@ def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.M
     """About 1,010 of them, without a token, stopped a recording and every link that had to be opened again."""
     monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
     monkeypatch.setattr(http_server, "HEAD_S", 10 * PATIENCE_S)  # their number is what is bounded here
-    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         ends = time.monotonic() + 2 * PATIENCE_S
         while not answers(running) and time.monotonic() < ends:
             time.sleep(0.01)  # what it does first, beside other tests, may take it a while
@@ -101,7 +101,7 @@ def test_idle_connections_leave_descriptors_for_recordings(monkeypatch: pytest.M
 def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Who kept a thousand open, without a token, kept everybody else out: /healthz was refused for as long."""
     monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 20)
-    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         idle = [connected(running) for _ in range(40)]
         assert all(answers(running) for _ in range(3))
         for one in idle:
@@ -110,7 +110,10 @@ def test_an_idle_connection_makes_room_for_one_that_asks(monkeypatch: pytest.Mon
 
 def test_websockets_leave_room_for_requests(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 6)
-    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running, contextlib.ExitStack() as held:
+    with (
+        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        contextlib.ExitStack() as held,
+    ):
         protocols = [Subprotocol(wire.SUBPROTOCOL)]
         for _ in range(3):
             held.enter_context(connect(running.ws, subprotocols=protocols, open_timeout=PATIENCE_S))
@@ -146,7 +149,7 @@ def test_a_pipe_that_nobody_writes_to_holds_up_nobody(tmp_path: Path) -> None:
     """It was opened in the event loop, which then waited for a writer."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    assert expanded(str(pipe)) == [str(pipe)]
+    assert split_devices(str(pipe)) == [str(pipe)]
 
     async def check() -> None:
         link = open_link(str(pipe), LinkSettings(lambda: 0))
@@ -165,7 +168,7 @@ def test_a_pipe_that_nobody_writes_to_holds_up_nobody(tmp_path: Path) -> None:
 def test_a_pipe_is_a_source_only_where_files_are(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with Running(Config(sources=("/dev/one",), data=tmp_path / "data"), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path / "data"), FakeLink) as running:
         answer = running.client.post("/api/devices", json={"source": str(pipe)})
     assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
@@ -178,7 +181,7 @@ def test_files_are_sources_only_where_that_is_meant(tmp_path: Path) -> None:
         file.write_bytes(b"FFFF")
     (named.parent / "link.bin").symlink_to(secret)
     config = Config(sources=("/dev/one",), data=tmp_path / "data", source_folders=(str(named.parent),))
-    with Running(config, FakeLink) as running:
+    with InProcessServer(config, FakeLink) as running:
         for refused in (secret, "/etc/passwd", "/proc/self/environ", named.parent / "link.bin", f"{secret}?speed=2"):
             answer = running.client.post("/api/devices", json={"source": str(refused)})
             assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
@@ -205,18 +208,18 @@ def test_packing_is_bounded(tmp_path: Path) -> None:
     program = """
 import sys
 from pathlib import Path
-from recordings import bounds, packing
+from recordings import bounds, compaction
 
 def hostile(path):
     if path.name == "large":
-        bytearray(2 * packing.MEMORY)
+        bytearray(2 * compaction.MEMORY)
     while True:
         pass
 
-packing.pack = hostile
+compaction.compact = hostile
 bounds.LEAST_CPU_S = 1 if sys.argv[1].endswith("slow") else 60
 sys.argv[1:] = [sys.argv[1]]
-raise SystemExit(packing.main())
+raise SystemExit(compaction.main())
 """
     for name, what in (("large", "memory"), ("slow", "time")):
         (tmp_path / name).write_bytes(b"")
@@ -247,7 +250,7 @@ def test_a_hostile_recording_is_listed_at_once(tmp_path: Path) -> None:
         writer.add_metadata("device/0", {"product": "MTi-630"})
         writer.finish()
     began = time.process_time()
-    found = peek(path)
+    found = probe(path)
     assert time.process_time() - began < 5
     assert found is not None
     assert (len(found.devices), found.devices[-1].id) == (count, "0")  # what is told again is the last
@@ -260,7 +263,7 @@ def test_a_small_chunk_that_unpacks_to_much_is_damage(tmp_path: Path) -> None:
     head = struct.pack("<QQQI", 0, 0, len(data), 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(body))
     path = tmp_path / "bomb.mcap"
     path.write_bytes(MAGIC + struct.pack("<BQ", CHUNK, len(head) + len(body)) + head + body)
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert list(recording.blocks()) == []
         assert "it claims" in recording.damage[0].words
     assert LARGEST_CHUNK <= 64 << 20
@@ -286,8 +289,8 @@ def test_corrections_are_read_only_from_files_that_are_meant(tmp_path: Path) -> 
 
 
 def test_corrections_from_any_file_are_refused_over_http(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(CorrectionDesk, "takes", lambda *_: True)
-    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
+    monkeypatch.setattr(CorrectionManager, "takes", lambda *_: True)
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running:
         answer = running.client.put("/api/devices/1/corrections", json={"source": "/etc/passwd"})
         assert (answer.status_code, answer.json()["kind"]) == (403, "file-not-allowed")
 
@@ -297,7 +300,7 @@ def test_a_message_of_endless_pieces_is_cut_off(piece: str, tmp_path: Path) -> N
     """Empty pieces are of no size, and were kept: 40 MB a minute from who may only look."""
     pieces = ["{", *[piece] * (2 * http_server.MOST_FRAGMENTS), '"op": "ping", "t": 1}']
     with (
-        Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[Subprotocol(wire.SUBPROTOCOL)], max_size=None) as browser,
     ):
         with contextlib.suppress(ConnectionClosed):
@@ -314,7 +317,10 @@ def until_pong(browser: ClientConnection) -> None:
 def test_what_is_no_http_is_told_with_its_sender_and_not_each_time(
     caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
-    with Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running, connected(running) as stranger:
+    with (
+        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        connected(running) as stranger,
+    ):
         stranger.sendall(b"\x16\x03\x01 no http\r\n\r\n")
         assert b"400" in stranger.recv(1000)
     [line] = [record for record in caplog.records if "Invalid HTTP" in record.getMessage()]

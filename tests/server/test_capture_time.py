@@ -16,33 +16,33 @@ from pyarrow.parquet import read_table
 from protocols.idtp.frames import build as idtp
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.xbus.frames import build as xbus
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.column_store import Columns
-from recordings.exporters import Wish, export
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.column_store import ColumnStore
+from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
-from recordings.probe import peek
+from recordings.probe import probe
 from server.devices import protocol_set
 from server.library.decode import decode
 
 UTC_2026 = 1_767_225_600  # 2026-01-01T00:00:00Z
 
 
-def opened(path: Path, data: bytes, modified: float = 1.7e9) -> Columns:
+def opened(path: Path, data: bytes, modified: float = 1.7e9) -> ColumnStore:
     path.write_bytes(data)
     os.utime(path, (modified, modified))
     return decode(open_file(path), path.with_name(f"{path.name}.store"), protocol_set.speech())
 
 
-def times(store: Columns, name: str, device: str = "") -> np.ndarray:  # type: ignore[type-arg]
+def times(store: ColumnStore, name: str, device: str = "") -> np.ndarray:  # type: ignore[type-arg]
     """Device times of a channel, s after the first."""
     infos = [one for one in store.manifest["channels"] if one["name"] == name and device in ("", one["device"])]
     assert len(infos) == 1
     return store.exact(infos[0]["id"], 0, store.rows(infos[0]["id"])).time
 
 
-def clock_events(store: Columns) -> list[str]:
+def clock_events(store: ColumnStore) -> list[str]:
     return [event["text"] for event in store.manifest["events"] if event["kind"] == "clock"]
 
 
@@ -76,7 +76,7 @@ def test_an_older_gnss_solution_bends_no_other_time(tmp_path: Path, age_ms: int,
 
 @pytest.mark.parametrize("product", ["MTi-680G", "MTi-630"])
 def test_a_capture_of_a_device_lasts_as_long_as_its_clock_says(tmp_path: Path, product: str) -> None:
-    device = XbusDevice(product, start_ns=0)
+    device = XbusSimulator(product, start_ns=0)
     store = opened(tmp_path / "a.bin", b"".join(device.advance(n * 50_000_000) for n in range(1, 161)))
     (info,) = [one for one in store.manifest["channels"] if one["name"] == "Acceleration"]
     (clock,) = [one for one in store.manifest["channels"] if one["name"] == "SampleTimeFine"]
@@ -156,7 +156,7 @@ def test_an_mtb_without_utc_is_dated_by_its_head(tmp_path: Path) -> None:
     frames = [xbus(0x0D, bytes(head)), *(sample(i, 100 * i) for i in range(100))]
     store = opened(tmp_path / "a.mtb", b"".join(frames))
     assert store.manifest["started"] == pytest.approx(1741944413.5, abs=1e-3)
-    listed = peek(tmp_path / "a.mtb")  # before anybody opens it
+    listed = probe(tmp_path / "a.mtb")  # before anybody opens it
     assert listed is not None
     assert listed.started == pytest.approx(1741944413.5, abs=1e-3)
 
@@ -165,7 +165,7 @@ def test_an_mtb_with_utc_is_listed_under_it_before_it_is_opened(tmp_path: Path) 
     utc = struct.pack(">HBIHBBBBBB", 0x1010, 12, 0, 2026, 1, 1, 0, 0, 0, 7)
     frames = [xbus(0x0D, bytes(118)), *(sample(i, 10_000 * i, utc if i == 1 else b"") for i in range(9))]
     (tmp_path / "a.mtb").write_bytes(b"".join(frames))
-    listed = peek(tmp_path / "a.mtb")
+    listed = probe(tmp_path / "a.mtb")
     assert listed is not None
     assert listed.started == pytest.approx(UTC_2026 - 1, abs=1e-4)
 
@@ -179,8 +179,8 @@ def test_times_that_are_guessed_are_said_to_be(tmp_path: Path) -> None:
 # ── the device's own clock in exports ────────────────────────────────────────────────────────────────────────────────
 
 
-def table(store: Columns, folder: Path, message: str) -> list[dict[str, str]]:
-    made = export("csv", Wish(store), folder / "out.csv")
+def table(store: ColumnStore, folder: Path, message: str) -> list[dict[str, str]]:
+    made = export("csv", ExportRequest(store), folder / "out.csv")
     (path,) = [one for one in made if one.stem == f"out_{message}"]
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
@@ -188,13 +188,13 @@ def table(store: Columns, folder: Path, message: str) -> list[dict[str, str]]:
 
 def test_exports_have_the_devices_clock_and_utc(tmp_path: Path) -> None:
     """DID_IMU carries its up-time and nothing else that stands apart; UTC is known from the first fix on."""
-    device = IsbDevice(start_ns=0)
+    device = IsbSimulator(start_ns=0)
     store = opened(tmp_path / "a.raw", b"".join(device.advance(n * 50_000_000) for n in range(1, 900)))
     rows = table(store, tmp_path, "DID_INS_1")
     known = [float(row["utc (s)"]) for row in rows if row["utc (s)"]]
     assert 0 < len(known) < len(rows)
     np.testing.assert_allclose(known, [float(row["time (s)"]) for row in rows if row["utc (s)"]], atol=0.011)
-    found = read_table(export("parquet", Wish(store), tmp_path / "out.parquet")[0])
+    found = read_table(export("parquet", ExportRequest(store), tmp_path / "out.parquet")[0])
     assert found.schema.field("utc").metadata[b"unit"] == b"s"
     interval = np.diff([float(row["time (s)"]) for row in rows])
     np.testing.assert_allclose(interval, np.median(interval), atol=0.011)
@@ -217,7 +217,7 @@ def test_the_header_of_an_idtp_frame_is_in_its_rows(tmp_path: Path) -> None:
 def test_aligned_lines_have_the_devices_clock_of_their_sample(tmp_path: Path) -> None:
     frames = [idtp(3, bytes(24), timestamp=5000 + 10_000 * i, sequence=7 + i, device=1) for i in range(50)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
-    (path,) = export("csv-aligned", Wish(store), tmp_path / "out.csv")
+    (path,) = export("csv-aligned", ExportRequest(store), tmp_path / "out.csv")
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     assert list(rows[0])[:4] == ["time (s)", "arrival (s)", "timestamp", "sequence"]
@@ -226,9 +226,9 @@ def test_aligned_lines_have_the_devices_clock_of_their_sample(tmp_path: Path) ->
 
 
 def test_aligned_lines_have_utc_where_the_device_knows_it(tmp_path: Path) -> None:
-    device = IsbDevice(start_ns=0)
+    device = IsbSimulator(start_ns=0)
     store = opened(tmp_path / "a.raw", b"".join(device.advance(n * 50_000_000) for n in range(1, 900)))
-    (path,) = export("csv-aligned", Wish(store), tmp_path / "out.csv")
+    (path,) = export("csv-aligned", ExportRequest(store), tmp_path / "out.csv")
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     (head,) = [name for name in rows[0] if name.endswith("utc (s)")]
@@ -247,14 +247,14 @@ def test_two_coordinate_systems_are_two_quantities_by_name(tmp_path: Path) -> No
     assert "RotationMatrix[NED from body].m11 (NED from body)" in head
     assert "RotationMatrix[NWU from body].m11 (NWU from body)" in head
     assert not any("#2" in name for name in head)
-    schema = read_table(export("parquet", Wish(store), tmp_path / "out.parquet")[0]).schema
+    schema = read_table(export("parquet", ExportRequest(store), tmp_path / "out.parquet")[0]).schema
     assert schema.field("RotationMatrix[NED from body].m11").metadata[b"frame"] == b"NED from body"
 
 
 def test_other_viewers_are_told_the_coordinate_system(tmp_path: Path) -> None:
     frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
-    (path,) = export("mcap", Wish(store), tmp_path / "out.mcap")
+    (path,) = export("mcap", ExportRequest(store), tmp_path / "out.mcap")
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -265,7 +265,7 @@ def test_other_viewers_are_told_the_coordinate_system(tmp_path: Path) -> None:
 def test_an_import_of_an_export_has_its_units_again(tmp_path: Path) -> None:
     frames = [sample(i, 100 * i, struct.pack(">HB3f", 0xD014, 12, 1, 2, 3)) for i in range(20)]
     store = opened(tmp_path / "a.bin", b"".join(frames))
-    (path,) = export("csv", Wish(store), tmp_path / "out.csv")
+    (path,) = export("csv", ExportRequest(store), tmp_path / "out.csv")
     again = decode(open_file(path), tmp_path / "again", protocol_set.speech())
     units = {column["unit"] for info in again.manifest["channels"] for column in info["columns"]}
     assert "m/s" in units

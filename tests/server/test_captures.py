@@ -10,10 +10,10 @@ import pytest
 
 from protocols.xbus.decoder import XbusDecoder
 from server import wire
-from server.devices.device_demux import Reader, Senders
-from server.devices.device_state import Portrait
-from server.devices.ingest import Line
-from server.devices.link_stats import Figures
+from server.devices.device_demux import LinkDevices, StreamDecoder
+from server.devices.device_state import DeviceState
+from server.devices.ingest import LinkTiming
+from server.devices.link_stats import LinkStatistics
 from server.links.base import Chunk
 from server.streaming.hub import Hub
 from tests.server.fakes import Clock
@@ -21,12 +21,12 @@ from tests.server.fakes import Clock
 RATE = 7_730  # bytes/s: how fast the chunks are said to have come; the pace of the 49 s capture
 
 
-def play(path: Path, chunk: int) -> tuple[Hub, Figures]:
+def play(path: Path, chunk: int) -> tuple[Hub, LinkStatistics]:
     clock = Clock()
     hub = Hub(clock)
     info = wire.DeviceInfo("1", "capture", str(path), "file", "live")
-    senders = Senders(hub, Portrait(hub, info, str), str)
-    intake = Reader(hub, senders, XbusDecoder(), line=Line(10e9 / 115_200, "serial"))
+    senders = LinkDevices(hub, DeviceState(hub, info, str), str)
+    intake = StreamDecoder(hub, senders, XbusDecoder(), line=LinkTiming(10e9 / 115_200, "serial"))
     data = path.read_bytes()
     for at in range(0, len(data), chunk):
         clock.move(chunk / RATE)

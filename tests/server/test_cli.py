@@ -16,7 +16,7 @@ import pytest
 from httpx import Client
 
 from protocols import native_cache
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.frames import get_data, stop
 from server import jit_cache
 from tests.server_process import ROOT, ServerProcess, begun, imuscope
@@ -113,7 +113,7 @@ def test_a_key_on_the_command_line_verifies_and_is_printed_nowhere(tmp_path: Pat
 def test_inspect_reaches_every_family(tmp_path: Path) -> None:
     key = bytes(range(16))
     path = tmp_path / "secure.bin"
-    path.write_bytes(IdtpDevice(mode=2, key=key).advance(100_000_000))
+    path.write_bytes(IdtpSimulator(mode=2, key=key).advance(100_000_000))
     data = ("--data", str(tmp_path))
     done = imuscope("inspect", str(path), "--rejects", *data)
     assert "no_key: a Secure frame, and no key to check it with" in done.stdout
@@ -172,7 +172,7 @@ def test_compiled_code_lies_under_the_data_folder(tmp_path: Path, monkeypatch: p
     place = Path(os.environ[jit_cache.VARIABLE])
     assert place.parent == tmp_path / "data" / "compiled"
     assert os.environ[native_cache.VARIABLE] == str(place / native_cache.NAME)
-    native_cache.keep(place / native_cache.NAME, {})
+    native_cache.save(place / native_cache.NAME, {})
     monkeypatch.delenv(jit_cache.VARIABLE)
     assert jit_cache.is_there(tmp_path / "data")
     assert jit_cache.prepare_cache(tmp_path / "data") == (False, [])
@@ -183,7 +183,7 @@ def test_other_sources_have_other_compiled_code(tmp_path: Path, monkeypatch: pyt
     """A function may call one of another file, which has changed; what was compiled before is swept away."""
     jit_cache.prepare_cache(tmp_path)
     before = Path(os.environ[jit_cache.VARIABLE])
-    native_cache.keep(before / native_cache.NAME, {})
+    native_cache.save(before / native_cache.NAME, {})
     monkeypatch.delenv(jit_cache.VARIABLE)
     package = tmp_path / "protocols"
     package.mkdir()
@@ -207,7 +207,7 @@ def test_a_read_only_place_will_do(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """A container image is warmed when it is built and read-only when it runs."""
     given = tmp_path / "given"
     given.mkdir()
-    native_cache.keep(given / native_cache.NAME, {})
+    native_cache.save(given / native_cache.NAME, {})
     monkeypatch.setenv(jit_cache.VARIABLE, str(given))
     monkeypatch.setattr(jit_cache, "_writable", lambda folder: False)
     assert jit_cache.prepare_cache(tmp_path) == (False, [])

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Known
-from server.commands.commands import WIDTH, Row, every_form, manual
+from protocols.transactions import DeviceContext
+from server.commands.commands import WIDTH, CommandListRow, all_forms, manual
 from server.commands.compose import ComposeError
 from tests.server_process import imuscope
 
@@ -18,13 +18,13 @@ def test_every_command_and_setting_is_listed_and_described() -> None:
     for one in PROTOCOLS.values():
         if one.driver is None:
             continue
-        rows: list[Row] = [*one.driver.commands(Known()), *one.driver.settings(Known())]
+        rows: list[CommandListRow] = [*one.driver.commands(DeviceContext()), *one.driver.settings(DeviceContext())]
         for row in rows:
             assert row.name in listed
             text = list(manual(one.name, row.name))
             assert text[0].startswith(row.name)
             assert all(len(line) <= WIDTH for line in text), row.name
-    assert {forms.protocol for forms in every_form()} == {"xbus", "isb", "idtp"}
+    assert {forms.protocol for forms in all_forms()} == {"xbus", "isb", "idtp"}
 
 
 def test_a_command_is_told_with_ranges_meaning_and_source() -> None:

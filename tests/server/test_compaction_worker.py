@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from server.library.compaction_worker import Packer
+from server.library.compaction_worker import CompactionWorker
 from tests.fault_injection.fault_harness import frames
 from tests.fault_injection.test_kill import recording
 from tests.server.control_harness import until
@@ -28,7 +28,7 @@ def test_many_recordings_are_packed_by_one_process_and_a_bad_one_stops_none(
 
     monkeypatch.setattr(asyncio, "create_subprocess_exec", counted)
     packed: list[Path] = []
-    packer = Packer(packed.append)
+    packer = CompactionWorker(packed.append)
     for name in "abcde":
         recording(tmp_path / f"{name}.mcap", frames(0, 500))
     whole = (tmp_path / "c.mcap").read_bytes()

@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from protocols.idtp.frames import LITE, SAFETY, build
-from protocols.idtp.simulator import IdtpDevice
+from protocols.idtp.simulator import IdtpSimulator
 from protocols.isb.encoder import sentence
-from protocols.isb.simulator.device import IsbDevice
-from protocols.transactions import Known
-from protocols.xbus.simulator.device import XbusDevice
-from server.commands.compose import ComposeError, chosen, frame_of, frames_of, parse, tongues
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.transactions import DeviceContext
+from protocols.xbus.simulator.device import XbusSimulator
+from server.commands.compose import ComposeError, chosen, composers, frame_of, frames_of, parse
 from server.commands.inspect import inspect_file
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from tests.server_process import imuscope
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -27,17 +27,17 @@ S = 10**9
 
 
 def composed(message: str, *pairs: str, protocol: str = "", key: bytes | None = None) -> str:
-    spoken = tongues(key)
-    return frame_of(chosen(spoken, message, protocol, pairs), message, pairs, Known(key=key))[0].hex()
+    spoken = composers(key)
+    return frame_of(chosen(spoken, message, protocol, pairs), message, pairs, DeviceContext(key=key))[0].hex()
 
 
-def both_ways(data: bytes, path: Path, reading: Reading, **how: Any) -> None:
+def both_ways(data: bytes, path: Path, reading: DecodeOptions, **how: Any) -> None:
     """compose(inspect(frame)) is the frame, for every frame of some bytes."""
     path.write_bytes(data)
     inspect_file(path, out := io.StringIO(), reading, format="jsonl", **how)
     lines = out.getvalue().splitlines()
     assert lines
-    frames = frames_of(lines, tongues(reading.key))
+    frames = frames_of(lines, composers(reading.key))
     for line, frame in zip(lines, frames, strict=True):
         record = json.loads(line)
         assert frame == data[record["offset"] : record["offset"] + record["size"]], line
@@ -56,28 +56,28 @@ def test_every_golden_packet_of_inertial_sense(name: str, tmp_path: Path) -> Non
     packets = [bytes.fromhex(row["packet_hex"]) for row in _vectors(f"isb/{name}") if row.get("packet_hex")]
     assert len(packets) > 20
     for number, packet in enumerate(packets):
-        both_ways(packet, tmp_path / f"{number}.bin", Reading("isb"))
+        both_ways(packet, tmp_path / f"{number}.bin", DecodeOptions("isb"))
 
 
 def test_every_golden_message_of_xsens(tmp_path: Path) -> None:
     frames = [bytes.fromhex(row["message_hex"]) for row in _vectors("xbus/commands.json") if row.get("message_hex")]
     assert len(frames) > 100
     for number, frame in enumerate(frames):
-        both_ways(frame, tmp_path / f"{number}.bin", Reading("xbus"), direction="tx")
+        both_ways(frame, tmp_path / f"{number}.bin", DecodeOptions("xbus"), direction="tx")
 
 
 def test_every_golden_frame_of_idtp(tmp_path: Path) -> None:
     for number, row in enumerate(_vectors("idtp/vectors.json")):
         key = bytes.fromhex(row["key_hex"]) if row["key_hex"] else None
-        reading = Reading("idtp", key, min_mode=0, replay_check=False)
+        reading = DecodeOptions("idtp", key, min_mode=0, replay_check=False)
         both_ways(bytes.fromhex(row["frame_hex"]), tmp_path / f"{number}.bin", reading)
 
 
 def test_what_twins_send_with_what_passes_through_their_ports(tmp_path: Path) -> None:
-    isb = IsbDevice().advance(3 * S)
-    both_ways(isb + sentence("INFO,1,2") + isb, tmp_path / "isb.bin", Reading("isb"))
-    both_ways(XbusDevice().advance(2 * S), tmp_path / "xbus.bin", Reading("xbus"))
-    both_ways(IdtpDevice(mode=2, key=KEY).advance(S), tmp_path / "idtp.bin", Reading("idtp", KEY))
+    isb = IsbSimulator().advance(3 * S)
+    both_ways(isb + sentence("INFO,1,2") + isb, tmp_path / "isb.bin", DecodeOptions("isb"))
+    both_ways(XbusSimulator().advance(2 * S), tmp_path / "xbus.bin", DecodeOptions("xbus"))
+    both_ways(IdtpSimulator(mode=2, key=KEY).advance(S), tmp_path / "idtp.bin", DecodeOptions("idtp", KEY))
 
 
 @pytest.mark.parametrize("name", ["mti_float32.bin", "mti_float32_satinfo_ecef.bin"])
@@ -91,7 +91,7 @@ def test_a_capture_through_the_real_command_line(name: str, captures: Path) -> N
 def test_files_through_the_real_command_line(tmp_path: Path) -> None:
     _through_the_command_line(GOLDEN / "xbus" / "sample.mtb")
     log = tmp_path / "imx.raw"
-    log.write_bytes(IsbDevice(road=1.0).advance(8 * S))
+    log.write_bytes(IsbSimulator(road=1.0).advance(8 * S))
     _through_the_command_line(log)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from protocols.events import Event
-from protocols.transactions import Expect, Known, Pause, Relink, Send, stop
+from protocols.transactions import DeviceContext, ReopenLink, Send, Sleep, WaitFor, cancel
 from protocols.xbus.driver import XbusDriver
-from server.configuration.device_controller import MOST_WAITING, Desk, DeskError
+from server.configuration.device_controller import MOST_WAITING, ControlError, DeviceController
 from server.configuration.transaction_runner import Runner
 from server.links.base import LinkError
 from server.wire import ExchangeEntry
@@ -24,7 +24,7 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def sent(desk: Desk) -> list[ExchangeEntry]:
+def sent(desk: DeviceController) -> list[ExchangeEntry]:
     return [entry for entry in desk.log.tail(limit=2000) if entry.way == "tx"]
 
 
@@ -114,15 +114,15 @@ def test_a_job_that_is_stopped_leaves_the_device_measuring(tmp_path: Path) -> No
 def test_a_job_that_is_stopped_on_its_way_to_config_leaves_the_device_measuring() -> None:
     """The device had heard GoToConfig, the host not yet its answer: nobody told it to measure again."""
     driver = XbusDriver()
-    dialogue = driver.within(driver.read("LocationID", Known()), Known())
+    dialogue = driver.within(driver.read("LocationID", DeviceContext()), DeviceContext())
     first = next(dialogue)
     assert isinstance(first, Send)
-    assert [act.frame.hex() for act in stop(dialogue)] == [GO_TO_MEASUREMENT]
+    assert [act.frame.hex() for act in cancel(dialogue)] == [GO_TO_MEASUREMENT]
 
 
 def test_a_server_that_ends_leaves_the_device_measuring(tmp_path: Path) -> None:
     async def check() -> None:
-        desk: Desk
+        desk: DeviceController
         async with house(tmp_path) as here:
             desk = await here.add("twin:xbus?baud=9600&rate=5")
             desk.add("Read", here.desks.jobs.read(desk, None, ""))
@@ -139,7 +139,7 @@ def test_a_job_that_waits_is_taken_out_and_an_unknown_one_is_told(tmp_path: Path
             tasks = [desk.add(str(n), here.desks.jobs.read(desk, ["LocationID"], "")) for n in range(3)]
             await desk.drop(tasks[2].job.id)
             assert tasks[2].job.state == "stopped"
-            with pytest.raises(DeskError, match="No job 99"):
+            with pytest.raises(ControlError, match="No job 99"):
                 await desk.drop(99)
             await over(tasks[1])
 
@@ -153,7 +153,7 @@ def test_a_full_queue_says_so(tmp_path: Path) -> None:
             work = here.desks.jobs.read(desk, ["LocationID"], "")
             for _ in range(MOST_WAITING):
                 desk.add("Read", work)
-            with pytest.raises(DeskError, match="that is the most"):
+            with pytest.raises(ControlError, match="that is the most"):
                 desk.add("Read", work)
 
     run(check())
@@ -258,7 +258,7 @@ def test_an_answer_that_comes_before_it_is_waited_for_is_not_lost() -> None:
         def ask() -> Any:
             yield Send(b"?")
             wire.say("answer")
-            return (yield Expect(lambda event: event, 1))
+            return (yield WaitFor(lambda event: event, 1))
 
         assert await Runner(wire, Ear()).run(ask()) == "answer"
 
@@ -271,10 +271,10 @@ def test_a_late_answer_is_not_taken_for_that_of_the_next_request() -> None:
 
         def ask() -> Any:
             yield Send(b"1")
-            yield Pause(0)
+            yield Sleep(0)
             wire.say("late")
             yield Send(b"2")
-            return (yield Expect(lambda event: event, 0.01))
+            return (yield WaitFor(lambda event: event, 0.01))
 
         assert await Runner(wire, Ear()).run(ask()) is None
 
@@ -287,7 +287,7 @@ def test_a_rate_that_cannot_be_had_is_told_and_noted() -> None:
         wire.refuses = True
 
         def ask() -> Any:
-            return (yield Relink(921_600))
+            return (yield ReopenLink(921_600))
 
         assert await Runner(wire, ear).run(ask()) is False
         assert ear.notes == ["The link could not be opened at 921 600 Bd: No such rate."]
@@ -301,7 +301,7 @@ def test_a_runner_that_is_cancelled_writes_the_last_words() -> None:
 
         def ask() -> Any:
             try:
-                yield Expect(lambda event: None, 60)
+                yield WaitFor(lambda event: None, 60)
             finally:
                 yield Send(b"measure")
 

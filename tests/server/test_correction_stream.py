@@ -19,15 +19,15 @@ import pytest
 from protocols.checksums import crc24q
 from protocols.events import Event
 from protocols.isb.decoder import IsbDecoder
-from protocols.isb.simulator.device import IsbDevice
-from protocols.rtcm import Splitter, epoch_ms
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.rtcm import RtcmFramer, epoch_ms
 from protocols.xbus.decoder import XbusDecoder
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from server.configuration.api_models import Corrections
-from server.configuration.correction_log import Diary
-from server.configuration.correction_stream import Forwarding, gga, source_of, without_password
+from server.configuration.correction_log import CorrectionLog
+from server.configuration.correction_stream import CorrectionForwarder, gga, source_of, without_password
 from server.configuration.ntrip import Caster, CorrectionError, mounts
-from server.devices.position_tracker import Place
+from server.devices.position_tracker import Position
 from server.links.base import LinkError
 from server.wire import DeviceInfo
 from tests.timeouts import PATIENCE_S
@@ -54,7 +54,7 @@ NUMBERS = {"1005": 1, "1077": 1, "1087": 1, "1230": 1}
 
 
 class Receiver:
-    """A device as Forwarding sees one; `got` is what reached it."""
+    """A device as CorrectionForwarder sees one; `got` is what reached it."""
 
     def __init__(self, protocol: str, twin: Any = None) -> None:
         self.info = DeviceInfo("1", "device", "twin", "twin", "live", protocol=protocol)
@@ -125,7 +125,7 @@ async def until(true: Callable[[], bool], what: str, seconds: float = PATIENCE_S
 
 async def forwarded(receiver: Receiver, source: str, enough: Callable[[Corrections], bool]) -> Corrections:
     """Forward until a state is reached."""
-    stream = Forwarding(receiver, source, first_retry_s=0.05)
+    stream = CorrectionForwarder(receiver, source, first_retry_s=0.05)
     try:
         await until(lambda: enough(stream.state()), "enough")
         return stream.state()
@@ -157,7 +157,7 @@ async def _version_2(head: bytes, reader: asyncio.StreamReader, writer: asyncio.
 
 @pytest.mark.parametrize("answer", [_version_1, _version_2])
 async def test_an_imx_gets_the_messages_as_they_are(answer: Answer) -> None:
-    receiver = Receiver("isb", IsbDevice())
+    receiver = Receiver("isb", IsbSimulator())
     async with caster(answer) as (port, requests):
         source = f"ntrip://me:se%40cret@127.0.0.1:{port}/NEAR"
         state = await forwarded(receiver, source, lambda one: sum(one.messages.values()) == 4)
@@ -173,7 +173,7 @@ async def test_an_imx_gets_the_messages_as_they_are(answer: Answer) -> None:
 
 
 async def test_an_mti_680g_gets_each_message_inside_forward_gnss_data() -> None:
-    twin = XbusDevice(product="MTi-680G")
+    twin = XbusSimulator(product="MTi-680G")
     twin.advance(2 * S)
     receiver = Receiver("xbus", twin)
     acks: list[str] = []
@@ -191,7 +191,7 @@ async def test_an_mti_680g_gets_each_message_inside_forward_gnss_data() -> None:
 
 
 async def test_an_mti_that_refuses_is_counted() -> None:
-    twin = XbusDevice(product="MTi-680G")
+    twin = XbusSimulator(product="MTi-680G")
     twin.advance(2 * S)
     twin.receive(bytes.fromhex("FAFF3000D1"), 2 * S)  # GoToConfig: it does not forward there
     receiver = Receiver("xbus", twin)
@@ -269,7 +269,7 @@ async def test_a_broken_stream_comes_back_and_what_was_damaged_is_counted() -> N
 
 async def test_a_caster_is_told_where_the_receiver_is() -> None:
     receiver = Receiver("isb")
-    twin = IsbDevice()
+    twin = IsbSimulator()
     got: list[bytes] = []
 
     async def listens(head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -277,7 +277,7 @@ async def test_a_caster_is_told_where_the_receiver_is() -> None:
         got.append(await reader.readline())
 
     async with caster(listens) as (port, requests):
-        stream = Forwarding(receiver, f"ntrip://127.0.0.1:{port}/VRS", first_retry_s=0.05)
+        stream = CorrectionForwarder(receiver, f"ntrip://127.0.0.1:{port}/VRS", first_retry_s=0.05)
         receiver.tell(twin.advance(6 * S))  # after its first fix
         await until(lambda: bool(got) and got[-1].startswith(b"$GPGGA"), "a sentence upstream")
         await stream.close()
@@ -289,7 +289,7 @@ async def test_a_caster_is_told_where_the_receiver_is() -> None:
 
 def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> None:
     told: list[tuple[bytes, str, str]] = []
-    diary = Diary("tcp://base:1", lambda frame, text, level: told.append((frame, text, level)))
+    diary = CorrectionLog("tcp://base:1", lambda frame, text, level: told.append((frame, text, level)))
     diary.stopped("base does not answer.")
     diary.stopped("base does not answer.")  # tried again: the same reason is told once
     for n in range(50):
@@ -310,9 +310,9 @@ def test_the_log_says_where_it_begins_breaks_and_ends_and_not_each_message() -> 
 
 def test_a_sentence_that_says_where() -> None:
     when = datetime(2026, 1, 2, 3, 4, 5, 670_000, UTC)
-    line = gga(Place(-33.8567844, 151.2152967, 25.0, 9), when)
+    line = gga(Position(-33.8567844, 151.2152967, 25.0, 9), when)
     assert line.startswith(b"$GPGGA,030405.67,3351.40706,S,15112.91780,E,1,09,1.0,25.00,M,0.0,M,,*")
-    assert gga(Place(-0.5, 59.999999999), when).split(b",")[4] == b"06000.00000"
+    assert gga(Position(-0.5, 59.999999999), when).split(b",")[4] == b"06000.00000"
 
 
 async def test_plain_tcp_and_a_device_that_is_gone() -> None:
@@ -335,7 +335,7 @@ async def test_plain_tcp_and_a_device_that_is_gone() -> None:
 async def test_a_removed_device_ends_its_stream(tmp_path: Path) -> None:
     path = tmp_path / "base.rtcm3"
     path.write_bytes(STREAM)
-    stream = Forwarding(Receiver("isb"), str(path), lambda: False)
+    stream = CorrectionForwarder(Receiver("isb"), str(path), lambda: False)
     await until(lambda: not stream.state().running, "the end")
     assert stream.state().message == "The device was removed."
     await stream.close()
@@ -354,7 +354,7 @@ async def test_a_file_is_played_at_its_own_pace_and_then_is_over(tmp_path: Path)
 
 def test_messages_are_whole_however_the_stream_is_cut() -> None:
     for step in (1, 7, 100, 5000):
-        splitter = Splitter()
+        splitter = RtcmFramer()
         found = [one for at in range(0, len(STREAM), step) for one in splitter.feed(STREAM[at : at + step])]
         assert b"".join(bytes.fromhex(one.line) for one in found) == STREAM
         assert (splitter.skipped, splitter.rejected) == (0, 0)

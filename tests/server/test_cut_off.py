@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from server.configuration import cut_off
-from server.configuration.device_controller import Desk, Task
-from server.links.simulator import TwinLink
-from tests.server.control_harness import House, house, outputs, over, until
+from server.configuration.device_controller import DeviceController, QueuedJob
+from server.links.simulator import SimulatorLink
+from tests.server.control_harness import ControlHarness, house, outputs, over, until
 
 SOURCE = "twin:xbus?baud=921600&unplug_s=86400"
 BOTH: dict[str, dict[str, object]] = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(10)}
@@ -27,20 +27,20 @@ def files(data: Path) -> list[Path]:
     return list((data / "trials").glob("*.json"))
 
 
-def unplug(desk: Desk) -> None:
+def unplug(desk: DeviceController) -> None:
     link = desk.session._link
-    assert isinstance(link, TwinLink)
+    assert isinstance(link, SimulatorLink)
     assert link._bench is not None
     link._bench.unplug()
     link._bench.join()
 
 
-def when(desk: Desk, step: str, act: Callable[[Desk], None]) -> None:
+def when(desk: DeviceController, step: str, act: Callable[[DeviceController], None]) -> None:
     """Do something once, when a job begins a step."""
     before = desk.step
     acted: list[str] = []
 
-    def after(task: Task, words: str) -> None:
+    def after(task: QueuedJob, words: str) -> None:
         before(task, words)
         if words == step and not acted:
             acted.append(words)
@@ -49,7 +49,7 @@ def when(desk: Desk, step: str, act: Callable[[Desk], None]) -> None:
     desk.step = after  # type: ignore[method-assign]
 
 
-async def cut(here: House, away_s: float) -> tuple[Desk, Task]:
+async def cut(here: ControlHarness, away_s: float) -> tuple[DeviceController, QueuedJob]:
     """A device that is unplugged when the second of two settings is written."""
     desk = await here.add(f"{SOURCE}&away_s={away_s}")
     await here.read(desk)

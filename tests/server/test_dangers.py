@@ -13,17 +13,17 @@ from protocols.isb import stream_discovery
 from protocols.isb.baud_change import line_change
 from protocols.isb.commands import COMMAND_ROWS
 from protocols.isb.driver import IsbDriver
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from server.commands import send
 from server.commands.send import SendError
 from server.configuration.dangers import dangers_of_write
 from server.configuration.form_builder import forms_of
-from server.configuration.risk_check import command_of
-from server.devices.decode_options import Reading
+from server.configuration.risk_check import plan_command
+from server.devices.decode_options import DecodeOptions
 from tests.server.control_harness import house
 
 DRIVER = IsbDriver()
-KNOWN = Known(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
+KNOWN = DeviceContext(product="IMX-5.0.4", firmware="2.7.1", baud=921_600)
 OLD: dict[str, Any] = {
     "ser0BaudRate": 921_600,
     "ser1BaudRate": 921_600,
@@ -96,7 +96,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
             desk = await here.add("twin:isb")
             await here.read(desk)
             values = {**desk.values["DID_FLASH_CONFIG"], "ser0BaudRate": 460_800}
-            wish = command_of(desk, "SET_DID_FLASH_CONFIG", values)
+            wish = plan_command(desk, "SET_DID_FLASH_CONFIG", values)
             assert wish.setting == "DID_FLASH_CONFIG"
             assert {"size", "key", "checksum"}.isdisjoint(wish.values["DID_FLASH_CONFIG"])
             assert {one.caution for one in wish.dangers} == {"cuts-line", "restarts"}
@@ -115,7 +115,7 @@ def test_a_data_set_of_a_setting_is_written_like_the_setting(tmp_path: Path) -> 
 )
 def test_the_command_line_asks_for_a_yes_where_the_page_asks(message: str, pairs: list[str], words: str) -> None:
     """What cuts the line or turns the frame went through, although its help promises a question."""
-    wish = send.Wish("twin:isb", message, pairs)
+    wish = send.SendRequest("twin:isb", message, pairs)
     with pytest.raises(SendError, match=words) as refused:
-        asyncio.run(send.send(wish, Reading(), io.StringIO(), io.StringIO()))
+        asyncio.run(send.send(wish, DecodeOptions(), io.StringIO(), io.StringIO()))
     assert "--yes" in str(refused.value)

@@ -6,11 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from server.api.devices import HowToRead
+from server.api.devices import DecodeOptionsBody
 from server.commands import arguments as options
 from server.commands.common import reading_of
 from server.config import ConfigError, load
-from server.devices.decode_options import Reading, ReadingError, key_text, reading, schema_text, taken_from
+from server.devices.decode_options import (
+    DecodeOptions,
+    ReadingError,
+    key_text,
+    parse_source_options,
+    reading,
+    schema_text,
+)
 
 KEY = "00112233445566778899aabbccddeeff"
 SCHEMA = """
@@ -28,14 +35,14 @@ def test_words_become_a_reading() -> None:
     assert (said.protocol, said.key, said.min_mode, said.unverified) == ("idtp", bytes.fromhex(KEY), 1, True)
     assert said.schema is not None
     assert said.schema[0x80].name == "Wheels"
-    assert reading() == Reading()
+    assert reading() == DecodeOptions()
 
 
 def test_a_protocol_is_told_what_it_knows() -> None:
     said = reading("", KEY, "lite", schema=SCHEMA)
     assert said.settings(()) == {}
     assert said.settings(("key", "min_mode")) == {"key": bytes.fromhex(KEY), "min_mode": 0}
-    assert Reading().settings(("key", "min_mode", "replay_check")) == {"replay_check": True}
+    assert DecodeOptions().settings(("key", "min_mode", "replay_check")) == {"replay_check": True}
 
 
 @pytest.mark.parametrize(
@@ -56,35 +63,38 @@ def test_what_cannot_be_used(arguments: dict[str, str], words: str) -> None:
 
 
 def test_a_source_says_more_of_itself() -> None:
-    rest, said = taken_from(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", Reading("isb"))
-    assert (rest, said) == ("udp://:5000", Reading("idtp", bytes.fromhex(KEY), 2))
-    rest, said = taken_from("twin:idtp?mode=secure&unverified=1&rate=50", Reading())
+    rest, said = parse_source_options(f"udp://:5000?protocol=idtp&key={KEY}&min_mode=secure", DecodeOptions("isb"))
+    assert (rest, said) == ("udp://:5000", DecodeOptions("idtp", bytes.fromhex(KEY), 2))
+    rest, said = parse_source_options("twin:idtp?mode=secure&unverified=1&rate=50", DecodeOptions())
     assert (rest, said.unverified) == ("twin:idtp?mode=secure&rate=50", True)
-    assert taken_from("/dev/ttyUSB0?protocol=auto&baud=9600", Reading("isb")) == ("/dev/ttyUSB0?baud=9600", Reading())
+    assert parse_source_options("/dev/ttyUSB0?protocol=auto&baud=9600", DecodeOptions("isb")) == (
+        "/dev/ttyUSB0?baud=9600",
+        DecodeOptions(),
+    )
     with pytest.raises(ReadingError) as caught:
-        taken_from("udp://:1?key=secret", Reading())
+        parse_source_options("udp://:1?key=secret", DecodeOptions())
     assert "secret" not in str(caught.value)
 
 
 def test_the_unit_of_timestamps_and_the_direction_of_the_quaternion_could_not_be_set() -> None:
     """Neither by the source, nor on the command line, in the settings or over HTTP: all of them say the same."""
-    wanted = Reading("idtp", time_unit="ms", rotation="body_from_enu")
-    rest, said = taken_from("udp://:5000?time_unit=ms&rotation=body_from_enu", Reading("idtp"))
+    wanted = DecodeOptions("idtp", time_unit="ms", rotation="body_from_enu")
+    rest, said = parse_source_options("udp://:5000?time_unit=ms&rotation=body_from_enu", DecodeOptions("idtp"))
     assert (rest, said) == ("udp://:5000", wanted)
     words = "serve udp://:5000 --protocol idtp --time-unit ms --rotation body_from_enu"
     assert reading_of(options.parse(words.split()), "idtp") == wanted
     assert load(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
-    assert HowToRead(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
+    assert DecodeOptionsBody(protocol="idtp", time_unit="ms", rotation="body_from_enu").reading() == wanted
     assert wanted.settings(("time_unit", "rotation")) == {"time_unit": "ms", "rotation": "body_from_enu"}
     for wrong in ("time_unit=min", "rotation=inverse"):
         with pytest.raises(ReadingError, match="not one of"):
-            taken_from(f"udp://:5000?{wrong}", Reading())
+            parse_source_options(f"udp://:5000?{wrong}", DecodeOptions())
 
 
 def test_a_file_whose_name_has_a_question_mark(tmp_path: Path) -> None:
     path = tmp_path / "odd?key=00"
     path.touch()
-    assert taken_from(str(path), Reading()) == (str(path), Reading())
+    assert parse_source_options(str(path), DecodeOptions()) == (str(path), DecodeOptions())
 
 
 def test_files(tmp_path: Path) -> None:

@@ -224,14 +224,14 @@ def test_what_is_printed_and_the_exit_status() -> None:
         Finding("problem", "/dev/ttyUSB0", "It is open in minicom (process 7).", ("Close it.", "Now.")),
     ]
     out = io.StringIO()
-    assert doctor.told(findings, out) == 1
+    assert doctor.format_findings(findings, out) == 1
     lines = out.getvalue().splitlines()
     assert " ".join(lines[0].split()) == "problem /dev/ttyUSB0 It is open in minicom (process 7)."
     assert [line.strip() for line in lines[1:3]] == ["→ Close it.", "→ Now."]
     assert lines[3].startswith("ok ")
-    assert doctor.told(findings[:1], io.StringIO()) == 0
+    assert doctor.format_findings(findings[:1], io.StringIO()) == 0
     out = io.StringIO()
-    assert doctor.told(findings, out, as_json=True) == 1
+    assert doctor.format_findings(findings, out, as_json=True) == 1
     assert [one["status"] for one in json.loads(out.getvalue())] == ["problem", "ok"]
 
 

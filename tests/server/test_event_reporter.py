@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocols.events import Reject
-from server.devices.event_reporter import Incidents
+from protocols.events import RejectedFrame
+from server.devices.event_reporter import EventReporter
 from server.streaming.hub import Hub
 
 
@@ -11,7 +11,7 @@ def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]]
     """When what was refused is told, and how many each time; reasons[i] comes `rate` times in second i ("": none)."""
     now = 1000.0
     hub = Hub(lambda: now)
-    incidents = Incidents(hub, "1")
+    incidents = EventReporter(hub, "1")
     found: list[tuple[float, int]] = []
     hub.heard_event.add(lambda event: found.append((round(now - 1000.0, 1), event.samples)))
     incidents.tick(now)
@@ -20,7 +20,7 @@ def told(reasons: list[str], *, rate: int = 10) -> tuple[list[tuple[float, int]]
         for tenth in range(10):
             now = 1000.0 + second + tenth / 10
             for _ in range(rate // 10 if reason else 0):
-                incidents.rejects([Reject(0, 40, reason, round(now * 1e9))])
+                incidents.rejects([RejectedFrame(0, 40, reason, round(now * 1e9))])
                 sent += 1
             incidents.tick(now)
     return found, sent

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.exporters import FORMATS, Wish, export
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.exporters import FORMATS, ExportRequest, export
 from recordings.importers import open_file
-from recordings.mcap_writer import Writer
+from recordings.mcap_writer import McapWriter
 from server.devices import protocol_set
 from server.library import export_sizes
 from server.library.decode import decode
@@ -24,21 +24,21 @@ SECONDS = 14
 STEP_NS = 50_000_000
 
 
-def recorded(folder: Path, device: Any, protocol: str) -> Wish:
+def recorded(folder: Path, device: Any, protocol: str) -> ExportRequest:
     """A device that streams, recorded and decoded."""
-    writer = Writer(folder / "drive.mcap", {"title": "A drive"})
+    writer = McapWriter(folder / "drive.mcap", {"title": "A drive"})
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": protocol})
     for now in range(STEP_NS, SECONDS * 1_000_000_000, STEP_NS):
         if data := device.advance(now):
             writer.chunk("1", "rx", data, START + now)
     writer.close()
     source = open_file(folder / "drive.mcap")
-    return Wish(decode(source, folder / "store", protocol_set.speech()), folder / "drive.mcap", "drive")
+    return ExportRequest(decode(source, folder / "store", protocol_set.speech()), folder / "drive.mcap", "drive")
 
 
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
 def test_the_size_that_is_said_is_that_of_the_file_within_30_percent(protocol: str, tmp_path: Path) -> None:
-    device: Any = {"xbus": XbusDevice(measuring=True), "isb": IsbDevice(), "idtp": IdtpDevice()}[protocol]
+    device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
     wish = recorded(tmp_path, device, protocol)
     first, _ = wish.columns.span() or (0.0, 0.0)
     for part in (wish, replace(wish, t0=first + 3, t1=first + 9)):

@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 
 from protocols.events import batches
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
 from protocols.schema import Message
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from server import wire, wire_codec
-from server.devices.decode_options import Reading, changed
+from server.devices.decode_options import DecodeOptions, changed
 from server.devices.protocol_set import speech
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
@@ -43,7 +43,7 @@ class Wire(FakeLink):
 class Stage:
     """A device, a link and a session with the real protocols."""
 
-    def __init__(self, reading: Reading, link: type[FakeLink] = Wire) -> None:
+    def __init__(self, reading: DecodeOptions, link: type[FakeLink] = Wire) -> None:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link: Any = link("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
@@ -77,7 +77,7 @@ class Stage:
 
 def play(
     test: Callable[[Stage], Coroutine[Any, Any, None]],
-    reading: Reading = Reading(),  # noqa: B008
+    reading: DecodeOptions = DecodeOptions(),  # noqa: B008
     link: type[FakeLink] = Wire,
 ) -> None:
     async def run() -> None:
@@ -100,7 +100,7 @@ def play(
 
 def test_an_imx_tells_who_it_is_and_its_first_fix_is_one_event() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IsbDevice(), 6)
+        await stage.run(IsbSimulator(), 6)
         assert (stage.info.name, stage.info.product, stage.info.serial_number) == ("IMX-5", "IMX-5.0.4", "62000")
         assert (stage.info.firmware, stage.info.status, stage.info.protection) == ("2.7.1", "live", "")
         [step] = stage.events("clock")
@@ -120,7 +120,7 @@ def test_an_imx_tells_who_it_is_and_its_first_fix_is_one_event() -> None:
 
 def test_an_imx_that_streams_already_is_asked_once_for_each_connection() -> None:
     async def test(stage: Stage) -> None:
-        device = IsbDevice()
+        device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
         await stage.run(device, 1)
@@ -144,7 +144,7 @@ def test_nobody_greets_a_file_or_a_link_without_a_way_back() -> None:
         kind = "file"
 
     async def test(stage: Stage) -> None:
-        device = IsbDevice()
+        device = IsbSimulator()
         device.advance(1_000_000_000)
         stage.clock.move(1.0)
         await stage.run(device, 1)
@@ -157,19 +157,19 @@ def test_nobody_greets_a_file_or_a_link_without_a_way_back() -> None:
 
 def test_nothing_is_said_to_families_that_have_no_greeting() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(XbusDevice(measuring=True), 1)
+        await stage.run(XbusSimulator(measuring=True), 1)
         assert stage.info.status == "live"
         assert stage.link.written == []
 
     play(test)
 
 
-@pytest.mark.parametrize("device", [IsbDevice, IdtpDevice, XbusDevice])
+@pytest.mark.parametrize("device", [IsbSimulator, IdtpSimulator, XbusSimulator])
 def test_a_clock_that_jumps_is_told_once(device: Any) -> None:
     async def test(stage: Stage) -> None:
         await stage.run(device(clock_jump=(8.0, 10.0)), 12)
         kinds = [event.data["kind"] for event in stage.events("clock")]
-        assert kinds == (["sync", "jump"] if device is IsbDevice else ["jump"])
+        assert kinds == (["sync", "jump"] if device is IsbSimulator else ["jump"])
 
     play(test)
 
@@ -180,15 +180,15 @@ def test_a_clock_that_jumps_is_told_once(device: Any) -> None:
 @pytest.mark.parametrize(
     ("mode", "reading", "words", "verified", "suffix"),
     [
-        (0, Reading(), "Lite, CRC-8 of the header alone", True, ""),
-        (1, Reading(), "Safety, CRC-32", True, ""),
-        (2, Reading(key=KEY), "Secure, verified", True, ""),
-        (2, Reading(unverified=True), "Secure, unverified: no key", False, "?"),
+        (0, DecodeOptions(), "Lite, CRC-8 of the header alone", True, ""),
+        (1, DecodeOptions(), "Safety, CRC-32", True, ""),
+        (2, DecodeOptions(key=KEY), "Secure, verified", True, ""),
+        (2, DecodeOptions(unverified=True), "Secure, unverified: no key", False, "?"),
     ],
 )
-def test_protection_in_words(mode: int, reading: Reading, words: str, verified: bool, suffix: str) -> None:
+def test_protection_in_words(mode: int, reading: DecodeOptions, words: str, verified: bool, suffix: str) -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IdtpDevice(mode=mode, key=KEY), 2)
+        await stage.run(IdtpSimulator(mode=mode, key=KEY), 2)
         assert (stage.info.name, stage.info.serial_number) == ("IDTP device 102", "102")
         assert stage.info.protection == words
         count = stage.health.verified if verified else stage.health.unverified
@@ -204,7 +204,7 @@ def test_protection_in_words(mode: int, reading: Reading, words: str, verified: 
 
 def test_without_a_key_one_event_and_the_remedy() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IdtpDevice(mode=2, key=KEY), 4)
+        await stage.run(IdtpSimulator(mode=2, key=KEY), 4)
         assert stage.info.status == "connecting"
         assert stage.info.message.startswith("Secure frames are arriving, but there is no key")
         assert stage.info.hint.startswith("Give the key")
@@ -218,11 +218,12 @@ def test_without_a_key_one_event_and_the_remedy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reading", "mode", "reason"), [(Reading(key=b"other"), 2, "bad_hmac"), (Reading(min_mode=2), 1, "below_min_mode")]
+    ("reading", "mode", "reason"),
+    [(DecodeOptions(key=b"other"), 2, "bad_hmac"), (DecodeOptions(min_mode=2), 1, "below_min_mode")],
 )
-def test_the_wrong_key_and_a_weak_mode_are_told(reading: Reading, mode: int, reason: str) -> None:
+def test_the_wrong_key_and_a_weak_mode_are_told(reading: DecodeOptions, mode: int, reason: str) -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IdtpDevice(mode=mode, key=KEY), 3)
+        await stage.run(IdtpSimulator(mode=mode, key=KEY), 3)
         assert stage.info.status == "connecting"
         assert {event.data.get("reason") for event in stage.events("device")} >= {reason}
         assert stage.health.rejects_by.keys() == {reason}
@@ -233,12 +234,12 @@ def test_the_wrong_key_and_a_weak_mode_are_told(reading: Reading, mode: int, rea
 
 def test_frames_beside_good_ones_that_fail_are_counted_by_reason_only() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IdtpDevice(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
+        await stage.run(IdtpSimulator(mode=2, key=KEY, corrupt=0.1, seed=4), 3)
         assert stage.info.status == "live"
         assert stage.health.rejects_by["bad_hmac"] > 0
         assert stage.info.notices == []
 
-    play(test, Reading("idtp", key=KEY))
+    play(test, DecodeOptions("idtp", key=KEY))
 
 
 class Several:
@@ -246,7 +247,7 @@ class Several:
 
     next_ns = 0
 
-    def __init__(self, *devices: IdtpDevice, stop_s: Mapping[int, float] = MappingProxyType({})) -> None:
+    def __init__(self, *devices: IdtpSimulator, stop_s: Mapping[int, float] = MappingProxyType({})) -> None:
         self.devices = devices
         self.stop_s = stop_s
 
@@ -257,7 +258,7 @@ class Several:
 
 def test_every_sender_is_a_device_of_its_own() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=102, mode=0, rate=50)), 3)
+        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=102, mode=0, rate=50)), 3)
         first, second = stage.session.infos
         assert (first.id, first.parent, first.name) == ("1", "", "IDTP device 7")
         assert (second.id, second.parent, second.name) == ("1.102", "1", "IDTP device 102")
@@ -282,7 +283,7 @@ def test_every_sender_is_a_device_of_its_own() -> None:
 
 def test_what_one_of_several_loses_is_its_own() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9, drop=0.1, seed=3)), 3)
+        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, drop=0.1, seed=3)), 3)
         first, second = stage.session.healths(stage.clock())
         assert (first.gaps, first.lost) == (0, 0)
         assert second.lost > 20
@@ -293,7 +294,7 @@ def test_what_one_of_several_loses_is_its_own() -> None:
 
 def test_what_is_refused_on_a_shared_link_is_shown_with_each_of_its_devices() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9, corrupt=0.2, seed=3)), 3)
+        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9, corrupt=0.2, seed=3)), 3)
         first, second = stage.session.healths(stage.clock())
         assert first.rejects > 50
         assert (first.rejects, first.rejects_by) == (second.rejects, second.rejects_by)
@@ -305,7 +306,7 @@ def test_what_is_refused_on_a_shared_link_is_shown_with_each_of_its_devices() ->
 @pytest.mark.parametrize("stops", [7, 9])
 def test_one_of_several_falls_silent_and_comes_back(stops: int) -> None:
     async def test(stage: Stage) -> None:
-        pair = Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9), stop_s={stops: 2})
+        pair = Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9), stop_s={stops: 2})
         await stage.run(pair, 6)
         states = {info.serial_number: info for info in stage.session.infos}
         other = 16 - stops
@@ -323,13 +324,13 @@ def test_all_devices_of_a_link_share_its_fate() -> None:
 
     async def test(stage: Stage) -> None:
         hubs.append(stage.hub)
-        await stage.run(Several(IdtpDevice(device_id=7), IdtpDevice(device_id=9)), 2)
+        await stage.run(Several(IdtpSimulator(device_id=7), IdtpSimulator(device_id=9)), 2)
         stage.link.die(LinkError("gone", "gone.", "?"))
         await asyncio.sleep(0.001)
         stage.session.tick(stage.clock())
         assert [(info.status, info.message) for info in stage.session.infos] == [("lost", "gone.")] * 2
         stage.session.retry()
-        await stage.run(Several(IdtpDevice(device_id=9), IdtpDevice(device_id=7)), 2)
+        await stage.run(Several(IdtpSimulator(device_id=9), IdtpSimulator(device_id=7)), 2)
         assert [(info.status, info.serial_number) for info in stage.session.infos] == [("live", "7"), ("live", "9")]
 
     play(test)
@@ -338,7 +339,7 @@ def test_all_devices_of_a_link_share_its_fate() -> None:
 
 def test_devices_beyond_the_most_are_counted() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(Several(*(IdtpDevice(device_id=n, rate=10) for n in range(1, 19))), 1)
+        await stage.run(Several(*(IdtpSimulator(device_id=n, rate=10) for n in range(1, 19))), 1)
         assert len(stage.session.infos) == 16
         assert len([event for event in stage.events("device") if "most" in event.data]) == 1
         counts = {message.name: message.count for message in stage.health.messages}
@@ -348,9 +349,9 @@ def test_devices_beyond_the_most_are_counted() -> None:
 
 
 def test_datagrams_stand_alone() -> None:
-    frame = IdtpDevice().advance(0)[:64]
+    frame = IdtpSimulator().advance(0)[:64]
     for kind, accepted in (("udp", 0), ("serial", 1)):
-        decoder = speech().decoder("idtp", Reading(), kind)
+        decoder = speech().decoder("idtp", DecodeOptions(), kind)
         for half in (frame[:30], frame[30:]):
             decoder.feed(half, 0)
         assert len([*batches(decoder.drain())]) == accepted
@@ -361,7 +362,7 @@ def test_messages_that_pass_through_are_counted_by_name() -> None:
         next_ns = 0
 
         def __init__(self) -> None:
-            self.device = IsbDevice()
+            self.device = IsbSimulator()
 
         def advance(self, now_ns: int) -> bytes:
             ubx = bytes.fromhex("B562 0A04 0000")
@@ -390,7 +391,7 @@ def test_a_mixed_stream_is_told_so() -> None:
         next_ns = 0
 
         def __init__(self) -> None:
-            self.devices = IsbDevice(), IdtpDevice()
+            self.devices = IsbSimulator(), IdtpSimulator()
 
         def advance(self, now_ns: int) -> bytes:
             return b"".join(device.advance(now_ns) for device in self.devices)
@@ -404,20 +405,20 @@ def test_a_mixed_stream_is_told_so() -> None:
         assert event.data["protocols"] == ["isb", "idtp"]
         assert stage.info.status == "live"
 
-    play(test, Reading("isb"))
+    play(test, DecodeOptions("isb"))
 
 
 def test_a_stream_read_as_what_it_is_not() -> None:
     async def test(stage: Stage) -> None:
-        await stage.run(IdtpDevice(), 7)
+        await stage.run(IdtpSimulator(), 7)
         assert stage.info.status == "connecting"
         assert stage.info.message.startswith("These bytes are IDTP 2.1, and are read as Xsens")
         assert stage.info.hint
 
-    play(test, Reading("xbus"))
+    play(test, DecodeOptions("xbus"))
 
 
-@pytest.mark.parametrize("device", [IsbDevice(), IdtpDevice(), XbusDevice("MTi-680G", measuring=True)])
+@pytest.mark.parametrize("device", [IsbSimulator(), IdtpSimulator(), XbusSimulator("MTi-680G", measuring=True)])
 def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
     async def test(stage: Stage) -> None:
         await stage.run(device, 12)
@@ -431,7 +432,7 @@ def test_a_stream_of_one_protocol_is_not_called_mixed(device: Any) -> None:
 
 def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
     async def test(stage: Stage) -> None:
-        device = IdtpDevice(mode=2, key=KEY)
+        device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 2)
         unverified = {channel.info.name: channel for channel in stage.hub.channels.values()}
         before = stage.health.unverified
@@ -447,15 +448,15 @@ def test_a_key_given_later_keeps_the_device_its_history_and_its_place() -> None:
         assert "Quaternion" in {channel.info.name for channel in stage.hub.channels.values()}
         assert stage.link.opened == 1, "the link stays open"
 
-    play(test, Reading(unverified=True))
+    play(test, DecodeOptions(unverified=True))
 
 
 def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
     async def test(stage: Stage) -> None:
-        device = IdtpDevice(mode=2, key=KEY)
+        device = IdtpSimulator(mode=2, key=KEY)
         await stage.run(device, 3)
         assert stage.health.rejects_by.keys() == {"no_key"}
-        await stage.session.read_as(Reading(key=KEY))
+        await stage.session.read_as(DecodeOptions(key=KEY))
         await stage.run(device, 2)
         assert (stage.info.status, stage.info.notices, stage.info.hint) == ("live", [], "")
         assert stage.health.rejects_by == {}
@@ -465,8 +466,8 @@ def test_a_key_given_later_ends_the_refusals_and_their_advice() -> None:
 
 def test_what_is_given_changes_and_the_rest_stays() -> None:
     row, other = Message(0x80, "A"), Message(0x81, "B")
-    old = Reading("idtp", key=b"k", min_mode=1, schema={0x80: row})
-    assert changed(old, Reading(key=b"new"), {"key"}) == Reading("idtp", b"new", 1, schema={0x80: row})
-    added = changed(old, Reading(schema={0x81: other}), {"schema_text"})
+    old = DecodeOptions("idtp", key=b"k", min_mode=1, schema={0x80: row})
+    assert changed(old, DecodeOptions(key=b"new"), {"key"}) == DecodeOptions("idtp", b"new", 1, schema={0x80: row})
+    added = changed(old, DecodeOptions(schema={0x81: other}), {"schema_text"})
     assert added.schema == {0x80: row, 0x81: other}
     assert added.key == b"k"

@@ -10,7 +10,7 @@ from foxglove.messages import FrameTransform, LocationFix
 
 from recordings.file_names import device_names
 from server.integrations import foxglove_worker
-from server.wire_codec import Samples
+from server.wire_codec import SampleFrame
 from tests.recordings.store_fixtures import channel, column
 
 
@@ -49,17 +49,17 @@ def quaternion(number: int, device: str) -> dict[str, Any]:
     return channel(number, device, "MTData2", "Quaternion", "quaternion", columns, frame="ENU from body")
 
 
-def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.Bridge, Server]:
+def bridge(monkeypatch: pytest.MonkeyPatch, told: Told) -> tuple[foxglove_worker.FoxgloveBridge, Server]:
     server = Server()
     monkeypatch.setattr(foxglove_worker, "FoxgloveServer", lambda *_: server)
-    made = foxglove_worker.Bridge(told)  # type: ignore[arg-type]
+    made = foxglove_worker.FoxgloveBridge(told)  # type: ignore[arg-type]
     made.arrange()
     return made, server
 
 
-def samples(number: int, *columns: list[float]) -> Samples:
+def samples(number: int, *columns: list[float]) -> SampleFrame:
     times = np.arange(len(columns[0])) + 1.7e9
-    return Samples(number, 0, len(times), 0, False, 1.7e9, [times, times, *map(np.array, columns)])
+    return SampleFrame(number, 0, len(times), 0, False, 1.7e9, [times, times, *map(np.array, columns)])
 
 
 def test_two_devices_of_one_product_have_topics_and_frames_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:

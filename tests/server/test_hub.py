@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server import wire, wire_codec
-from server.streaming.channels import Piece
+from server.streaming.channels import ChannelRows
 from server.streaming.hub import FEW_BROWSERS, FLUSH_MANY_S, FLUSH_S, Hub
-from server.streaming.send_queue import Outbox
+from server.streaming.send_queue import SendQueue
 from tests.server.fakes import Clock
 
 
@@ -27,7 +27,7 @@ class Browser:
 
     def __init__(self, hub: Hub, **outbox: Any) -> None:
         self.hub = hub
-        self.outbox = Outbox(**outbox)
+        self.outbox = SendQueue(**outbox)
         hub.attach(self.outbox)
         self.texts: list[dict[str, Any]] = []
         self.sequences: dict[int, list[int]] = {}
@@ -67,7 +67,7 @@ class Browser:
 def publish(hub: Hub, channel: int, n: int) -> None:
     start = hub.channels[channel].ring.total
     k = np.arange(start, start + n)
-    hub.publish([Piece(channel, [np.full(n, hub.now()), np.full(n, np.nan), k.astype("f4")])])
+    hub.publish([ChannelRows(channel, [np.full(n, hub.now()), np.full(n, np.nan), k.astype("f4")])])
 
 
 @given(
@@ -118,7 +118,7 @@ def test_history_reaches_as_far_as_asked() -> None:
 def test_all_browsers_get_the_same_bytes_object() -> None:
     hub = Hub(Clock())
     channel = hub.advertise(info())
-    boxes = [Outbox(), Outbox()]
+    boxes = [SendQueue(), SendQueue()]
     for box in boxes:
         hub.attach(box)
         hub.subscribe(box, wire.Subscribe(0))
@@ -209,7 +209,7 @@ def test_a_removed_device_takes_its_channels_along() -> None:
     publish(hub, stays, 2)
     hub.remove_device("1")
     hub.flush()
-    hub.publish([Piece(gone, [np.zeros(1)] * 3)])
+    hub.publish([ChannelRows(gone, [np.zeros(1)] * 3)])
     hub.flush()
     browser.take()
     assert gone not in browser.sequences
@@ -233,7 +233,7 @@ def test_flushes_keep_their_distance(browsers: int, interval: float) -> None:
     async def run() -> None:
         hub = Hub(Clock())
         for _ in range(browsers):
-            hub.attach(Outbox())
+            hub.attach(SendQueue())
         loop = asyncio.get_running_loop()
         flushes = 0
 
@@ -255,7 +255,7 @@ def test_flushes_keep_their_distance(browsers: int, interval: float) -> None:
 def test_who_draws_sixty_times_a_second_does_not_have_samples_decoded_more_often() -> None:
     """A 3D scene costs no more than it shows; a browser beside it is served as soon as without it."""
     hub = Hub(Clock())
-    scene, browser = Outbox(), Outbox()
+    scene, browser = SendQueue(), SendQueue()
     scene.interval_s = 1 / 60
     hub.attach(scene)
     assert hub.flush_interval == 1 / 60
@@ -268,7 +268,7 @@ def test_who_draws_sixty_times_a_second_does_not_have_samples_decoded_more_often
 def test_the_first_sample_after_a_pause_does_not_wait() -> None:
     async def run() -> None:
         hub = Hub(Clock())
-        hub.attach(Outbox())
+        hub.attach(SendQueue())
         flushed = asyncio.Event()
         hub.on_flush(flushed.set)
         hub.request_flush()

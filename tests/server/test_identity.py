@@ -8,22 +8,22 @@ from protocols.events import Reply
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.device_info import identity as xbus_identity
 from protocols.xbus.enums import STATUS_BITS
-from protocols.xbus.simulator.device import XbusDevice
-from server.devices.device_state import Portrait
-from server.devices.ingest import Identity
+from protocols.xbus.simulator.device import XbusSimulator
+from server.devices.device_state import DeviceState
+from server.devices.ingest import DeviceIdentity
 from server.streaming.hub import Hub
 from server.wire import DeviceInfo
 
 
 def said_by(product: str) -> list[Reply]:
     decoder = XbusDecoder()
-    decoder.feed(XbusDevice(product).advance(1_500_000_000), 0)
+    decoder.feed(XbusSimulator(product).advance(1_500_000_000), 0)
     return [event for event in decoder.drain() if isinstance(event, Reply)]
 
 
 @pytest.mark.parametrize("product", ["MTi-630", "MTi-680G"])
 def test_a_600_tells_its_product_code_in_configuration(product: str) -> None:
-    identity = Identity(xbus_identity)
+    identity = DeviceIdentity(xbus_identity)
     assert sum(identity.learn(reply) for reply in said_by(product)) > 0
     assert identity.product.startswith(product)
     assert identity.serial_number != ""
@@ -32,7 +32,7 @@ def test_a_600_tells_its_product_code_in_configuration(product: str) -> None:
 def test_a_600_without_a_code_is_at_least_of_its_series() -> None:
     [configuration] = [reply for reply in said_by("MTi-630") if reply.message.name == "Configuration"]
     silent = Reply(configuration.message, {**configuration.values, "reserved_host": bytes(32)}, 0, 118, 0)
-    identity = Identity(xbus_identity)
+    identity = DeviceIdentity(xbus_identity)
     identity.learn(silent)
     assert identity.product == "MTi-600 series"
 
@@ -51,7 +51,7 @@ def test_a_product_is_not_faulted_for_a_filter_that_it_does_not_have(
     product: str, absent: set[str], present: set[str]
 ) -> None:
     """An IMU showed a permanent red "Filter valid: not set"."""
-    portrait = Portrait(Hub(lambda: 0.0), DeviceInfo("1", "d", "test", "file", "live", protocol="xbus"), str)
+    portrait = DeviceState(Hub(lambda: 0.0), DeviceInfo("1", "d", "test", "file", "live", protocol="xbus"), str)
     portrait.set(product=product)
     assert absent <= set(portrait.info.absent)
     assert not present & set(portrait.info.absent)

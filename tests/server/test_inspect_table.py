@@ -15,7 +15,7 @@ from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_packet
 from protocols.xbus.frames import build as xbus_frame
 from server.commands.inspect import inspect_file
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.printable import json_text, printable
 
 SCHEMA = """
@@ -32,7 +32,7 @@ scale = 0.001
 STEERING = "\x1b]0;owned\x07\x85\x9b2J\u2028\u202e"
 
 
-def rows(data: bytes, path: Path, reading: Reading, format: str = "table") -> list[str]:
+def rows(data: bytes, path: Path, reading: DecodeOptions, format: str = "table") -> list[str]:
     path.write_bytes(data)
     inspect_file(path, out := io.StringIO(), reading, format=format)  # type: ignore[arg-type]
     lines = out.getvalue().split("\n")
@@ -41,7 +41,7 @@ def rows(data: bytes, path: Path, reading: Reading, format: str = "table") -> li
 
 def test_version_33_mode_1_and_bare_numbers(tmp_path: Path) -> None:
     frame = build(0, struct.pack("<3f", 0.5, -1.25, 9.81), sequence=3, timestamp=2000, device=7, mode=SAFETY)
-    (row,) = rows(frame, tmp_path / "a.bin", Reading("idtp"))
+    (row,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp"))
     assert "version 2.1  mode Safety  acc_x 0.5 m/s²  acc_y -1.25 m/s²  acc_z 9.81 m/s²" in row
 
 
@@ -49,7 +49,7 @@ def test_what_is_odd_is_said_in_words(tmp_path: Path) -> None:
     quaternion = build(6, struct.pack("<4f", 2, 0, 0, 0), mode=LITE)
     short = build(0, bytes(4), sequence=1, mode=LITE)
     nan = build(0, struct.pack("<3f", float("nan"), float("inf"), 0), sequence=2, mode=LITE)
-    first, second, third = rows(quaternion + short + nan, tmp_path / "a.bin", Reading("idtp"))
+    first, second, third = rows(quaternion + short + nan, tmp_path / "a.bin", DecodeOptions("idtp"))
     assert "(the norm of the quaternion is not 1)" in first
     assert "(shorter than its type: not decoded)" in second
     assert "acc_x nan m/s²  acc_y inf m/s²  acc_z 0 m/s²  (a value is not a number)" in third
@@ -57,16 +57,16 @@ def test_what_is_odd_is_said_in_words(tmp_path: Path) -> None:
 
 def test_described_types_are_in_their_unit(tmp_path: Path) -> None:
     frame = build(0x80, struct.pack("<2h", 1500, -20), mode=SAFETY)
-    (row,) = rows(frame, tmp_path / "a.bin", Reading("idtp", schema=parse(SCHEMA)))
+    (row,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp", schema=parse(SCHEMA)))
     assert "Speed [1.5, -0.02] m/s" in row
-    (line,) = rows(frame, tmp_path / "a.bin", Reading("idtp", schema=parse(SCHEMA)), "jsonl")
+    (line,) = rows(frame, tmp_path / "a.bin", DecodeOptions("idtp", schema=parse(SCHEMA)), "jsonl")
     assert json.loads(line)["fields"]["Speed"] == [1500, -20], "wire values for programs"
 
 
 def test_items_of_an_mti_have_units_and_choices(tmp_path: Path) -> None:
     items = bytes.fromhex("0810 04 41A80000") + bytes.fromhex("1060 04 00003039") + bytes.fromhex("3010 04 00018B0A")
     baud = xbus_frame(0x19, bytes.fromhex("02"))
-    first, second = rows(xbus_frame(0x36, items) + baud, tmp_path / "a.bin", Reading("xbus"))
+    first, second = rows(xbus_frame(0x36, items) + baud, tmp_path / "a.bin", DecodeOptions("xbus"))
     assert "Temperature 21 °C" in first
     assert "SampleTimeFine 12345 × 0.1 ms" in first
     assert "BaroPressure 101130 Pa" in first
@@ -74,7 +74,9 @@ def test_items_of_an_mti_have_units_and_choices(tmp_path: Path) -> None:
 
 
 def test_records_of_inertial_sense_have_units(tmp_path: Path) -> None:
-    (row,) = rows(isb_packet(DATA, 58, struct.pack("<dI6f", 12.5, 0, *(0.25,) * 6)), tmp_path / "a.bin", Reading("isb"))
+    (row,) = rows(
+        isb_packet(DATA, 58, struct.pack("<dI6f", 12.5, 0, *(0.25,) * 6)), tmp_path / "a.bin", DecodeOptions("isb")
+    )
     assert "time 12.5 s" in row
     assert "I.pqr [14.3239, 14.3239, 14.3239] °/s  I.acc [0.25, 0.25, 0.25] m/s²" in row
 
@@ -83,7 +85,7 @@ def test_text_of_a_device_steered_the_terminal(tmp_path: Path) -> None:
     """A device's own name may hold any byte, also the beginning of an escape sequence in one byte (0x9B)."""
     data = xbus_frame(0x1D, b"MTi-630" + STEERING[:12].encode("latin-1").ljust(13)) * 3
     for format in ("table", "jsonl"):
-        lines = rows(data, tmp_path / "a.bin", Reading("xbus"), format)
+        lines = rows(data, tmp_path / "a.bin", DecodeOptions("xbus"), format)
         assert all(line.isprintable() for line in lines)
         if format == "jsonl":
             (text,) = json.loads(lines[0])["fields"].values()

@@ -15,14 +15,14 @@ from mcap.writer import Writer
 
 from recordings.importers import open_file
 from recordings.library import Library
-from recordings.mcap_reader import Recording
+from recordings.mcap_reader import McapReader
 from recordings.sources import McapSource
 from recordings.tabular import TableSource
 from server.config import Config
 from server.library.one_file import one_file
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server.test_api import assert_problem
 from tests.server.test_opening import drive
 
@@ -41,18 +41,18 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def running(folder: Path) -> Iterator[Running]:
-    with Running(Config(data=folder.parent, sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+def running(folder: Path) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",), upload_gb=0.001), open_link) as running:
         running.client.timeout = 60
         yield running
 
 
-def listed(running: Running, search: str = "") -> list[dict[str, Any]]:
+def listed(running: InProcessServer, search: str = "") -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = running.client.get(URL, params={"q": search}).json()
     return found
 
 
-def finished(running: Running, job: int) -> dict[str, Any]:
+def finished(running: InProcessServer, job: int) -> dict[str, Any]:
     ends = time.monotonic() + 120
     while time.monotonic() < ends:
         told: dict[str, Any] = next(one for one in running.client.get(f"{URL}/exports").json() if one["id"] == job)
@@ -62,7 +62,7 @@ def finished(running: Running, job: int) -> dict[str, Any]:
     raise AssertionError(told)
 
 
-def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: Running, folder: Path) -> None:
+def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: InProcessServer, folder: Path) -> None:
     assert listed(running) == []
     drive(folder / "a.mcap", seconds=1.0)
     (info,) = listed(running)
@@ -82,7 +82,7 @@ def test_a_file_dropped_into_the_folder_is_listed_and_changed(running: Running, 
     assert client.post(f"{URL}/a/undelete", json={}).json()["title"] == "New mast"
 
 
-def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: Running, folder: Path) -> None:
+def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: InProcessServer, folder: Path) -> None:
     client = running.client
     drive(folder / "a.mcap", seconds=0.5)
     drive(folder / "b.mcap", seconds=0.2)
@@ -128,12 +128,14 @@ def test_a_file_gets_another_name_with_all_that_belongs_to_it(running: Running, 
         ("DELETE", "exports/9", None, 404),
     ],
 )
-def test_what_cannot_be_is_said(running: Running, folder: Path, method: str, path: str, body: Any, status: int) -> None:
+def test_what_cannot_be_is_said(
+    running: InProcessServer, folder: Path, method: str, path: str, body: Any, status: int
+) -> None:
     drive(folder / "a.mcap", seconds=0.2)
     assert_problem(running.client.request(method, f"{URL}/{path}", json=body), status)
 
 
-def test_an_upload_is_a_recording_of_a_clean_name(running: Running, folder: Path, tmp_path: Path) -> None:
+def test_an_upload_is_a_recording_of_a_clean_name(running: InProcessServer, folder: Path, tmp_path: Path) -> None:
     drive(tmp_path / "x.mcap", seconds=1.0)
     content = (tmp_path / "x.mcap").read_bytes()
     sent = running.client.put(f"{URL}/upload", params={"name": "../../x.mcap"}, content=content, headers=FILE)
@@ -147,7 +149,7 @@ def test_an_upload_is_a_recording_of_a_clean_name(running: Running, folder: Path
     assert not list(folder.glob(".incoming/*"))
 
 
-def test_only_an_upload_may_be_large_and_no_json_and_it_is_bounded(running: Running) -> None:
+def test_only_an_upload_may_be_large_and_no_json_and_it_is_bounded(running: InProcessServer) -> None:
     client = running.client
     large = bytes(1_000_001)
     assert_problem(client.put(f"{URL}/upload?name=x.bin", content=large, headers=FILE), 413, "too-large")
@@ -160,7 +162,7 @@ def test_only_an_upload_may_be_large_and_no_json_and_it_is_bounded(running: Runn
     assert_problem(pieces, 411, "no-length")
 
 
-def test_a_download_is_one_file_with_everything_in_it(running: Running, folder: Path, tmp_path: Path) -> None:
+def test_a_download_is_one_file_with_everything_in_it(running: InProcessServer, folder: Path, tmp_path: Path) -> None:
     kept = drive(folder / "a.mcap", seconds=1.0)
     running.client.patch(f"{URL}/a", json={"title": "Höhe", "tags": ["x"]})
     running.client.post(f"{URL}/a/markers", json={"text": "later", "time": 1.76e9})
@@ -176,11 +178,11 @@ def test_a_download_is_one_file_with_everything_in_it(running: Running, folder: 
     assert running.client.get(f"{URL}/a/original").content == kept
 
 
-def test_a_capture_is_downloaded_as_a_recording(running: Running, folder: Path, tmp_path: Path) -> None:
+def test_a_capture_is_downloaded_as_a_recording(running: InProcessServer, folder: Path, tmp_path: Path) -> None:
     kept = drive(tmp_path / "x.mcap", seconds=2.0)
     (folder / "c.mtb").write_bytes(kept)
     (tmp_path / "c.mcap").write_bytes(running.client.get(f"{URL}/c/download").content)
-    with Recording(tmp_path / "c.mcap") as recording:
+    with McapReader(tmp_path / "c.mcap") as recording:
         assert recording.is_ours
     source = McapSource(tmp_path / "c.mcap")
     assert b"".join(part.data for part in source.parts()) == kept
@@ -188,7 +190,7 @@ def test_a_capture_is_downloaded_as_a_recording(running: Running, folder: Path, 
     assert not source.damage
 
 
-def test_what_others_made_is_handed_over_with_what_was_changed_about_it(running: Running, folder: Path) -> None:
+def test_what_others_made_is_handed_over_with_what_was_changed_about_it(running: InProcessServer, folder: Path) -> None:
     """A table has no place for a title, tags, markers; they went lost with the download."""
     table = "time (s),acc.x (m/s²)\n" + "".join(f"{1.76e9 + n / 100:.2f},{n}\n" for n in range(50))
     (folder / "table.csv").write_text(table, encoding="utf-8-sig")
@@ -232,7 +234,7 @@ def test_what_others_made_is_handed_over_with_what_was_changed_about_it(running:
     assert rows.columns["acc.x"][0].tolist() == list(range(50))
 
 
-def test_an_export_is_a_job_whose_file_is_fetched(running: Running, folder: Path) -> None:
+def test_an_export_is_a_job_whose_file_is_fetched(running: InProcessServer, folder: Path) -> None:
     drive(folder / "a.mcap", seconds=1.0)
     begun = running.client.post(f"{URL}/a/exports", json={"format": "csv"})
     assert begun.status_code == 202
@@ -246,7 +248,7 @@ def test_an_export_is_a_job_whose_file_is_fetched(running: Running, folder: Path
     assert not [path for path in (folder.parent / "exports").rglob("*") if path.is_file()]
 
 
-def test_sizes_of_exports_are_measured_before_anything_is_exported(running: Running, folder: Path) -> None:
+def test_sizes_of_exports_are_measured_before_anything_is_exported(running: InProcessServer, folder: Path) -> None:
     drive(folder / "a.mcap", seconds=1.0)
     told = running.client.post(f"{URL}/a/export-sizes", json={}).json()
     done = finished(running, running.client.post(f"{URL}/a/exports", json={"format": "csv"}).json()["id"])
@@ -261,7 +263,7 @@ def test_sizes_of_exports_are_measured_before_anything_is_exported(running: Runn
     assert_problem(running.client.post(f"{URL}/a/export-sizes", json={"t0": 2.0, "t1": 1.0}), 422)
 
 
-def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: Running, folder: Path) -> None:
+def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: InProcessServer, folder: Path) -> None:
     (folder / "t.csv").write_text("time,x\n1760000000,1\n1760000001,2\n")
     drive(folder / "a.mcap", seconds=1.0)
     failed = finished(running, running.client.post(f"{URL}/t/exports", json={"format": "mtb"}).json()["id"])
@@ -272,7 +274,7 @@ def test_several_files_are_one_zip_and_what_cannot_be_is_told(running: Running, 
     assert done["file"] == "t_t.csv"
 
 
-def test_a_cancelled_export_leaves_nothing(running: Running, folder: Path) -> None:
+def test_a_cancelled_export_leaves_nothing(running: InProcessServer, folder: Path) -> None:
     drive(folder / "a.mcap", seconds=2.0)
     jobs = [running.client.post(f"{URL}/a/exports", json={"format": "mcap"}).json()["id"] for _ in range(2)]
     for job in jobs:
@@ -297,7 +299,7 @@ def test_a_zip_holds_the_files_of_an_export(tmp_path: Path) -> None:
 def test_what_was_recorded_here_shows_its_motion_without_being_opened(folder: Path) -> None:
     """A file that a killed server left unpacked is packed at the next start, and looked at."""
     drive(folder / "a.mcap", seconds=2.0)
-    with Running(Config(data=folder.parent, sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(data=folder.parent, sources=("/dev/one",)), open_link) as running:
         running.client.timeout = 60
         ends = time.monotonic() + 120
         while not (info := listed(running)[0])["thumbnail"] and time.monotonic() < ends:

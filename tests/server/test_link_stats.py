@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.devices.link_stats import FRESH_S, Meter
+from server.devices.link_stats import FRESH_S, RateMeter
 
 
 @given(st.sampled_from([50, 100, 400, 2000]), st.sampled_from([1, 4, 16, 64]), st.floats(0, 0.05))
 def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, asked_after: float) -> None:
     """Samples of an even stream that come in bursts: the reading is off by no more than one sample in the window."""
-    meter = Meter()
+    meter = RateMeter()
     sent = 0
     arrivals = [k * burst_ms / 1e3 for k in range(1, 3000 // burst_ms)]
     for arrival in arrivals:
@@ -24,14 +24,14 @@ def test_a_rate_is_true_for_any_burst(rate: int, burst_ms: int, asked_after: flo
 
 
 def test_what_comes_once_a_second_reads_one() -> None:
-    meter = Meter()
+    meter = RateMeter()
     for second in range(5):
         meter.add(1, float(second))
     assert [meter.rate(4.0 + later) for later in (0.0, 0.5, 0.99)] == [pytest.approx(1.0)] * 3
 
 
 def test_a_rate_is_zero_soon_after_the_last_arrival() -> None:
-    meter = Meter()
+    meter = RateMeter()
     assert meter.rate(0.0) == 0
     for k in range(1000):
         meter.add(1, k / 100)

@@ -17,13 +17,13 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Subprotocol
 
-from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S, Pace
+from server.api.websocket import REQUESTS_AT_ONCE, REQUESTS_PER_S, RequestThrottle
 from server.config import Config
 from server.wire import SUBPROTOCOL
 from tests import load_clients
 from tests.bench.serial_devices import Speakers, heard_in
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect
 
@@ -78,7 +78,7 @@ def test_a_crowd_costs_nobody_a_sample(tmp_path: Path) -> None:
 
 
 def test_who_asks_too_often_waits() -> None:
-    pace = Pace(10.0, 5.0, now=100.0)
+    pace = RequestThrottle(10.0, 5.0, now=100.0)
     assert [pace.wait(100.0) for _ in range(5)] == [0.0] * 5
     assert [pace.wait(100.0) for _ in range(3)] == [pytest.approx(0.1), pytest.approx(0.2), pytest.approx(0.3)]
     assert pace.wait(101.0) == 0.0
@@ -88,7 +88,7 @@ def test_who_asks_too_often_waits() -> None:
 
 def test_who_sends_a_flood_of_the_protocols_own_pings_is_cut_off(tmp_path: Path) -> None:
     with (
-        Running(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
+        InProcessServer(Config(sources=("/dev/one",), data=tmp_path), FakeLink) as running,
         connect(running.ws, subprotocols=[PROTOCOL]) as polite,
     ):
         assert polite.ping().wait(PATIENCE_S), "one is answered"

@@ -18,7 +18,7 @@ from server.config import Config, ConfigError, load
 from server.links.base import Link, LinkError, LinkSettings
 from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLink, sample
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect, get
 
@@ -58,7 +58,7 @@ def log() -> Iterator[Log]:
     out = io.StringIO()
     handler = logging.StreamHandler(out)
     handler.setFormatter(logging_setup.JsonFormatter([CONTROL]))
-    handler.addFilter(logging_setup.Sparse())
+    handler.addFilter(logging_setup.RateLimitFilter())
     logger = logging.getLogger("imuscope")
     before = logger.level
     logger.addHandler(handler)
@@ -69,7 +69,7 @@ def log() -> Iterator[Log]:
 
 
 def test_what_happens_to_a_device_is_told(log: Log, tmp_path: Path) -> None:
-    with Running(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
         log.until(lambda line: line["event"] == "device" and line["device"] == "1" and line["source"] == "/dev/one")
         running.call(links["/dev/one"].send, sample(1))
         log.until(lambda line: line["event"] == "link" and line.get("kind") == "live")
@@ -91,7 +91,7 @@ def test_what_happens_to_a_device_is_told(log: Log, tmp_path: Path) -> None:
 
 
 def test_browsers_come_and_go(log: Log, tmp_path: Path) -> None:
-    with Running(Config(sources=("/dev/one",), data=tmp_path), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), open_link) as running:
         with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
             socket.recv(30)
             came = log.until(lambda line: line["event"] == "client" and "is connected" in line["message"])
@@ -103,7 +103,7 @@ def test_browsers_come_and_go(log: Log, tmp_path: Path) -> None:
 
 def test_what_is_refused_is_told_without_its_token(log: Log, tmp_path: Path) -> None:
     guarded = Config(host="0.0.0.0", sources=("/dev/one",), data=tmp_path, control_token=CONTROL)
-    with Running(guarded, open_link) as running:
+    with InProcessServer(guarded, open_link) as running:
         assert running.client.get(f"/api/devices?token=nonsense-{'x' * 8}").status_code == 401
         assert running.client.get("/api/devices", headers={"host": "evil.example"}).status_code == 403
         wrong = running.client.get("/api/devices", params={"token": CONTROL}, headers={"host": f"{'c' * 12}.example"})
@@ -176,7 +176,7 @@ def test_secrets_go_wherever_they_stand() -> None:
 
 def test_what_comes_often_is_written_seldom_and_counted() -> None:
     now = 0.0
-    sparse = logging_setup.Sparse(lambda: now)
+    sparse = logging_setup.RateLimitFilter(lambda: now)
     written = [record(str(n), often="gaps") for n in range(100)]
     assert sum(sparse.filter(one) for one in written) == logging_setup.PER_PERIOD
     assert sparse.filter(record("another", often="rejects"))

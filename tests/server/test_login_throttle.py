@@ -8,7 +8,7 @@ import pytest
 
 from server.auth import Access, Guard, RefusedError
 from server.config import Config
-from server.login_throttle import ADDRESSES, MOST, UNGUESSABLE, Failures, group_of, short_tokens
+from server.login_throttle import ADDRESSES, MOST, UNGUESSABLE, LoginThrottle, client_group, short_tokens
 from tests.server.asgi_client import Answer, ask
 
 SHORT, LONG = "short-one", "a-token-that-cannot-be-guessed"
@@ -37,7 +37,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def rules(clock: Clock) -> Access:
-    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), Failures(clock))
+    return Access(Config(host="0.0.0.0", view_token=SHORT, control_token=LONG), LoginThrottle(clock))
 
 
 def test_ten_wrong_tokens_and_then_one_each_six_seconds(rules: Access, clock: Clock) -> None:
@@ -107,11 +107,11 @@ def test_where_no_token_is_needed_a_wrong_one_does_nothing() -> None:
     ],
 )
 def test_whom_an_address_stands_for(address: str, group: str) -> None:
-    assert group_of(address) == group
+    assert client_group(address) == group
 
 
 def test_memory_is_constant(clock: Clock) -> None:
-    failures = Failures(clock)
+    failures = LoginThrottle(clock)
     for n in range(3 * ADDRESSES):
         failures.count(f"10.{n >> 16}.{n >> 8 & 255}.{n & 255}")
         failures.count("192.0.2.7")  # who goes on failing is not forgotten

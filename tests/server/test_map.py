@@ -13,7 +13,7 @@ from httpx import Client
 from server.api.map_tiles import MOST_BYTES
 from server.config import Config, ConfigError, MapTiles, load
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 
 PNG = bytes.fromhex("89504e470d0a1a0a")
 
@@ -60,7 +60,7 @@ def maps() -> Iterator[Maps]:
 @pytest.fixture(scope="module")
 def client(maps: Maps) -> Iterator[Client]:
     settings = MapTiles(f"http://127.0.0.1:{maps.server_port}/{{z}}/{{x}}/{{y}}.png", "© somebody")
-    with Running(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
         yield running.client
 
 
@@ -95,14 +95,14 @@ def test_only_places_of_the_world_reach_the_tile_server(client: Client, maps: Ma
 
 
 def test_without_a_configured_server_nobody_is_asked() -> None:
-    with Running(Config(sources=("/dev/one",)), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), FakeLink) as running:
         assert running.client.get("/api/map").json() == {"tiles": False, "attribution": ""}
         assert running.client.get("/api/tiles/0/0/0").status_code == 404
 
 
 def test_a_tile_server_that_is_not_there_is_told() -> None:
     settings = MapTiles("http://127.0.0.1:1/{z}/{x}/{y}.png")
-    with Running(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
+    with InProcessServer(Config(sources=("/dev/one",), map=settings), FakeLink) as running:
         answer = running.client.get("/api/tiles/0/0/0")
         assert answer.status_code == 502
         assert answer.json()["kind"] == "tile-server"

@@ -15,11 +15,11 @@ from websockets.typing import Subprotocol
 
 from server.config import Config
 from server.links.base import Link, LinkSettings
-from server.prometheus_text import Histogram, Page
+from server.prometheus_text import Histogram, PrometheusText
 from server.version import VERSION
 from server.wire import SUBPROTOCOL
 from tests.server.fakes import FakeLink, sample
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.timeouts import PATIENCE_S, connect
 
 links: dict[str, FakeLink] = {}
@@ -31,12 +31,12 @@ def open_link(source: str, settings: LinkSettings) -> Link:
 
 
 @pytest.fixture
-def running(tmp_path: Path) -> Iterator[Running]:
-    with Running(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
+def running(tmp_path: Path) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one",), protocol="fake", data=tmp_path), open_link) as running:
         yield running
 
 
-def read(running: Running) -> dict[str, Metric]:
+def read(running: InProcessServer) -> dict[str, Metric]:
     answer = running.client.get("/metrics")
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
@@ -58,12 +58,12 @@ def value(families: dict[str, Metric], name: str, **labels: str) -> float | None
     return found[0] if found else None
 
 
-def until(running: Running, name: str, expected: float, **labels: str) -> dict[str, Metric]:
+def until(running: InProcessServer, name: str, expected: float, **labels: str) -> dict[str, Metric]:
     """The figures, as soon as one has reached a value."""
     return until_true(running, lambda families: value(families, name, **labels) == expected, f"{name} {labels}")
 
 
-def until_true(running: Running, done: Callable[[dict[str, Metric]], bool], what: str) -> dict[str, Metric]:
+def until_true(running: InProcessServer, done: Callable[[dict[str, Metric]], bool], what: str) -> dict[str, Metric]:
     deadline = time.monotonic() + PATIENCE_S
     while not done(families := read(running)):
         assert time.monotonic() < deadline, f"{what} did not come: {families}"
@@ -71,7 +71,7 @@ def until_true(running: Running, done: Callable[[dict[str, Metric]], bool], what
     return families
 
 
-def test_a_link_is_told_by_what_came_over_it(running: Running) -> None:
+def test_a_link_is_told_by_what_came_over_it(running: InProcessServer) -> None:
     data = sample(1) + sample(2) + b"???" + sample(3) + sample(7)
     running.call(links["/dev/one"].send, data)
     families = until(running, "imuscope_link_frames_total", 4, device="1", message="Sample")
@@ -90,7 +90,7 @@ def test_a_link_is_told_by_what_came_over_it(running: Running) -> None:
     assert value(families, "imuscope_events_total", kind="gap", level="fault") == 1
 
 
-def test_a_browser_is_told_by_what_it_was_sent(running: Running) -> None:
+def test_a_browser_is_told_by_what_it_was_sent(running: InProcessServer) -> None:
     assert value(read(running), "imuscope_clients") == 0
     with connect(running.ws, subprotocols=[Subprotocol(SUBPROTOCOL)]) as socket:
         socket.send(json.dumps({"op": "subscribe", "history": 0}))
@@ -118,7 +118,7 @@ def test_a_browser_is_told_by_what_it_was_sent(running: Running) -> None:
     assert value(families, "imuscope_clients_connected_total") == 1
 
 
-def test_recording_and_process(running: Running) -> None:
+def test_recording_and_process(running: InProcessServer) -> None:
     families = read(running)
     assert value(families, "imuscope_recording_running") == 0
     assert value(families, "imuscope_recording_bytes") is None
@@ -137,7 +137,7 @@ def test_recording_and_process(running: Running) -> None:
     assert value(families, "imuscope_recording_failed") == 0
 
 
-def test_names_follow_the_conventions(running: Running) -> None:
+def test_names_follow_the_conventions(running: InProcessServer) -> None:
     running.call(links["/dev/one"].send, sample(1))
     until(running, "imuscope_link_frames_total", 1, device="1")
     text = running.client.get("/metrics").text
@@ -152,7 +152,7 @@ def test_names_follow_the_conventions(running: Running) -> None:
 
 def test_beyond_this_machine_figures_need_a_token(tmp_path: Path) -> None:
     guarded = Config(host="0.0.0.0", sources=("/dev/one",), data=tmp_path, view_token="v" * 12, control_token="c" * 12)
-    with Running(guarded, open_link) as running:
+    with InProcessServer(guarded, open_link) as running:
         assert running.client.get("/metrics").status_code == 401
         assert running.client.get("/metrics", headers={"authorization": f"Bearer {'v' * 12}"}).status_code == 200
         assert running.client.get("/healthz").status_code == 200
@@ -160,7 +160,7 @@ def test_beyond_this_machine_figures_need_a_token(tmp_path: Path) -> None:
 
 def test_the_text_form() -> None:
     """What is hard to reach through the server: characters that must be escaped, numbers that are none."""
-    page = Page()
+    page = PrometheusText()
     page.family("empty", "gauge", "never seen")
     page.family("odd", "gauge", "a \\ and\na second line").add(float("nan"), what='a "b" \\ c\nd')
     page.add(None, what="unknown")

@@ -9,12 +9,12 @@ import pytest
 
 from protocols import events
 from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.column_store import Columns
-from recordings.compaction import pack
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.column_store import ColumnStore
+from recordings.compaction import compact
 from recordings.health_history import fared
 from recordings.importers import open_file
-from recordings.mcap_writer import Writer
+from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
 from server.devices import protocol_set
 from server.library.decode import decode
@@ -26,8 +26,8 @@ START = 1_760_000_000_000_000_000
 
 def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
     """Records an MTi that streams, in chunks of 10 ms, with a hole of 50 ms; the bytes that were kept."""
-    device = XbusDevice(start_ns=0)
-    writer = Writer(path, {"title": "A drive"})
+    device = XbusSimulator(start_ns=0)
+    writer = McapWriter(path, {"title": "A drive"})
     writer.device(
         "1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921600, "protocol": "xbus" if named else ""}
     )
@@ -48,7 +48,7 @@ def drive(path: Path, seconds: float = 4.0, *, named: bool = True) -> bytes:
 def test_a_recording_has_the_rows_that_its_bytes_hold(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     kept = drive(path)
-    pack(path)
+    compact(path)
     shares: list[float] = []
     store = decode(McapSource(path), tmp_path / "store", protocol_set.speech(), progress=shares.append)
     decoder = PROTOCOLS["xbus"].decoder()
@@ -110,11 +110,11 @@ def test_a_recording_that_names_no_protocol_is_recognised(tmp_path: Path) -> Non
 
 def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tmp_path: Path) -> None:
     """An IMX that is recorded from power-on counts from zero until its receiver knows the week."""
-    from protocols.isb.simulator.device import IsbDevice
+    from protocols.isb.simulator.device import IsbSimulator
 
     path = tmp_path / "a.mcap"
-    device = IsbDevice(start_ns=0)
-    writer = Writer(path, {})
+    device = IsbSimulator(start_ns=0)
+    writer = McapWriter(path, {})
     writer.device("1", {"protocol": "isb"})
     for n in range(1, 4000):
         data = device.advance(n * 10_000_000)
@@ -133,8 +133,8 @@ def test_a_clock_that_learns_the_date_within_one_drain_has_no_samples_in_1970(tm
 def test_each_loss_of_a_recording_is_an_event_of_its_own(tmp_path: Path) -> None:
     """Summed up, as a live log is, a loss would be hatched where nothing is missing."""
     path = tmp_path / "a.mcap"
-    device = XbusDevice(start_ns=0)
-    writer = Writer(path, {})
+    device = XbusSimulator(start_ns=0)
+    writer = McapWriter(path, {})
     writer.device("1", {"protocol": "xbus"})
     for n in range(1, 1000):
         data = device.advance(n * 10_000_000)
@@ -156,11 +156,11 @@ def test_it_is_shown_while_it_is_decoded(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(opening, "DRAIN_BYTES", 4096)
     path = tmp_path / "a.mcap"
     drive(path)
-    pack(path)
+    compact(path)
     seen: list[tuple[float, int, float]] = []
 
     def shown(folder: Path) -> None:
-        store = Columns(folder)
+        store = ColumnStore(folder)
         number = next(info.id for info in channels_of(store).values() if info.name == "Acceleration")
         told = store.manifest
         seen.append((told["progress"], store.rows(number), told["ended"]))
@@ -187,7 +187,7 @@ def test_a_table_of_others_is_shown_while_it_is_read(tmp_path: Path, monkeypatch
     seen: list[tuple[float, int, float]] = []
 
     def shown(folder: Path) -> None:
-        store = Columns(folder)
+        store = ColumnStore(folder)
         seen.append((store.manifest["progress"], store.rows(1), store.manifest["ended"]))
 
     store = decode(open_file(path), tmp_path / "store", protocol_set.speech(), shown=shown)
@@ -204,7 +204,7 @@ def test_an_outage_that_no_counter_tells_is_kept_from_what_was_told_live(tmp_pat
     drive(path)
     again = tmp_path / "b.mcap"
     source = McapSource(path)
-    writer = Writer(again, {"title": "A drive"})
+    writer = McapWriter(again, {"title": "A drive"})
     writer.device("1", dict(source.devices["1"].about))
     for part in source.parts():
         if part.way == "rx":

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
-from protocols.xbus.simulator.device import XbusDevice
-from server.devices.decode_options import Reading
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
+from protocols.xbus.simulator.device import XbusSimulator
+from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
@@ -20,14 +20,14 @@ from tests.server.fakes import NOW_NS, Clock, FakeLink
 
 def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -> tuple[Any, Any]:
     """A device streams, its link goes for a while, and it streams on; the gap that is told, and what health says."""
-    device: Any = {"xbus": XbusDevice(measuring=True), "idtp": IdtpDevice(), "isb": IsbDevice()}[protocol]
+    device: Any = {"xbus": XbusSimulator(measuring=True), "idtp": IdtpSimulator(), "isb": IsbSimulator()}[protocol]
     found: list[Any] = []
 
     async def run() -> None:
         clock = Clock()
         hub, link = Hub(clock), FakeLink("tcp://robot:4000", LinkSettings(now_ns=clock.now_ns))
         link.kind = "tcp"
-        session = Session("1", link, hub, speech(), Reading(protocol))
+        session = Session("1", link, hub, speech(), DecodeOptions(protocol))
         session.start()
 
         async def stream(device: Any, seconds: float) -> None:
@@ -46,7 +46,7 @@ def dropout(away_s: float, *, restarted: bool = False, protocol: str = "xbus") -
         clock.move(away_s)
         session.retry()
         await asyncio.sleep(0.001)
-        await stream(XbusDevice(measuring=True, start_ns=clock.ns - NOW_NS) if restarted else device, 1)
+        await stream(XbusSimulator(measuring=True, start_ns=clock.ns - NOW_NS) if restarted else device, 1)
         found.append(next(event for event in hub.log if event.kind == "gap"))
         found.append(session.health(clock()))
         await session.close()

@@ -15,11 +15,11 @@ from mcap.reader import make_reader
 from protocols.idtp.frames import SAFETY, build
 from protocols.isb.frames import DATA
 from protocols.isb.frames import build as isb_packet
-from recordings.column_store import Columns
-from recordings.exporters import Wish, export
+from recordings.column_store import ColumnStore
+from recordings.exporters import ExportRequest, export
 from recordings.importers import open_file
 from recordings.rrd.chunks import name_of
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.protocol_set import speech
 from server.library.decode import decode
 from tests.recordings.test_rrd import column, entities
@@ -31,7 +31,7 @@ REST = [bytes([k, 0xEE]) for k in range(COUNT)]
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory) -> Columns:
+def opened(tmp_path_factory: pytest.TempPathFactory) -> ColumnStore:
     """One device that sends a type of its own, an Imu3Acc that is too short, and an Imu3Gyr that is too long."""
     folder = tmp_path_factory.mktemp("payloads")
     frames = []
@@ -40,15 +40,17 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Columns:
             number = 3 * k + which
             frames.append(build(kind, payload, timestamp=number * 1000, sequence=number, device=7, mode=SAFETY))
     (folder / "a.bin").write_bytes(b"".join(frames))
-    return decode(open_file(folder / "a.bin", "idtp"), folder / "store", speech(), Reading("idtp"))
+    return decode(open_file(folder / "a.bin", "idtp"), folder / "store", speech(), DecodeOptions("idtp"))
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
-def test_csv_had_the_status_of_undescribed_payloads_and_none_of_their_bytes(opened: Columns, tmp_path: Path) -> None:
-    made = export("csv", Wish(opened), tmp_path / "x.csv")
+def test_csv_had_the_status_of_undescribed_payloads_and_none_of_their_bytes(
+    opened: ColumnStore, tmp_path: Path
+) -> None:
+    made = export("csv", ExportRequest(opened), tmp_path / "x.csv")
     assert sorted(path.name for path in made) == ["x_0x80.csv", "x_Imu3AccBytes.csv", "x_Imu3Gyr.csv"]
     rows = {path.name: rows_of(path) for path in made}
     assert [row["data"] for row in rows["x_0x80.csv"]] == [one.hex() for one in OWN]
@@ -58,15 +60,15 @@ def test_csv_had_the_status_of_undescribed_payloads_and_none_of_their_bytes(open
     assert [int(row["sequence"]) for row in rows["x_0x80.csv"]] == list(range(0, 3 * COUNT, 3))
 
 
-def test_parquet_has_the_bytes(opened: Columns, tmp_path: Path) -> None:
-    made = {path.name: pq.read_table(path) for path in export("parquet", Wish(opened), tmp_path / "x.parquet")}
+def test_parquet_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
+    made = {path.name: pq.read_table(path) for path in export("parquet", ExportRequest(opened), tmp_path / "x.parquet")}
     assert made["x_0x80.parquet"]["data"].to_pylist() == OWN
     assert made["x_Imu3AccBytes.parquet"]["data"].to_pylist() == SHORT
     assert made["x_Imu3Gyr.parquet"]["Imu3GyrRest"].to_pylist() == REST
 
 
-def test_mcap_has_the_bytes_as_its_schema_says(opened: Columns, tmp_path: Path) -> None:
-    (made,) = export("mcap", Wish(opened), tmp_path / "x.mcap")
+def test_mcap_has_the_bytes_as_its_schema_says(opened: ColumnStore, tmp_path: Path) -> None:
+    (made,) = export("mcap", ExportRequest(opened), tmp_path / "x.mcap")
     found: dict[str, list[bytes]] = {}
     with made.open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
@@ -78,9 +80,9 @@ def test_mcap_has_the_bytes_as_its_schema_says(opened: Columns, tmp_path: Path) 
     assert found == {"0x80/bytes": OWN, "Imu3AccBytes/bytes": SHORT, "Imu3Gyr/Imu3GyrRest/bytes": REST}
 
 
-def test_one_table_has_the_bytes(opened: Columns, tmp_path: Path) -> None:
+def test_one_table_has_the_bytes(opened: ColumnStore, tmp_path: Path) -> None:
     """A line for each sample of the fastest; of the others the last value before it."""
-    (made,) = export("csv-aligned", Wish(opened), tmp_path / "x.csv")
+    (made,) = export("csv-aligned", ExportRequest(opened), tmp_path / "x.csv")
     rows = list(csv.DictReader(made.read_text().splitlines()[1:]))
     for name in ("0x80.data", "Imu3AccBytes.data", "Imu3GyrRest"):
         (heading,) = (head for head in rows[0] if head.endswith(name))
@@ -90,20 +92,20 @@ def test_one_table_has_the_bytes(opened: Columns, tmp_path: Path) -> None:
         assert len(found) >= COUNT - 1
 
 
-def test_rerun_has_the_bytes(opened: Columns, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (made,) = export("rrd", Wish(opened, title="r.mcap"), tmp_path / "x.rrd")
+def test_rerun_has_the_bytes(opened: ColumnStore, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (made,) = export("rrd", ExportRequest(opened, title="r.mcap"), tmp_path / "x.rrd")
     assert capfd.readouterr().err == "", "Rerun warned of the dot in the name of the file"
     (found,) = [batches for path, batches in entities(made).items() if path.endswith(name_of(("0x80 bytes",)))]
     texts = [text for lists in column(found, "TextLog:text") for (text,) in lists.to_pylist()]
     assert texts == [one.hex(" ") for one in OWN]
 
 
-def test_a_part_and_chosen_channels_have_their_bytes_alone(opened: Columns, tmp_path: Path) -> None:
+def test_a_part_and_chosen_channels_have_their_bytes_alone(opened: ColumnStore, tmp_path: Path) -> None:
     wanted = tuple(info["id"] for info in opened.manifest["channels"] if info["message"] == "0x80")
-    (made,) = export("csv", Wish(opened, channels=wanted), tmp_path / "x.csv")
+    (made,) = export("csv", ExportRequest(opened, channels=wanted), tmp_path / "x.csv")
     assert [row["data"] for row in rows_of(made)] == [one.hex() for one in OWN]
     lo, hi = opened.span() or (math.nan, math.nan)
-    wish = Wish(opened, t0=lo + (hi - lo) / 2, channels=wanted)
+    wish = ExportRequest(opened, t0=lo + (hi - lo) / 2, channels=wanted)
     (made,) = export("csv", wish, tmp_path / "y.csv")
     told = [row["data"] for row in rows_of(made)]
     assert 13 <= len(told) <= 17
@@ -115,6 +117,6 @@ def test_a_data_set_without_a_public_layout_was_in_no_export(tmp_path: Path) -> 
     payloads = [bytes([k]) * 24 for k in range(20)]
     packets = [isb_packet(DATA, 250, one) for one in payloads]
     (tmp_path / "a.bin").write_bytes(b"".join(packets))
-    store = decode(open_file(tmp_path / "a.bin", "isb"), tmp_path / "store", speech(), Reading("isb"))
-    (made,) = export("csv", Wish(store), tmp_path / "x.csv")
+    store = decode(open_file(tmp_path / "a.bin", "isb"), tmp_path / "store", speech(), DecodeOptions("isb"))
+    (made,) = export("csv", ExportRequest(store), tmp_path / "x.csv")
     assert [row["data"] for row in rows_of(made)] == [one.hex() for one in payloads]

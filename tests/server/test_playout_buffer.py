@@ -7,26 +7,26 @@ import math
 import numpy as np
 import pytest
 
-from server.integrations.playout_buffer import DELAY_S, FAR_S, MESSAGES_PER_S, MOST_WAITING, OVERDUE_S, Playout
-from server.wire_codec import Samples
+from server.integrations.playout_buffer import DELAY_S, FAR_S, MESSAGES_PER_S, MOST_WAITING, OVERDUE_S, PlayoutBuffer
+from server.wire_codec import SampleFrame
 
 AHEAD = 1_000_000.0  # of the server's clock over ours
 
 
-def message(t0: float, dt: float, n: int, *, sent: float | None = None, device: float = 0.0) -> Samples:
+def message(t0: float, dt: float, n: int, *, sent: float | None = None, device: float = 0.0) -> SampleFrame:
     """Rows that say when they were measured, our time; sent with the last of them."""
     measured = t0 + dt * np.arange(n)
     arrival = measured + AHEAD
     now = AHEAD + (float(measured[-1]) if sent is None else sent)
-    return Samples(1, 0, n, 0, False, now, [arrival, arrival + device, measured])
+    return SampleFrame(1, 0, n, 0, False, now, [arrival, arrival + device, measured])
 
 
-def shown(playout: Playout, *times: float) -> list[float]:
+def shown(playout: PlayoutBuffer, *times: float) -> list[float]:
     return [row[0] for t in times if (row := playout.at(t)) is not None]
 
 
 def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
-    playout, step = Playout(), 1 / MESSAGES_PER_S
+    playout, step = PlayoutBuffer(), 1 / MESSAGES_PER_S
     late = [0.0, 0.008, 0.003, 0.010, 0.001]  # messages that lie about for a while
     messages = [message(step * i, 0.0005, round(step / 0.0005)) for i in range(60)]
     heard = [one.now - AHEAD + late[i % len(late)] for i, one in enumerate(messages)]
@@ -42,7 +42,7 @@ def test_motion_is_as_even_on_screen_as_it_was_in_the_device() -> None:
 
 
 def test_a_row_is_shown_its_delay_after_it_was_measured() -> None:
-    playout = Playout()
+    playout = PlayoutBuffer()
     playout.hear(message(10.0, 0.001, 33), 10.032)
     assert shown(playout, 10.0 + DELAY_S + 0.0105) == [pytest.approx(10.010)]
     assert playout.waits
@@ -54,17 +54,17 @@ def test_a_row_is_shown_its_delay_after_it_was_measured() -> None:
 def test_device_time_counts_where_it_is_there_and_sane() -> None:
     burst = message(10.0, 0.001, 16)
     burst.columns[0][:] = burst.columns[0][-1]  # an adapter kept them and gave all at once
-    playout = Playout()
+    playout = PlayoutBuffer()
     playout.hear(burst, 10.015)
     assert shown(playout, 10.005 + DELAY_S + 0.0001) == [pytest.approx(10.005)]
     for device in (math.nan, 2 * FAR_S, -2 * FAR_S):
-        playout = Playout()
+        playout = PlayoutBuffer()
         playout.hear(message(10.0, 0.001, 16, device=device), 10.015)
         assert shown(playout, 10.005 + DELAY_S + 0.0001) == [pytest.approx(10.005)]
 
 
 def test_what_has_a_time_that_never_comes_is_shown_all_the_same_and_memory_is_bounded() -> None:
-    playout = Playout()
+    playout = PlayoutBuffer()
     playout.hear(message(10.0, 0.001, 3), 10.002)
     playout.hear(message(99.0, 0.001, 3, sent=10.0), 10.0)
     assert shown(playout, 10.0 + OVERDUE_S - 0.01) == [pytest.approx(10.002)]

@@ -14,11 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recordings import rotations
-from recordings.column_store import Exact
+from recordings.column_store import ExactRows
 from recordings.euler import euler_columns
 from server.integrations import meshes, poses
-from server.integrations.replay_sync import Replayed
-from server.wire_codec import Samples
+from server.integrations.replay_sync import ReplayFollower
+from server.wire_codec import SampleFrame
 
 Q = rotations.Quaternion
 
@@ -30,13 +30,15 @@ def info(number: int, kind: str, title: str, names: str, unit: str = "", frame: 
     return {**about, "unit": unit, "frame": frame, "columns": columns, "group": ""}
 
 
-def samples(number: int, *rows: Sequence[float], history: bool = False, t0: float = 100.0, dt: float = 1.0) -> Samples:
+def samples(
+    number: int, *rows: Sequence[float], history: bool = False, t0: float = 100.0, dt: float = 1.0
+) -> SampleFrame:
     columns = [np.array(column, np.float64) for column in zip(*rows, strict=True)]
     time = t0 + dt * np.arange(len(rows))
-    return Samples(number, 0, len(rows), 0, history, 0.0, [time, time, *columns])
+    return SampleFrame(number, 0, len(rows), 0, history, 0.0, [time, time, *columns])
 
 
-def look(*infos: dict[str, Any]) -> poses.Look:
+def look(*infos: dict[str, Any]) -> poses.DeviceView:
     [found] = poses.looks_of([{"id": "1", "name": "MTi"}], infos)
     return found
 
@@ -232,17 +234,17 @@ class Store:
     def row_at(self, channel: int, t: float) -> int:
         return min(int(t), 9)
 
-    def exact(self, channel: int, lo: int, hi: int) -> Exact:
+    def exact(self, channel: int, lo: int, hi: int) -> ExactRows:
         t = np.arange(lo, hi, dtype=np.float64)
-        return Exact(t, t, [t] * (4 if channel == 1 else 3))
+        return ExactRows(t, t, [t] * (4 if channel == 1 else 3))
 
-    def thinned(self, channel: int, t0: float, t1: float, most: int) -> Exact:
+    def thinned(self, channel: int, t0: float, t1: float, most: int) -> ExactRows:
         return self.exact(channel, max(0, int(t0)), int(t1) + 1)
 
 
 def test_the_head_goes_on_between_two_words_of_the_page() -> None:
     clock = [0.0]
-    replayed = Replayed(Store(), lambda: clock[0])  # type: ignore[arg-type] # as much of a store as is read
+    replayed = ReplayFollower(Store(), lambda: clock[0])  # type: ignore[arg-type] # as much of a store as is read
     replayed.move(2.0, 2.0)
     first = replayed.news()
     assert first is not None

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from protocols.layouts import EncodeError
 from protocols.registry import PROTOCOLS
 from protocols.schema import Bits, Field
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from server.configuration.form_builder import field_form, forms_of, output_choices
-from server.configuration.preview import Line, Present, fit, preview_command, preview_setting
+from server.configuration.preview import DevicePresentState, Line, fit, preview_command, preview_setting
 from server.configuration.value_format import numbers, words
 from tests.server.control_harness import outputs
 
-XBUS = Present(PROTOCOLS["xbus"].driver, Known(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]
-ISB = Present(PROTOCOLS["isb"].driver, Known(product="IMX-5"), Line(921_600, 92_160.0))  # type: ignore[arg-type]
-IDTP = Present(PROTOCOLS["idtp"].driver, Known())  # type: ignore[arg-type]
+XBUS = DevicePresentState(PROTOCOLS["xbus"].driver, DeviceContext(product="MTi-680G"), Line(115_200, 11_520.0))  # type: ignore[arg-type]
+ISB = DevicePresentState(PROTOCOLS["isb"].driver, DeviceContext(product="IMX-5"), Line(921_600, 92_160.0))  # type: ignore[arg-type]
+IDTP = DevicePresentState(PROTOCOLS["idtp"].driver, DeviceContext())  # type: ignore[arg-type]
 FAMILIES = {"xbus": XBUS, "isb": ISB, "idtp": IDTP}
 
 anything = st.recursive(
@@ -128,14 +128,14 @@ def test_values_have_words() -> None:
 def test_no_two_outputs_have_one_title() -> None:
     """Two rows were called "Status"; which was which only their identifiers told."""
     for product in ("MTi-3", "MTi-300", "MTi-G-710", "MTi-630", "MTi-680G"):
-        titles = [choice.title for choice in output_choices(Known(product=product))]
+        titles = [choice.title for choice in output_choices(DeviceContext(product=product))]
         assert len(set(titles)) == len(titles), product
         assert "Status" in titles
 
 
 def test_the_ports_of_an_mti_have_names_and_profiles_have_options() -> None:
     """Ports could be removed and put in another order; a filter profile had to be typed."""
-    forms = {form.name: form for form in forms_of(XbusDriver(), "xbus", Known(product="MTi-630")).settings}
+    forms = {form.name: form for form in forms_of(XbusDriver(), "xbus", DeviceContext(product="MTi-630")).settings}
     words = forms["PortConfig"].fields[0]
     assert (words.editor, words.length, words.axes) == ("list", 3, ["RS-232", "UART", "RTCM input"])
     assert "Responsive/NorthReference" in forms["FilterProfile"].fields[0].options

@@ -11,41 +11,41 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from recordings.column_store import Buckets, Columns, ColumnsWriter, Exact, Shape
+from recordings.column_store import ChannelLayout, ColumnStore, ColumnStoreWriter, ExactRows, MinMaxBuckets
 from recordings.mcap_writer import RecordingError
 from recordings.sources import McapSource
 from server import wire, wire_codec
 from server.devices import protocol_set
 from server.library.api_models import RecordingInfo
-from server.library.column_cache import Opening, Shelf
+from server.library.column_cache import ColumnCache, DecodeJob
 from server.library.decode import decode
 from server.library.range_query import arrow_of, frame_of, json_of, live, recorded, statistics_in
 from server.library.recording_detail import channels_of, detail
-from server.streaming.channels import Piece
+from server.streaming.channels import ChannelRows
 from server.streaming.hub import Hub
 from tests.server.test_opening import drive
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Columns:
+def store(tmp_path: Path) -> ColumnStore:
     drive(tmp_path / "a.mcap", seconds=6.0)
     return decode(McapSource(tmp_path / "a.mcap"), tmp_path / "store", protocol_set.speech())
 
 
-def hub_with(store: Columns) -> tuple[Hub, dict[int, int]]:
+def hub_with(store: ColumnStore) -> tuple[Hub, dict[int, int]]:
     """A hub that was told live what the store holds; id of each channel there."""
     hub = Hub(lambda: 0.0, history_s=1e12)
     ids: dict[int, int] = {}
     for number, info in channels_of(store).items():
         ids[number] = hub.advertise(info)
         rows = store.exact(number, 0, store.rows(number))
-        hub.publish([Piece(ids[number], [rows.arrival, rows.time, *rows.columns])])
+        hub.publish([ChannelRows(ids[number], [rows.arrival, rows.time, *rows.columns])])
     return hub, ids
 
 
 @pytest.mark.parametrize("base", ["device", "arrival"])
 @pytest.mark.parametrize("width", [0, 40, 100_000])
-def test_live_and_recorded_answer_alike(store: Columns, width: int, base: str) -> None:
+def test_live_and_recorded_answer_alike(store: ColumnStore, width: int, base: str) -> None:
     hub, ids = hub_with(store)
     whole = store.span()
     assert whole is not None
@@ -54,23 +54,23 @@ def test_live_and_recorded_answer_alike(store: Columns, width: int, base: str) -
         one = recorded(store, info, t0, t1, width, base=base)  # type: ignore[arg-type]
         other = live(hub.channels[ids[number]], t0, t1, width, base=base)  # type: ignore[arg-type]
         assert type(one.rows) is type(other.rows)
-        if isinstance(one.rows, Exact) and isinstance(other.rows, Exact):
+        if isinstance(one.rows, ExactRows) and isinstance(other.rows, ExactRows):
             np.testing.assert_array_equal(one.rows.arrival, other.rows.arrival)
             for a, b in zip(one.rows.columns, other.rows.columns, strict=True):
                 np.testing.assert_array_equal(a, b)
-        if isinstance(one.rows, Buckets) and isinstance(other.rows, Buckets):
+        if isinstance(one.rows, MinMaxBuckets) and isinstance(other.rows, MinMaxBuckets):
             assert len(one.rows) <= width
             for a, b in zip(one.rows.low, other.rows.low, strict=True):
                 assert np.nanmin(a) == pytest.approx(np.nanmin(b)) or info.kind == "status"
 
 
-def test_a_frame_of_buckets_has_two_rows_each_and_is_read_by_the_pages_codec(store: Columns) -> None:
+def test_a_frame_of_buckets_has_two_rows_each_and_is_read_by_the_pages_codec(store: ColumnStore) -> None:
     whole = store.span()
     assert whole is not None
     infos = channels_of(store)
     acceleration = next(info for info in infos.values() if info.name == "Acceleration")
     answer = recorded(store, acceleration, *whole, 50)
-    assert isinstance(answer.rows, Buckets)
+    assert isinstance(answer.rows, MinMaxBuckets)
     dtypes = {acceleration.id: [column.dtype for column in acceleration.columns]}
     (samples,) = wire_codec.decode_samples(frame_of(answer), dtypes)
     assert samples.n == 2 * len(answer.rows)
@@ -79,17 +79,17 @@ def test_a_frame_of_buckets_has_two_rows_each_and_is_read_by_the_pages_codec(sto
     assert frame_of(recorded(store, acceleration, 0.0, 1.0, 50)) == b""
 
 
-def test_an_attitude_is_thinned_never_summarised(store: Columns) -> None:
+def test_an_attitude_is_thinned_never_summarised(store: ColumnStore) -> None:
     whole = store.span()
     assert whole is not None
     quaternion = next(info for info in channels_of(store).values() if info.kind == "quaternion")
     answer = recorded(store, quaternion, *whole, 20)
-    assert isinstance(answer.rows, Exact)
+    assert isinstance(answer.rows, ExactRows)
     assert len(answer.rows) <= 40
     assert np.linalg.norm(np.column_stack(answer.rows.columns), axis=1) == pytest.approx(1.0, abs=1e-5)
 
 
-def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: Columns) -> None:
+def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: ColumnStore) -> None:
     whole = store.span()
     assert whole is not None
     info = next(info for info in channels_of(store).values() if info.name == "Acceleration")
@@ -97,7 +97,7 @@ def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: Columns) ->
     table = pa.ipc.open_stream(io.BytesIO(b"".join(arrow_of(answer)))).read_all()
     assert table.column_names == ["time", "arrival", "x", "z"]
     assert table.schema.field("x").metadata == {b"unit": b"m/s\xc2\xb2"}
-    assert isinstance(answer.rows, Exact)
+    assert isinstance(answer.rows, ExactRows)
     np.testing.assert_array_equal(table["z"].to_numpy(), answer.rows.columns[1])
     body = json.loads(b"".join(json_of(answer)))
     assert body["columns"]["z"] == pytest.approx(answer.rows.columns[1].tolist())
@@ -107,7 +107,7 @@ def test_a_table_has_units_and_leads_back_from_arrow_and_json(store: Columns) ->
     assert not buckets["exact"]
 
 
-def test_flags_are_told_as_any_and_all(store: Columns) -> None:
+def test_flags_are_told_as_any_and_all(store: ColumnStore) -> None:
     whole = store.span()
     assert whole is not None
     info = next(info for info in channels_of(store).values() if info.kind == "status")
@@ -115,9 +115,9 @@ def test_flags_are_told_as_any_and_all(store: Columns) -> None:
     assert [name.rpartition("_")[2] for name in list(buckets["columns"])[2:]] == ["any", "all"]
 
 
-def test_a_detail_holds_what_the_page_needs(store: Columns) -> None:
+def test_a_detail_holds_what_the_page_needs(store: ColumnStore) -> None:
     info = RecordingInfo("a", "A drive", "a.mcap", "mcap", 1, None, None, [])
-    told = wire_codec.plain(detail(info, store))
+    told = wire_codec.to_json_safe(detail(info, store))
     json.dumps(told, allow_nan=False)
     assert told["t1"] > told["t0"]
     assert {channel["name"] for channel in told["channels"]} >= {"Acceleration", "EulerAngles"}
@@ -129,14 +129,14 @@ def test_a_detail_holds_what_the_page_needs(store: Columns) -> None:
 # -- the shelf ---------------------------------------------------------------------------------------------------------
 
 
-def shelf_in(folder: Path) -> Shelf:
+def shelf_in(folder: Path) -> ColumnCache:
     def path_of(name: str) -> Path:
         path = folder / f"{name}.mcap"
         if not path.exists():
             raise KeyError(name)
         return path
 
-    return Shelf(folder / "data", path_of)
+    return ColumnCache(folder / "data", path_of)
 
 
 def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
 
     async def run() -> None:
         shelf = shelf_in(tmp_path)
-        assert isinstance(shelf.open("a"), Opening)
+        assert isinstance(shelf.open("a"), DecodeJob)
         first = await shelf.opened("a")
         assert shelf.open("a") is first
         assert shelf_in(tmp_path).peek("a") is not None  # it outlives the server
@@ -152,7 +152,7 @@ def test_a_recording_is_decoded_once_aside_and_again_when_it_changed(tmp_path: P
         drive(tmp_path / "a.mcap", seconds=1.0)
         await shelf.prepare()  # somebody looks at the library: a process waits for what comes now
         opening = shelf.open("a")
-        assert isinstance(opening, Opening)
+        assert isinstance(opening, DecodeJob)
         opening.partial = first
         assert await shelf.so_far("a") is first  # what is there while the rest is decoded
         again = await shelf.opened("a")
@@ -192,7 +192,7 @@ def test_what_cannot_be_opened_is_told_in_a_sentence(tmp_path: Path) -> None:
     asyncio.run(run())
 
 
-def test_channel_descriptions_survive_the_manifest(store: Columns) -> None:
+def test_channel_descriptions_survive_the_manifest(store: ColumnStore) -> None:
     for info in channels_of(store).values():
         assert isinstance(info, wire.ChannelInfo)
         assert all(isinstance(bit, wire.BitsInfo) for column in info.columns for bit in column.bits)
@@ -200,8 +200,8 @@ def test_channel_descriptions_survive_the_manifest(store: Columns) -> None:
 
 def test_the_mean_of_a_recorded_heading_was_taken_along_the_line(tmp_path: Path) -> None:
     """Half of its samples stand at 175°, half at −175°: the mean is 180°, not 0°."""
-    writer = ColumnsWriter(tmp_path / "store")
-    writer.channel(1, Shape(("f8", "f8"), (False, False)))
+    writer = ColumnStoreWriter(tmp_path / "store")
+    writer.channel(1, ChannelLayout(("f8", "f8"), (False, False)))
     times = np.arange(100.0)
     yaw = np.where(times % 2, 175.0, -175.0)
     writer.append(1, [times, times, yaw, yaw])

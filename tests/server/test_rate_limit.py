@@ -9,7 +9,7 @@ from typing import Any
 
 from starlette.types import Receive, Scope, Send
 
-from server.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, Turnstile
+from server.rate_limit import ADDRESSES, AT_ONCE, IN_A_PASS, PER_S, READING, WAITING, RateLimiter
 
 ONE = "/api/recordings/20261121T044324Z"
 
@@ -27,7 +27,7 @@ async def hello(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 async def ask(
-    turnstile: Turnstile, path: str = "/api/devices", client: str = "192.0.2.1"
+    turnstile: RateLimiter, path: str = "/api/devices", client: str = "192.0.2.1"
 ) -> tuple[int, dict[str, Any]]:
     """Status and headers with the body."""
     said: list[Any] = []
@@ -44,7 +44,7 @@ async def ask(
     return said[0]["status"], {**headers, **json.loads(said[1]["body"] or b"{}")}
 
 
-def statuses(turnstile: Turnstile, times: int, **asked: str) -> list[int]:
+def statuses(turnstile: RateLimiter, times: int, **asked: str) -> list[int]:
     async def all_of_them() -> list[int]:
         return [(await ask(turnstile, **asked))[0] for _ in range(times)]
 
@@ -53,7 +53,7 @@ def statuses(turnstile: Turnstile, times: int, **asked: str) -> list[int]:
 
 def test_a_flood_is_answered_so_often_and_told_to_be_slower() -> None:
     clock = Clock()
-    turnstile = Turnstile(hello, clock)
+    turnstile = RateLimiter(hello, clock)
     most = int(AT_ONCE)
     assert statuses(turnstile, most + 50) == [200] * most + [429] * 50
     status, told = asyncio.run(ask(turnstile))
@@ -67,7 +67,7 @@ def test_a_flood_is_answered_so_often_and_told_to_be_slower() -> None:
 
 
 def test_memory_is_bounded() -> None:
-    turnstile = Turnstile(hello, Clock())
+    turnstile = RateLimiter(hello, Clock())
     for n in range(2 * ADDRESSES):
         turnstile.take(f"10.0.{n >> 8}.{n & 255}")
     assert len(turnstile._left) == ADDRESSES
@@ -83,7 +83,7 @@ def test_requests_that_come_at_once_do_not_hold_up_who_watches() -> None:
             begun.append(scope["path"])
             await hello(scope, receive, send)
 
-        turnstile = Turnstile(noted, Clock())
+        turnstile = RateLimiter(noted, Clock())
         asked = [asyncio.create_task(ask(turnstile)) for _ in range(100)]
         before = 0
         while len(begun) < len(asked):
@@ -96,7 +96,7 @@ def test_requests_that_come_at_once_do_not_hold_up_who_watches() -> None:
     asyncio.run(check())
 
 
-def reading(turn: Callable[[Turnstile, asyncio.Event, list[str]], Any]) -> None:
+def reading(turn: Callable[[RateLimiter, asyncio.Event, list[str]], Any]) -> None:
     async def run() -> None:
         let, reads = asyncio.Event(), list[str]()
 
@@ -105,13 +105,13 @@ def reading(turn: Callable[[Turnstile, asyncio.Event, list[str]], Any]) -> None:
             await let.wait()
             await hello(scope, receive, send)
 
-        await turn(Turnstile(slow), let, reads)
+        await turn(RateLimiter(slow), let, reads)
 
     asyncio.run(run())
 
 
 def test_readings_of_one_address_take_turns() -> None:
-    async def turn(turnstile: Turnstile, let: asyncio.Event, reads: list[str]) -> None:
+    async def turn(turnstile: RateLimiter, let: asyncio.Event, reads: list[str]) -> None:
         asked = [asyncio.create_task(ask(turnstile, f"{ONE}/window")) for _ in range(READING + WAITING)]
         await asyncio.sleep(0)
         assert len(reads) == READING

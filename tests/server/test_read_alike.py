@@ -11,9 +11,9 @@ import pytest
 from protocols.idtp.custom_payloads import parse, written
 from protocols.idtp.frames import SAFETY, SECURE, build
 from recordings.importers import open_file
-from server.devices.decode_options import Reading, reading, recorded, words_of
+from server.devices.decode_options import DecodeOptions, reading, recorded, words_of
 from server.devices.protocol_set import speech
-from server.library.column_cache import Shelf
+from server.library.column_cache import ColumnCache
 from server.library.decode import decode
 from tests.server_process import imuscope
 
@@ -36,7 +36,7 @@ name = "Steering"
 type = "f32"
 bias = 1.5
 """
-SAID = Reading(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
+SAID = DecodeOptions(schema=parse(SCHEMA), time_unit="ms", rotation="body_from_enu")
 
 
 def capture(folder: Path, mode: int = SAFETY) -> Path:
@@ -52,40 +52,40 @@ def test_a_schema_is_written_as_it_is_read() -> None:
 
 
 def test_what_another_process_is_told_says_the_same() -> None:
-    said = Reading("idtp", KEY, 1, True, True, parse(SCHEMA), "ms", "body_from_enu")
+    said = DecodeOptions("idtp", KEY, 1, True, True, parse(SCHEMA), "ms", "body_from_enu")
     assert reading("idtp", **words_of(said)) == said
 
 
 def test_who_is_heard_first() -> None:
     """A person who speaks of this file, then the recording, then what is usual here."""
     about: dict[str, Any] = {"time_unit": "s", "rotation": "nonsense"}
-    assert recorded(Reading(), about, SAID).time_unit == "ms", "nothing of a recording that makes no sense"
-    assert recorded(Reading(), {"time_unit": "s"}, SAID).time_unit == "s"
-    assert recorded(Reading(time_unit="us"), {"time_unit": "s"}, SAID).time_unit == "us"
-    assert recorded(Reading(key=b"own"), {}, Reading(key=b"usual")).key == b"own"
+    assert recorded(DecodeOptions(), about, SAID).time_unit == "ms", "nothing of a recording that makes no sense"
+    assert recorded(DecodeOptions(), {"time_unit": "s"}, SAID).time_unit == "s"
+    assert recorded(DecodeOptions(time_unit="us"), {"time_unit": "s"}, SAID).time_unit == "us"
+    assert recorded(DecodeOptions(key=b"own"), {}, DecodeOptions(key=b"usual")).key == b"own"
 
 
 def test_a_dropped_capture_had_only_the_key_of_the_server(tmp_path: Path) -> None:
     source = open_file(capture(tmp_path), "idtp")
-    columns = decode(source, tmp_path / "store", speech(), Reading(), usual=SAID)
+    columns = decode(source, tmp_path / "store", speech(), DecodeOptions(), usual=SAID)
     assert {info["name"] for info in columns.manifest["channels"]} == {"Speed", "Steering", "WheelsStatus"}
-    columns = decode(source, tmp_path / "other", speech(), Reading())
+    columns = decode(source, tmp_path / "other", speech(), DecodeOptions())
     assert {info["name"] for info in columns.manifest["channels"]} == {"0x80Status"}
 
 
 def test_the_shelf_tells_its_process(tmp_path: Path) -> None:
     capture(tmp_path, SECURE)
-    told = Reading(key=KEY, schema=SAID.schema)
+    told = DecodeOptions(key=KEY, schema=SAID.schema)
 
-    async def names(usual: Reading) -> set[str]:
-        shelf = Shelf(tmp_path / "data", lambda name: tmp_path / f"{name}.bin", usual)
+    async def names(usual: DecodeOptions) -> set[str]:
+        shelf = ColumnCache(tmp_path / "data", lambda name: tmp_path / f"{name}.bin", usual)
         try:
             return {info["name"] for info in (await shelf.opened("a")).manifest["channels"]}
         finally:
             await shelf.close()
 
     assert asyncio.run(names(told)) == {"Speed", "Steering", "WheelsStatus"}
-    assert asyncio.run(names(Reading())) == set(), "read in another way it is another store"
+    assert asyncio.run(names(DecodeOptions())) == set(), "read in another way it is another store"
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from recordings.compaction import is_loose
+from recordings.compaction import is_uncompacted
 from recordings.importers import open_file
-from recordings.mcap_reader import Recording
+from recordings.mcap_reader import McapReader
 from server.commands.record import amount
-from tests.server.tcp_device import Line
+from tests.server.tcp_device import TcpDevice
 from tests.server.test_recorder import chunks
 from tests.server_process import begun, imuscope
 from tests.timeouts import PATIENCE_S
@@ -26,7 +26,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_came_in_its_time_is_in_the_file(tmp_path: Path, data: Path) -> None:
     path = tmp_path / "drive.mcap"
-    with Line(500) as line:
+    with TcpDevice(500) as line:
         done = imuscope("record", line.source, "-o", str(path), "--duration", "1", "--data", str(data))
         assert done.returncode == 0, done.stderr
         found = chunks(path, "rx/1")
@@ -35,17 +35,17 @@ def test_what_came_in_its_time_is_in_the_file(tmp_path: Path, data: Path) -> Non
     assert done.stdout.startswith(f"{path}: ")
     assert " of Xsens" in done.stdout
     assert "\r" not in done.stderr  # no line that changes where nobody looks
-    assert not is_loose(path)
+    assert not is_uncompacted(path)
     source = open_file(path)
     assert source.devices["1"].protocol == "xbus"
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert not recording.damage
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: signal.Signals) -> None:
     path = tmp_path / "drive.mcap"
-    with Line(500) as line:
+    with TcpDevice(500) as line:
         process = begun("record", line.source, "-o", str(path), "--data", str(data), apart=True)
         end = time.monotonic() + PATIENCE_S
         while not (path.exists() and path.stat().st_size > 20_000):
@@ -57,14 +57,14 @@ def test_ended_by_hand_the_file_is_whole(tmp_path: Path, data: Path, number: sig
         assert process.returncode == 0, problem
         assert line.sent.startswith(chunks(path, "rx/1"))
     assert said.startswith(str(path))
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         assert recording.whole
         assert recording.chunks
 
 
 def test_a_file_that_is_played_ends_the_recording(tmp_path: Path, data: Path) -> None:
     capture = tmp_path / "capture.bin"
-    with Line(2000) as line:
+    with TcpDevice(2000) as line:
         imuscope("record", line.source, "-o", str(tmp_path / "first.mcap"), "--duration", "0.5", "--data", str(data))
     capture.write_bytes(chunks(tmp_path / "first.mcap", "rx/1"))
     done = imuscope("record", f"{capture}?speed=10", "-o", str(tmp_path / "second.mcap"), "--data", str(data))

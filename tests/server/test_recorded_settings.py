@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from recordings.mcap_reader import Recording, json_messages
+from recordings.mcap_reader import McapReader, json_messages
 from server import wire_codec
 from server.library.recorded_settings import settings_of
-from server.library.recorder import Plan
+from server.library.recorder import RecordingOptions
 from tests.server.control_harness import outputs, until
 from tests.server.test_recorder import chunks, in_a_loop, recorder
 
@@ -100,18 +100,18 @@ async def test_a_device_that_does_not_answer_is_recorded_all_the_same(tmp_path: 
 
 @in_a_loop
 async def test_settings_that_are_known_are_in_the_recording_and_those_read_later_too(tmp_path: Path) -> None:
-    async with recorder(tmp_path, Plan(tmp_path / "recordings", ask_head=False)) as (made, one):
+    async with recorder(tmp_path, RecordingOptions(tmp_path / "recordings", ask_head=False)) as (made, one):
         desk = await made.add("twin:xbus")
         await made.read(desk)
         state = await one.start()
         path = tmp_path / "recordings" / f"{state.id}.mcap"
         await until(lambda: one.state.behind_s == 0, "it is written")
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             ((_, body),) = json_messages(recording, "snapshot/1")
-        assert body["values"] == json.loads(json.dumps(wire_codec.plain(desk.values)))
+        assert body["values"] == json.loads(json.dumps(wire_codec.to_json_safe(desk.values)))
         assert body["serial_number"] == "0080800001"
         await made.apply(desk, {"OutputConfiguration": outputs(200)})
         await one.stop()
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             bodies = [body for _, body in json_messages(recording, "snapshot/1")]
         assert bodies[-1]["values"]["OutputConfiguration"] == outputs(200)

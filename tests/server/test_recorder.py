@@ -19,22 +19,22 @@ import pytest
 from httpx import Client
 from mcap.reader import make_reader
 
-from recordings.compaction import is_loose, pack
+from recordings.compaction import compact, is_uncompacted
 from recordings.file_names import free_path, slug
-from recordings.mcap_reader import Recording, json_messages
-from recordings.mcap_writer import RecordingError, Writer, _Whole
+from recordings.mcap_reader import McapReader, json_messages
+from recordings.mcap_writer import AtomicRecordFile, McapWriter, RecordingError
 from recordings.recording_writer import Limits
 from recordings.sources import McapSource
 from server.config import Config
 from server.library.api_models import Mark
-from server.library.compaction_worker import Packer, left_behind
-from server.library.recorder import Plan, Recorder, RecorderError
+from server.library.compaction_worker import CompactionWorker, left_behind
+from server.library.recorder import Recorder, RecorderError, RecordingOptions
 from server.links.base import Link, LinkSettings
 from server.wire import RecorderState
-from tests.server.control_harness import House, house, until
+from tests.server.control_harness import ControlHarness, house, until
 from tests.server.fakes import FakeLink, sample
-from tests.server.in_process_server import Running
-from tests.server.tcp_device import Line
+from tests.server.in_process_server import InProcessServer
+from tests.server.tcp_device import TcpDevice
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 
@@ -43,7 +43,7 @@ LOST_S = 0.020  # what a killed server may lose
 
 def chunks(path: Path, topic: str) -> bytes:
     """All bytes of a channel, one after the other."""
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         found = []
         for block in recording.blocks():
             channel = recording.topic(topic)
@@ -53,7 +53,7 @@ def chunks(path: Path, topic: str) -> bytes:
 
 
 def notes(path: Path) -> list[dict[str, Any]]:
-    with Recording(path) as recording:
+    with McapReader(path) as recording:
         return [dict(body) for _, body in json_messages(recording, "notes")]
 
 
@@ -87,16 +87,16 @@ def links() -> Links:
 
 
 @pytest.fixture
-def running(tmp_path: Path, links: Links) -> Iterator[Running]:
-    with Running(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links) as running:
+def running(tmp_path: Path, links: Links) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(sources=("/dev/one", "/dev/two"), data=tmp_path), links) as running:
         yield running
 
 
-def send(running: Running, links: Links, source: str, data: bytes) -> None:
+def send(running: InProcessServer, links: Links, source: str, data: bytes) -> None:
     running.call(links.made[source].send, data)
 
 
-def settled(running: Running) -> RecorderState:
+def settled(running: InProcessServer) -> RecorderState:
     """The state when all that waited has been written."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
@@ -107,7 +107,9 @@ def settled(running: Running) -> RecorderState:
     raise AssertionError("the recorder does not come to an end")
 
 
-def test_what_comes_between_start_and_stop_is_in_the_file(running: Running, links: Links, tmp_path: Path) -> None:
+def test_what_comes_between_start_and_stop_is_in_the_file(
+    running: InProcessServer, links: Links, tmp_path: Path
+) -> None:
     send(running, links, "/dev/one", sample(1))
     assert running.client.get("/api/recorder").json()["running"] is False
     began = running.client.post("/api/recordings/start", json={"title": "Test drive"}).json()
@@ -145,7 +147,9 @@ def test_what_comes_between_start_and_stop_is_in_the_file(running: Running, link
     assert sorted(channel.topic for channel in summary.channels.values())[-2:] == ["rx/1", "rx/2"]
 
 
-def test_chosen_devices_only_and_all_with_those_that_come_later(running: Running, links: Links, tmp_path: Path) -> None:
+def test_chosen_devices_only_and_all_with_those_that_come_later(
+    running: InProcessServer, links: Links, tmp_path: Path
+) -> None:
     state = running.client.post("/api/recordings/start", json={"devices": ["2"]}).json()
     assert state["devices"] == ["2"]
     running.client.post("/api/devices", json={"source": "/dev/three"})
@@ -166,7 +170,7 @@ def test_chosen_devices_only_and_all_with_those_that_come_later(running: Running
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "rx/4") == sample(9)
 
 
-def test_a_recording_is_called_after_devices_that_were_heard(running: Running, links: Links) -> None:
+def test_a_recording_is_called_after_devices_that_were_heard(running: InProcessServer, links: Links) -> None:
     """A port on which nothing ever came stood first in its name."""
     end = time.monotonic() + PATIENCE_S
     n = 0
@@ -180,7 +184,7 @@ def test_a_recording_is_called_after_devices_that_were_heard(running: Running, l
     assert "more" not in began["id"]
 
 
-def test_what_is_sent_is_recorded_too(running: Running, links: Links, tmp_path: Path) -> None:
+def test_what_is_sent_is_recorded_too(running: InProcessServer, links: Links, tmp_path: Path) -> None:
     links.made["/dev/one"].listens = True
     running.client.post("/api/recordings/start", json={})
     assert running.loop is not None
@@ -190,7 +194,7 @@ def test_what_is_sent_is_recorded_too(running: Running, links: Links, tmp_path: 
     assert chunks(tmp_path / "recordings" / f"{ended['id']}.mcap", "tx/1") == b"hello"
 
 
-def test_wishes_that_cannot_be_met_are_refused_in_words(running: Running) -> None:
+def test_wishes_that_cannot_be_met_are_refused_in_words(running: InProcessServer) -> None:
     client = running.client
 
     def refused(response: Any, status: int, kind: str) -> None:
@@ -212,7 +216,7 @@ def test_wishes_that_cannot_be_met_are_refused_in_words(running: Running) -> Non
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, links: Links) -> None:
     (tmp_path / "recordings").write_text("a file where the folder should be")
-    with Running(Config(sources=("/dev/one",), data=tmp_path), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path), links) as running:
         response = running.client.post("/api/recordings/start", json={})
         assert response.status_code == 507
         assert response.json()["kind"] == "disk"
@@ -221,25 +225,25 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, links: Links) -> N
 
 def test_with_record_a_disk_that_fails_does_not_keep_the_server_from_starting(tmp_path: Path, links: Links) -> None:
     (tmp_path / "recordings").write_text("a file where the folder should be")
-    with Running(Config(sources=("/dev/one",), data=tmp_path, record=True), links) as running:
+    with InProcessServer(Config(sources=("/dev/one",), data=tmp_path, record=True), links) as running:
         state = running.client.get("/api/recorder").json()
         assert not state["running"]
         assert state["message"]
 
 
 def test_a_full_disk_ends_the_recording_with_a_message(
-    running: Running, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    running: InProcessServer, links: Links, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     running.client.post("/api/recordings/start", json={})
     send(running, links, "/dev/one", sample(1))
     time.sleep(0.1)
     settled(running)
 
-    def full(file: _Whole, records: list[bytes]) -> None:
+    def full(file: AtomicRecordFile, records: list[bytes]) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(_Whole, "write", full)
+        patch.setattr(AtomicRecordFile, "write", full)
         send(running, links, "/dev/one", sample(2))
         end = time.monotonic() + PATIENCE_S
         while (state := running.client.get("/api/recorder").json())["running"]:
@@ -254,7 +258,7 @@ def test_a_full_disk_ends_the_recording_with_a_message(
 
 
 def test_a_folder_that_is_removed_ends_the_recording_with_a_message(
-    running: Running, links: Links, tmp_path: Path
+    running: InProcessServer, links: Links, tmp_path: Path
 ) -> None:
     running.client.post("/api/recordings/start", json={})
     send(running, links, "/dev/one", sample(1))
@@ -276,13 +280,13 @@ def test_over_the_quota_the_oldest_that_nobody_pinned_go(tmp_path: Path, links: 
     folder.mkdir()
     for n in range(5):
         path = folder / f"old-{n}.mcap"
-        writer = Writer(path, {})
+        writer = McapWriter(path, {})
         writer.chunk("1", "rx", os.urandom(400_000), 1)
         writer.close()
-        pack(path, edit={"pinned": "true" if n == 0 else "false"})
+        compact(path, edit={"pinned": "true" if n == 0 else "false"})
         os.utime(path, (1000 + n, 1000 + n))
     config = Config(sources=("/dev/one",), data=tmp_path, recordings_quota_gb=0.001)
-    with Running(config, links) as running:
+    with InProcessServer(config, links) as running:
         state = running.client.post("/api/recordings/start", json={}).json()
         left = sorted(path.stem for path in folder.iterdir())
         assert left == sorted(["old-0", "old-4", state["id"]])
@@ -306,10 +310,10 @@ def test_a_name_from_outside_never_becomes_a_path(tmp_path: Path) -> None:
 
 @asynccontextmanager
 async def recorder(
-    data: Path, plan: Plan | None = None, packer: Packer | None = None
-) -> AsyncIterator[tuple[House, Recorder]]:
+    data: Path, plan: RecordingOptions | None = None, packer: CompactionWorker | None = None
+) -> AsyncIterator[tuple[ControlHarness, Recorder]]:
     async with house(data) as made:
-        recorder = Recorder(made.hub, made.sessions, made.desks, plan or Plan(data / "recordings"), packer)
+        recorder = Recorder(made.hub, made.sessions, made.desks, plan or RecordingOptions(data / "recordings"), packer)
         try:
             yield made, recorder
         finally:
@@ -327,21 +331,21 @@ async def test_an_xsens_recording_holds_its_configuration_and_goes_on_measuring(
         await until(lambda: desk.session._intake.samples > samples + 10, "it measures again")  # type: ignore[union-attr]
         await one.stop()
         path = tmp_path / "recordings" / f"{state.id}.mcap"
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             about = recording.meta("device/1")
         head = bytes.fromhex(about["configuration"])
         assert head[:3] == b"\xfa\xff\x0d"
         assert head in chunks(path, "rx/1")
         assert bytes.fromhex(about["emts"])[2] == 0x91
         assert b"\xfa\xff\x0c\x00" in chunks(path, "tx/1")
-        with Recording(path) as recording:
+        with McapReader(path) as recording:
             commands = [body["text"] for _, body in json_messages(recording, "events") if body["kind"] == "command"]
         assert commands == ["GoToConfig", "ReqConfiguration", "ReqEmts", "GoToMeasurement"]
 
 
 @in_a_loop
 async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path: Path) -> None:
-    plan = Plan(tmp_path / "recordings", Limits(split_bytes=30_000))
+    plan = RecordingOptions(tmp_path / "recordings", Limits(split_bytes=30_000))
     async with recorder(tmp_path, plan) as (made, one):
         desk = await made.add("twin:xbus?rate=400")
         heard: list[bytes] = []
@@ -361,15 +365,15 @@ async def test_parts_of_a_live_recording_follow_without_a_byte_between(tmp_path:
 @in_a_loop
 async def test_a_finished_recording_is_packed_aside(tmp_path: Path) -> None:
     packed: list[Path] = []
-    async with recorder(tmp_path, packer=Packer(packed.append)) as (made, one):
+    async with recorder(tmp_path, packer=CompactionWorker(packed.append)) as (made, one):
         await made.add("twin:xbus")
         state = await one.start()
         await asyncio.sleep(0.5)
         await one.stop()
         path = tmp_path / "recordings" / f"{state.id}.mcap"
         await until(lambda: packed == [path], "it is packed")
-        assert not is_loose(path)
-        with Recording(path) as recording:
+        assert not is_uncompacted(path)
+        with McapReader(path) as recording:
             assert recording.chunks
             assert not recording.damage
 
@@ -396,7 +400,7 @@ def recorded(data: Path) -> Path:
     return path
 
 
-def flowing(server: ServerProcess, line: Line) -> None:
+def flowing(server: ServerProcess, line: TcpDevice) -> None:
     """Wait until a second of what the line sends has been recorded."""
     end = time.monotonic() + 60
     with Client(base_url=server.url, timeout=PATIENCE_S) as client:
@@ -410,7 +414,7 @@ def flowing(server: ServerProcess, line: Line) -> None:
 
 def lost_by_kill(data: Path) -> float:
     """Kill a server while it records 2000 frames/s: the age of the oldest byte that is not in its file, s."""
-    with Line(2000) as line, ServerProcess(line.source, data=data, arguments=("--record",)) as server:
+    with TcpDevice(2000) as line, ServerProcess(line.source, data=data, arguments=("--record",)) as server:
         flowing(server, line)
         killed = time.monotonic()
         os.kill(server.process.pid, signal.SIGKILL)
@@ -429,7 +433,7 @@ def test_a_killed_server_loses_at_most_the_last_20_ms(tmp_path: Path) -> None:
 
 
 def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Path) -> None:
-    with Line(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
+    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
         flowing(server, line)
         os.kill(server.process.pid, signal.SIGKILL)
         server.process.wait()
@@ -439,7 +443,7 @@ def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Pat
     (tmp_path / "recordings" / f".{path.name}.packing").write_bytes(b"left by a packing that was killed")
     with ServerProcess("twin:isb", data=tmp_path):
         end = time.monotonic() + 60
-        while is_loose(path):
+        while is_uncompacted(path):
             assert time.monotonic() < end
             time.sleep(0.1)
     assert chunks(path, "rx/1") == before
@@ -447,12 +451,12 @@ def test_a_recording_left_by_a_killed_server_is_packed_by_the_next(tmp_path: Pat
 
 
 def test_a_server_that_is_asked_to_end_finishes_the_file(tmp_path: Path) -> None:
-    with Line(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
+    with TcpDevice(500) as line, ServerProcess(line.source, data=tmp_path, arguments=("--record",)) as server:
         flowing(server, line)
         server.process.terminate()
         assert server.process.wait(PATIENCE_S) in (0, -signal.SIGTERM)
         found = chunks(recorded(tmp_path), "rx/1")
         assert line.sent.startswith(found)
         assert len(found) > 100_000
-    with Recording(recorded(tmp_path)) as recording:
+    with McapReader(recorded(tmp_path)) as recording:
         assert recording.whole

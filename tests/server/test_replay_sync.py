@@ -12,9 +12,9 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
-from protocols.isb.simulator.device import IsbDevice
-from recordings.compaction import pack
-from recordings.mcap_writer import Writer
+from protocols.isb.simulator.device import IsbSimulator
+from recordings.compaction import compact
+from recordings.mcap_writer import McapWriter
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connecting
 from tests.viser_client import looking, turns
@@ -26,13 +26,13 @@ STARTED = 1.76e9  # unix s
 def recorded(tmp_path: Path) -> Iterator[ServerProcess]:
     """A server whose library holds four seconds of a device that turns."""
     (tmp_path / "recordings").mkdir()
-    writer, device = Writer(tmp_path / "recordings" / "turn.mcap", {"title": "a turn"}), IsbDevice(start_ns=0)
+    writer, device = McapWriter(tmp_path / "recordings" / "turn.mcap", {"title": "a turn"}), IsbSimulator(start_ns=0)
     writer.device("1", {"source": "/dev/ttyUSB0", "link": "serial", "baud": 921_600, "protocol": "isb"})
     for step in range(1, 400):
         if data := device.advance(step * 10_000_000):
             writer.chunk("1", "rx", data, round(STARTED * 1e9) + step * 10_000_000)
     writer.close()
-    pack(tmp_path / "recordings" / "turn.mcap")
+    compact(tmp_path / "recordings" / "turn.mcap")
     with ServerProcess("twin:isb", data=tmp_path) as server:
         yield server
 

@@ -27,10 +27,10 @@ from websockets.exceptions import ConnectionClosed
 from recordings.rrd.chunks import name_of
 from server import wire
 from server.integrations.proxy import ViewError
-from server.integrations.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, Feed, Viewer
-from server.streaming.channels import Piece
+from server.integrations.rerun import AHEAD, KEPT_BYTES, MOST_LIVE, PAST_BYTES, RerunFeed, RerunViewer
+from server.streaming.channels import ChannelRows
 from server.streaming.hub import Hub
-from server.wire_codec import Samples
+from server.wire_codec import SampleFrame
 from tests.recordings.test_rrd import entities, numbers
 from tests.server.test_opening import drive
 from tests.server_process import ROOT, ServerProcess, imuscope
@@ -165,7 +165,7 @@ def test_a_stream_of_a_device_that_is_not_there_is_refused_in_words(running: Ser
 
 def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() -> None:
     async def look() -> None:
-        viewer = Viewer()
+        viewer = RerunViewer()
         viewer.still.append(b"still")
         for n in range(MOST_LIVE + 5):
             viewer.offer(float(n + 1), b"live %d" % n)
@@ -185,7 +185,7 @@ def test_a_viewer_that_does_not_keep_up_loses_the_oldest_and_is_told_how_many() 
 
 def test_a_viewer_is_not_sent_ahead_of_what_it_has_taken() -> None:
     async def look() -> None:
-        viewer = Viewer()
+        viewer = RerunViewer()
         for n in range(10):
             viewer.offer(1.0, b"%d" % n)
         for _ in range(AHEAD):
@@ -211,7 +211,7 @@ def batch(newest: float, data: bytes, *, still: bool = False, past: bool = False
 
 def test_who_comes_late_gets_the_newest_first_and_what_is_kept_is_bounded() -> None:
     async def look() -> None:
-        feed = Feed(Hub(lambda: 100.0))
+        feed = RerunFeed(Hub(lambda: 100.0))
         feed._told(batch(0.0, b"still", still=True))
         for n in range(40):
             feed._told(batch(n + 1.0, b"%02d" % n + bytes(1 << 20)))
@@ -258,14 +258,14 @@ def test_a_live_stream_is_columns_of_at_most_sixty_batches_a_second(
     told = Said(
         [{"id": "d", "name": "D"}], {7: info | {"kind": "vector", "unit": "m/s²", "frame": "", "columns": columns}}
     )
-    feed = rerun_worker.Feed(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
+    feed = rerun_worker.RerunBatcher(told, {"device": "", "connect": ""})  # type: ignore[arg-type]
     feed.lay_out()
     sent = 0
     for tick in range(180):
         clock.now = 50.0 + tick / 60
         n = rate * (tick + 1) // 60 - sent
         at = np.arange(sent, sent + n) / rate
-        feed.take([Samples(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
+        feed.take([SampleFrame(7, sent, n, 0, False, 0.0, [at, at, at, at, at])])
         sent += n
     live = [words for words in told.batches if words["op"] == "batch" and not words["still"]]
     assert 30 <= len(live) <= 3 * 60
@@ -341,14 +341,14 @@ def test_a_viewer_elsewhere_that_takes_nothing_costs_no_memory_and_is_told() -> 
         hub.set_device(wire.DeviceInfo("1", "D", "twin:xbus", "twin", "live"))
         columns = [wire.ColumnInfo(name, "f8", axis=name) for name in "xyz"]
         channel = hub.advertise(wire.ChannelInfo(0, "1", "M", "a", "Acceleration", "vector", "m/s²", "", columns))
-        elsewhere = rerun_remote.Elsewhere(hub, address, again_s=0.1, stuck_s=1.0)
+        elsewhere = rerun_remote.RemoteRerun(hub, address, again_s=0.1, stuck_s=1.0)
         elsewhere.start()
         highest, pids = 0, set[int]()
         try:
             async with asyncio.timeout(120):
                 while len(pids) < 2:  # until it is begun again
                     at = now() - np.arange(2000, 0, -1) / 2000 * 0.02
-                    hub.publish([Piece(channel, [at, at, at, at, at])])
+                    hub.publish([ChannelRows(channel, [at, at, at, at, at])])
                     hub.request_flush()
                     await asyncio.sleep(0.02)  # fifty times what a device sends
                     if elsewhere.pid is not None:

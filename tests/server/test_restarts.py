@@ -16,23 +16,25 @@ from protocols.idtp.frames import LITE, SAFETY, SECURE, build
 from server.cli import main
 from server.config import Config
 from server.devices import protocol_set
-from server.devices.decode_options import Reading
-from server.devices.sequence_store import MOST, SequenceStore, newer
+from server.devices.decode_options import DecodeOptions
+from server.devices.sequence_store import MOST, SequenceStore, check_format_version
 from server.devices.session import Session
 from server.links.base import LinkError, LinkSettings
 from server.streaming.hub import Hub
 from tests.server.control_harness import until
 from tests.server.fakes import Clock, FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 
 KEY = bytes(range(32))
-SECURELY = Reading("idtp", KEY)
+SECURELY = DecodeOptions("idtp", KEY)
 
 
 class Stage:
     """A session with the real IDTP decoder; time passes with the frames that are sent."""
 
-    def __init__(self, reading: Reading = SECURELY, store: SequenceStore | None = None, kind: str = "serial") -> None:
+    def __init__(
+        self, reading: DecodeOptions = SECURELY, store: SequenceStore | None = None, kind: str = "serial"
+    ) -> None:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
@@ -195,7 +197,7 @@ def test_a_safety_device_that_restarted_was_told_as_a_wrong_rate() -> None:
         await stage.send(*(frame(250 + k, SAFETY) for k in range(100)))
         assert stage.info.status == "live"
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
@@ -212,7 +214,7 @@ def test_refused_frames_were_told_as_damaged_on_the_wire() -> None:
         assert gap.samples == 2
         assert "damaged frame" not in gap.text
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 def test_a_forged_jump_was_counted_as_a_billion_lost_samples() -> None:
@@ -222,7 +224,7 @@ def test_a_forged_jump_was_counted_as_a_billion_lost_samples() -> None:
         assert stage.session._figures.lost == 0
         assert any("jumped ahead by 10737418" in event.text for event in stage.hub.log)
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 def test_a_missing_key_is_asked_for() -> None:
@@ -233,11 +235,11 @@ def test_a_missing_key_is_asked_for() -> None:
         await stage.send(*captured(50))
         assert (stage.info.status, stage.info.wants) == ("live", "")
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 @pytest.fixture
-def secured(tmp_path: Path) -> Iterator[tuple[Running, FakeLink]]:
+def secured(tmp_path: Path) -> Iterator[tuple[InProcessServer, FakeLink]]:
     """A server with a Secure device that restarted, and waits to be re-armed."""
     links: list[FakeLink] = []
 
@@ -246,20 +248,20 @@ def secured(tmp_path: Path) -> Iterator[tuple[Running, FakeLink]]:
         return links[-1]
 
     config = Config(sources=("/dev/one",), protocol="idtp", key=KEY.hex(), data=tmp_path)
-    with Running(config, open_link, protocol_set.speech()) as running:
+    with InProcessServer(config, open_link, protocol_set.speech()) as running:
         for sequence in (1000, 0):
             running.call(links[0].send, b"".join(captured(sequence)))
         asyncio.run(until(lambda: running.state.hub.devices["1"].rearm == ["102"], "the server says that it waits"))
         yield running, links[0]
 
 
-def samples_of(running: Running) -> int:
+def samples_of(running: InProcessServer) -> int:
     return sum(meter.total for meter in running.state.sessions.get("1")._figures.messages.values())
 
 
 @pytest.mark.parametrize("door", ["api", "command", "command for all"])
 def test_a_restarted_device_could_be_rearmed_by_nobody(
-    secured: tuple[Running, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
+    secured: tuple[InProcessServer, FakeLink], door: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The decoder knew how, and neither a route nor a command called it."""
     running, link = secured
@@ -301,7 +303,7 @@ def test_seconds_of_data_lay_on_milliseconds(unit: str, ticks: float, every: flo
         time = channel.ring.read()[1]
         assert time[-1] - time[-101] == pytest.approx(100 * every, abs=0.02 if unit != "s" else 1.1)
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
@@ -312,7 +314,7 @@ def test_a_named_unit_is_kept_and_the_contradiction_told() -> None:
         assert "contradict their arrival" in notice
         assert "time_unit=ms" in notice
 
-    play(test, lambda: Stage(Reading("idtp", time_unit="us")))
+    play(test, lambda: Stage(DecodeOptions("idtp", time_unit="us")))
 
 
 def test_a_backlog_says_nothing_of_the_unit() -> None:
@@ -324,7 +326,7 @@ def test_a_backlog_says_nothing_of_the_unit() -> None:
         assert stage.info.time_unit == ""
         assert stage.info.notices == []
 
-    play(test, lambda: Stage(Reading("idtp")))
+    play(test, lambda: Stage(DecodeOptions("idtp")))
 
 
 # -- the store ---------------------------------------------------------------------------------------------------------
@@ -350,15 +352,15 @@ def test_two_processes_keep_the_newer_number(tmp_path: Path) -> None:
     assert SequenceStore(tmp_path).recall(KEY) == {1: 500, 2: 7, 3: 9}
     assert two.forget(KEY, 1) == 1
     assert SequenceStore(tmp_path).recall(KEY) == {2: 7, 3: 9}
-    assert newer(3, 0xFFFFFFFE)
-    assert not newer(5, 5)
+    assert check_format_version(3, 0xFFFFFFFE)
+    assert not check_format_version(5, 5)
 
 
 def test_a_full_disk_takes_nothing_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("server.devices.sequence_store.durable.write", refuse)
+    monkeypatch.setattr("server.devices.sequence_store.atomic_write.write_atomic", refuse)
     store = SequenceStore(tmp_path)
     store.note(KEY, {1: 5})
     store.save()

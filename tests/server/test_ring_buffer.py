@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.streaming.ring_buffer import Ring
+from server.streaming.ring_buffer import RingBuffer
 from server.wire_codec import decode_samples
 
 DTYPES = ["f4", "f4", "u1", "i8", "u2"]
@@ -20,7 +20,7 @@ def rows(start: int, n: int) -> list[np.ndarray]:
 
 @given(st.lists(st.integers(1, 300), min_size=1, max_size=12), st.data())
 def test_what_goes_in_comes_out(sizes: list[int], data: st.DataObject) -> None:
-    ring = Ring(DTYPES)
+    ring = RingBuffer(DTYPES)
     for size in sizes:
         ring.append(rows(ring.total, size))
     assert ring.total == sum(sizes)
@@ -41,7 +41,7 @@ def test_what_goes_in_comes_out(sizes: list[int], data: st.DataObject) -> None:
 @given(st.integers(1, 5000), st.integers(0, 5000), st.integers(0, 8))
 def test_history_is_contiguous_backwards(total: int, start: int, dropped: int) -> None:
     """Each frame ends where the one before it began, until the oldest sample that is kept."""
-    ring = Ring(DTYPES)
+    ring = RingBuffer(DTYPES)
     ring.append(rows(0, total))
     for _ in range(dropped):
         ring.drop_oldest()
@@ -58,7 +58,7 @@ def test_history_is_contiguous_backwards(total: int, start: int, dropped: int) -
 
 
 def test_memory_is_bounded_by_time() -> None:
-    ring = Ring(DTYPES)
+    ring = RingBuffer(DTYPES)
     for _ in range(400):
         ring.append(rows(ring.total, 500))
         ring.drop_before(ring.total * 0.01 - 60)
@@ -68,7 +68,7 @@ def test_memory_is_bounded_by_time() -> None:
 
 
 def test_the_newest_block_always_stays() -> None:
-    ring = Ring(["f4"])
+    ring = RingBuffer(["f4"])
     ring.append([np.zeros(3)] * 3)
     ring.drop_oldest()
     ring.drop_before(1e18)
@@ -77,6 +77,6 @@ def test_the_newest_block_always_stays() -> None:
 
 @given(st.integers(1, 2000), st.floats(-1, 25))
 def test_sequence_at(total: int, arrival: float) -> None:
-    ring = Ring(DTYPES)
+    ring = RingBuffer(DTYPES)
     ring.append(rows(0, total))
     assert ring.sequence_at(arrival) == int(np.searchsorted(np.arange(total) * 0.01, arrival))

@@ -8,12 +8,15 @@ from typing import Any, cast
 import pytest
 
 from protocols.isb.driver import IsbDriver
-from protocols.transactions import Known
-from server.configuration.device_controller import Desk
-from server.configuration.risk_check import command_of
+from protocols.transactions import DeviceContext
+from server.configuration.device_controller import DeviceController
+from server.configuration.risk_check import plan_command
 
 PRESENT = SimpleNamespace(kept_by=lambda command: None)
-DESK = cast(Desk, SimpleNamespace(driver=IsbDriver(), known=Known(), values={}, unfinished={}, present=PRESENT))
+DESK = cast(
+    DeviceController,
+    SimpleNamespace(driver=IsbDriver(), known=DeviceContext(), values={}, unfinished={}, present=PRESENT),
+)
 
 
 @pytest.mark.parametrize(
@@ -28,6 +31,6 @@ def test_arguments_that_are_left_out_have_their_defaults(
     command: str, given: dict[str, Any], sent: dict[str, Any]
 ) -> None:
     """These were refused with "is missing", though the fields have defaults and the command line fills them in."""
-    values = command_of(DESK, command, given).values[command]
+    values = plan_command(DESK, command, given).values[command]
     assert {name: list(one) if isinstance(one, tuple) else one for name, one in values.items()} == sent
-    assert IsbDriver().frame(command, values, Known())
+    assert IsbDriver().frame(command, values, DeviceContext())

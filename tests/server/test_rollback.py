@@ -11,15 +11,15 @@ from typing import Any
 import pytest
 from httpx import Client
 
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from recordings import atomic_write
 from server.configuration import rollback
-from server.configuration.device_controller import Desk, DeskError
-from server.configuration.rollback import Record, Trials
+from server.configuration.device_controller import ControlError, DeviceController
+from server.configuration.rollback import RollbackRecord, RollbackStore
 from server.links.base import LinkError
-from server.links.simulator import Bench, TwinLink
+from server.links.simulator import SimulatorLink, SimulatorThread
 from server.wire import Trial
-from tests.server.control_harness import House, at_rate, bench, house, over, until
+from tests.server.control_harness import ControlHarness, at_rate, bench, house, over, until
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 
@@ -31,7 +31,7 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-async def faster(here: House, desk: Desk) -> Any:
+async def faster(here: ControlHarness, desk: DeviceController) -> Any:
     """Put 921 600 Bd on trial; the task."""
     await here.read(desk)
     new = at_rate(dict(desk.values["PortConfig"]), FAST)
@@ -73,10 +73,10 @@ def test_a_person_answers(tmp_path: Path, keep: bool) -> None:
         async with house(tmp_path, trial_s=30.0) as here:
             desk = await here.add(SOURCE)
             task = await faster(here, desk)
-            with pytest.raises(DeskError, match="No settings are on trial"):
+            with pytest.raises(ControlError, match="No settings are on trial"):
                 desk.decide(keep=True)
             await until(lambda: desk.trial is not None and desk.trial.state == "asking", "it asks")
-            with pytest.raises(DeskError, match="cannot be stopped now"):
+            with pytest.raises(ControlError, match="cannot be stopped now"):
                 await desk.drop(task.job.id)
             desk.decide(keep=keep)
             job = await over(task)
@@ -95,14 +95,14 @@ def test_a_person_answers(tmp_path: Path, keep: bool) -> None:
 def test_old_and_new_are_on_disk_before_the_first_byte(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And they are forced there: a power cut after that byte must leave a way back."""
     steps: list[str] = []
-    write = atomic_write.write
+    write = atomic_write.write_atomic
 
     def noting(path: Path, text: str) -> None:
         write(path, text)
         if path.parent.name == "trials":
             steps.append(f"disk {json.loads(text)['state']}")
 
-    monkeypatch.setattr(atomic_write, "write", noting)
+    monkeypatch.setattr(atomic_write, "write_atomic", noting)
 
     async def check() -> None:
         async with house(tmp_path, trial_s=1.0) as here:
@@ -126,7 +126,7 @@ def test_a_full_disk_stops_it_before_anything_is_sent(tmp_path: Path, monkeypatc
         async with house(tmp_path) as here:
             desk = await here.add(SOURCE)
             await here.read(desk)
-            monkeypatch.setattr(atomic_write, "write", full)
+            monkeypatch.setattr(atomic_write, "write_atomic", full)
             task = await faster(here, desk)
             job = await over(task)
             assert job.state == "failed"
@@ -177,7 +177,7 @@ def test_a_device_that_its_cable_powers_takes_the_port_with_it(tmp_path: Path, m
             await until(lambda: desk.control.running is not None, "it waits for power")
             await asyncio.sleep(0.3)
             link = desk.session._link
-            assert isinstance(link, TwinLink)
+            assert isinstance(link, SimulatorLink)
             assert link._bench is not None
             link._bench.unplug()
             job = await over(restore)
@@ -223,10 +223,10 @@ def test_the_link_follows_a_device_that_restarts_at_the_factorys_rate(tmp_path: 
     run(check())
 
 
-def cycle(there: Bench) -> None:
+def cycle(there: SimulatorThread) -> None:
     """Switch the device off and on."""
     device = there.device
-    assert isinstance(device, XbusDevice)
+    assert isinstance(device, XbusSimulator)
     there.cycle()
 
 
@@ -237,7 +237,7 @@ def test_another_device_at_the_port_is_left_alone(tmp_path: Path) -> None:
         async with bench() as there, house(tmp_path) as here:
             source = f"serial://{there.slave}?baud=115200"
             old = {"PortConfig": {"words": [65538, 65538, 0]}}
-            record = Record(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
+            record = RollbackRecord(source, "xbus", "MTi-630", "00FFFFFF", "", old, old, 115_200, 115_200, False)
             here.desks.trials.keep(record)
             await here.desks.resume()
             desk = next(iter(here.desks._desks.values()))
@@ -254,7 +254,7 @@ def test_a_damaged_file_does_not_keep_the_server_from_starting(tmp_path: Path, t
     folder = tmp_path / "trials"
     folder.mkdir()
     (folder / "xbus-1.json").write_text(text)
-    assert Trials(folder).all() == []
+    assert RollbackStore(folder).all() == []
     assert (folder / "xbus-1.json").exists()
 
 
@@ -264,7 +264,7 @@ def test_a_server_killed_in_the_middle_of_a_trial_goes_back_when_it_starts_again
             there.hold()  # the port outlives the server
             await asyncio.to_thread(killed, there)
 
-    def killed(there: Bench) -> None:
+    def killed(there: SimulatorThread) -> None:
         source = f"serial://{there.slave}?baud=115200"
         with ServerProcess(source, data=tmp_path) as first, Client(base_url=first.url, timeout=PATIENCE_S) as http:
             answers(http, lambda: http.get("/api/devices").json()[0]["status"] == "live")
@@ -316,7 +316,7 @@ def test_a_trial_that_was_cut_off_before_the_device_changed_ends_with_the_old_se
             await here.sessions.remove(desk.device)
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             new = {"PortConfig": at_rate(old["PortConfig"], FAST)}
-            record = Record(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
+            record = RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, new, 115_200, 921_600, True)
             record.state = "applying" if state == "applying" else "reverting"
             here.desks.trials.keep(record)
             await here.desks.resume()
@@ -342,7 +342,7 @@ def test_a_trial_of_a_port_that_is_written_otherwise_now_does_not_add_it_twice(t
             old = {"PortConfig": dict(desk.values["PortConfig"])}
             source = f"serial://{there.slave}?baud=115200"
             here.desks.trials.keep(
-                Record(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
+                RollbackRecord(source, "xbus", "MTi-630", "0080800001", "", old, old, 115_200, 115_200, False)
             )
             await here.desks.resume()
             assert [one.info.id for one in here.sessions.all] == [desk.device]

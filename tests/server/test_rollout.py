@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from protocols.isb.driver import IsbDriver
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.products import MODELS
 from server.configuration.budget import overload
-from server.configuration.preview import Line, Present
+from server.configuration.preview import DevicePresentState, Line
 from server.configuration.products import alike, base_name, mismatch
 from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house, outputs
@@ -23,8 +23,8 @@ LINE = Line(115_200, 11_520.0)
 OVER = outputs(400, 0x2010, 0x4020, 0x8020, 0xC020)
 
 
-def mti(values: dict[str, Any]) -> Present:
-    return Present(XbusDriver(), Known(product="MTi-630", baud=115_200), LINE, values)
+def mti(values: dict[str, Any]) -> DevicePresentState:
+    return DevicePresentState(XbusDriver(), DeviceContext(product="MTi-630", baud=115_200), LINE, values)
 
 
 def test_what_the_line_cannot_carry_is_refused_by_the_job_too(tmp_path: Path) -> None:
@@ -95,7 +95,9 @@ def test_what_is_wrong_with_a_file_is_told_before_it_is_applied() -> None:
         "LocationID": {"location": 1},
         "LatLonAlt": {**position, "latitude": 99.0},
     }
-    found = compare(XbusDriver(), Known(product="MTi-630"), SideValues("Now", present), SideValues("File", wrong))
+    found = compare(
+        XbusDriver(), DeviceContext(product="MTi-630"), SideValues("Now", present), SideValues("File", wrong)
+    )
     said = {problem.path: problem.hint for problem in found.problems}
     assert said["LocationId"] == "Did you mean LocationID?"
     assert said["LocationID.location"] == "Did you mean location_id?"
@@ -107,14 +109,16 @@ def test_a_profile_holds_all_that_can_be_written_not_only_what_differs() -> None
     """Only what differed on the selected device was sent to the others, so they kept the rest of what they had."""
     left = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(50)}
     right = {"LocationID": {"location_id": 7}, "OutputConfiguration": outputs(100)}
-    found = compare(XbusDriver(), Known(product="MTi-630"), SideValues("Now", left), SideValues("Profile", right))
+    found = compare(
+        XbusDriver(), DeviceContext(product="MTi-630"), SideValues("Now", left), SideValues("Profile", right)
+    )
     assert set(found.changes) == {"OutputConfiguration"}
     assert found.profile == right
 
 
 def test_a_setting_of_another_product_is_no_mistake() -> None:
     sides = SideValues("Now", {}), SideValues("File", {"LatLonAlt": {"latitude": 1.0}})
-    known = Known(product="MTi-610")
+    known = DeviceContext(product="MTi-610")
     if "LatLonAlt" not in {row.name for row in XbusDriver().settings(known)}:
         assert compare(XbusDriver(), known, *sides).problems == []
-    assert compare(IsbDriver(), Known(), SideValues("", {}), SideValues("", {"Nonsense": {}})).problems
+    assert compare(IsbDriver(), DeviceContext(), SideValues("", {}), SideValues("", {"Nonsense": {}})).problems

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from protocols.xbus.simulator.device import XbusDevice
-from server.configuration.risk_check import changes_of
+from protocols.xbus.simulator.device import XbusSimulator
+from server.configuration.risk_check import plan_changes
 from server.links import LinkError, open_link
-from server.links.simulated_device import TwinOptions, make_device
-from server.links.source_url import Source
+from server.links.simulated_device import SimulatorOptions, make_device
+from server.links.source_url import SourceUrl
 from tests.server.control_harness import house, over, until
 
 UART, FAST = "twin:xbus?product=MTi-680G&port=uart&baud=115200", 0x10080
@@ -20,8 +20,8 @@ XBUS_115200 = 0x10002
 
 def test_the_host_is_on_the_port_that_the_source_names() -> None:
     for port, word in (("rs232", 0), ("uart", 1)):
-        device = make_device(TwinOptions.of(Source.parse(f"twin:xbus?port={port}")), 0)
-        assert isinstance(device, XbusDevice)
+        device = make_device(SimulatorOptions.of(SourceUrl.parse(f"twin:xbus?port={port}")), 0)
+        assert isinstance(device, XbusSimulator)
         words = [XBUS_115200] * 2
         words[word] = FAST
         device.settings[0x8C] = b"".join(one.to_bytes(4, "big") for one in (*words, 0))
@@ -58,7 +58,7 @@ def test_what_may_cut_the_line_is_asked_about_on_either_port(tmp_path: Path) -> 
                 for word in (0x00002, 0x50002, FAST, XBUS_115200 | 1 << 8):  # off, NMEA, another rate, flow control
                     words = [XBUS_115200, XBUS_115200, 0]
                     words[place] = word
-                    wish = changes_of(desk, {"PortConfig": {"words": words}})
+                    wish = plan_changes(desk, {"PortConfig": {"words": words}})
                     assert "cuts-line" in [danger.caution for danger in wish.dangers], (place, hex(word))
 
     asyncio.run(check())

@@ -9,7 +9,7 @@ import pytest
 from server.config import Config
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 
 # Of a page, beyond "only this server": what it may do that the strict one may not. All else has no page in it.
 WASM, INLINE = "'wasm-unsafe-eval'", "'unsafe-inline'"
@@ -25,13 +25,13 @@ def open_link(source: str, settings: LinkSettings) -> Link:
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with Running(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), open_link) as running:
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(data=tmp_path_factory.mktemp("data"), sources=("/dev/one",)), open_link) as running:
         running.client.timeout = 60
         yield running
 
 
-def policy_of(running: Running, path: str) -> dict[str, str]:
+def policy_of(running: InProcessServer, path: str) -> dict[str, str]:
     answer = running.client.get(path)
     assert answer.headers["x-content-type-options"] == "nosniff"
     assert answer.headers["referrer-policy"] == "no-referrer"
@@ -42,14 +42,14 @@ def policy_of(running: Running, path: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("path", DATA)
-def test_what_is_no_page_can_do_nothing_in_a_browser(path: str, running: Running) -> None:
+def test_what_is_no_page_can_do_nothing_in_a_browser(path: str, running: InProcessServer) -> None:
     nothing = "'none'"
     wanted = {"default-src": nothing, "frame-ancestors": nothing, "base-uri": nothing, "form-action": nothing}
     assert policy_of(running, path) == wanted
 
 
 @pytest.mark.parametrize("path", PAGES)
-def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, running: Running) -> None:
+def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, running: InProcessServer) -> None:
     policy = policy_of(running, path)
     assert policy["default-src"] == policy["base-uri"] == "'none'"
     assert policy["frame-ancestors"] == "'self'"
@@ -59,7 +59,7 @@ def test_a_page_may_do_what_it_needs_here_and_nothing_elsewhere(path: str, runni
     assert policy["connect-src"] == "'self'"
 
 
-def test_what_was_refused_says_so_too(running: Running) -> None:
+def test_what_was_refused_says_so_too(running: InProcessServer) -> None:
     for headers in ({"host": "rebound.example"}, {"x-forwarded-for": "203.0.113.5"}):
         answer = running.client.get("/api/devices", headers=headers)
         assert answer.status_code in (401, 403)
@@ -68,7 +68,7 @@ def test_what_was_refused_says_so_too(running: Running) -> None:
         assert answer.headers["cache-control"] == "no-store"
 
 
-def test_no_page_of_another_origin_is_let_read(running: Running) -> None:
+def test_no_page_of_another_origin_is_let_read(running: InProcessServer) -> None:
     for method in ("GET", "OPTIONS"):
         answer = running.client.request(method, "/api/devices", headers={"origin": "https://elsewhere.example"})
         assert not [name for name in answer.headers if name.startswith("access-control-")]

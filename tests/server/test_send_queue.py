@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.streaming.ring_buffer import Ring
-from server.streaming.send_queue import Frame, History, Outbox, Packet
+from server.streaming.ring_buffer import RingBuffer
+from server.streaming.send_queue import Frame, HistoryStream, Packet, SendQueue
 from server.wire_codec import decode_samples, encode_samples
 
-NOTHING = History({})
+NOTHING = HistoryStream({})
 
 
 def frame(channel: int, sequence: int, n: int) -> Frame:
@@ -18,8 +18,8 @@ def frame(channel: int, sequence: int, n: int) -> Frame:
     return Frame(channel, n, data)
 
 
-def outbox(limit: int = 10_000, channels: list[int] | None = None) -> Outbox:
-    box = Outbox(limit=limit)
+def outbox(limit: int = 10_000, channels: list[int] | None = None) -> SendQueue:
+    box = SendQueue(limit=limit)
     box.subscribe(channels, NOTHING, "backfilled")
     assert box.take_history(0.0) is None
     assert box.take() == "backfilled"
@@ -78,7 +78,7 @@ def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps
             wire.append(payload(data))
         return is_open
 
-    box = Outbox(limit=20_000, send_now=send_now)
+    box = SendQueue(limit=20_000, send_now=send_now)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
     assert box.take() == ""
@@ -112,7 +112,7 @@ def test_what_goes_out_at_once_overtakes_nothing_and_nothing_is_sent_twice(steps
 
 def test_while_a_message_is_on_its_way_nothing_goes_at_once() -> None:
     went: list[bytes] = []
-    box = Outbox(send_now=lambda data: went.append(data) is None)
+    box = SendQueue(send_now=lambda data: went.append(data) is None)
     box.subscribe(None, NOTHING, "")
     assert box.take_history(0.0) is None
     assert box.take() == ""
@@ -156,7 +156,7 @@ def test_only_the_newest_state_waits() -> None:
 
 
 def test_nothing_flows_before_the_first_subscribe() -> None:
-    box = Outbox()
+    box = SendQueue()
     box.offer(Packet.of([frame(1, 0, 5)]))
     assert box.idle
 
@@ -189,11 +189,11 @@ def test_subscribing_again_forgets_what_waits() -> None:
 
 
 def test_history_is_newest_first_and_one_message_at_a_time() -> None:
-    rings = {1: Ring(["f4"]), 2: Ring(["f8"])}
+    rings = {1: RingBuffer(["f4"]), 2: RingBuffer(["f8"])}
     for number, ring in rings.items():
         n = 20_000 // number
         ring.append([np.arange(n) * 0.01 * number, np.zeros(n), np.zeros(n)])
-    history = History({number: (ring, 0, ring.total) for number, ring in rings.items()})
+    history = HistoryStream({number: (ring, 0, ring.total) for number, ring in rings.items()})
     ends = {1: 20_000, 2: 10_000}
     newest = float("inf")
     while (message := history.take(0.0, limit=50_000)) is not None:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Event, Reject, Reply
+from protocols.events import Batch, Event, RejectedFrame, Reply
 from server.devices import device_state, protocol_detection
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.session import Session
 from server.devices.sessions import Sessions
 from server.links.base import LinkError, LinkSettings
@@ -27,7 +27,7 @@ class Stage:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link = FakeLink("/dev/ttyFAKE", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, SPEECH, Reading(protocol))
+        self.session = Session("1", self.link, self.hub, SPEECH, DecodeOptions(protocol))
 
     async def settle(self, seconds: float = 0.0) -> None:
         """Let the tasks run; then time passes in ticks of 0.1 s."""
@@ -411,11 +411,11 @@ def test_one_source_is_opened_once() -> None:
     async def run() -> None:
         clock = Clock()
         sessions = Sessions(Hub(clock), FakeLink, SPEECH, LinkSettings(now_ns=clock.now_ns))
-        first = sessions.add("/dev/ttyFAKE", Reading("fake"))
+        first = sessions.add("/dev/ttyFAKE", DecodeOptions("fake"))
         with pytest.raises(LinkError, match="open already"):
             sessions.add("/dev/ttyFAKE")
         await sessions.remove(first.info.id)
-        assert sessions.add("/dev/ttyFAKE", Reading("fake")).info.id == "2"  # ids are never used again
+        assert sessions.add("/dev/ttyFAKE", DecodeOptions("fake")).info.id == "2"  # ids are never used again
         await sessions.close()
 
     asyncio.run(run())
@@ -445,7 +445,7 @@ def test_what_comes_and_what_is_sent_is_told_to_who_listens() -> None:
         assert times[-1] == stage.clock.ns
         assert sent == [(b"hello", stage.clock.ns)]
         assert link.sent == [b"hello"]
-        assert [type(event) for event in events] == [Batch, Batch, Reject, Reply]
+        assert [type(event) for event in events] == [Batch, Batch, RejectedFrame, Reply]
         link.listens = False
         with pytest.raises(LinkError):
             await session.send(b"lost")

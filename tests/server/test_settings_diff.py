@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from server.api.errors import ApiError
 from server.api.snapshots import compare_sides
 from server.configuration.api_models import Compare, SideRef
-from server.configuration.device_controller import Desk
+from server.configuration.device_controller import DeviceController
 from server.configuration.form_builder import forms_of
 from server.configuration.settings_diff import SideValues, compare
 from tests.server.control_harness import house
 
-IMX = Known(product="IMX-5", serial_number="1", firmware="2.7.1.0")
+IMX = DeviceContext(product="IMX-5", serial_number="1", firmware="2.7.1.0")
 
 
 def test_temperatures_and_up_time_counted_as_differences(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_a_profile_taken_during_a_calibration_began_one_wherever_it_was_written(
 def test_factory_settings_that_nobody_tells_agreed_with_everything(tmp_path: Path) -> None:
     """ "No difference, 0 values agree": that was an empty side."""
 
-    async def refusal(desk: Desk, here: Any) -> ApiError | None:
+    async def refusal(desk: DeviceController, here: Any) -> ApiError | None:
         try:
             await compare_sides(Compare(SideRef("device"), SideRef("factory")), desk, here.desks)
         except ApiError as error:

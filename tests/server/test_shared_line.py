@@ -11,29 +11,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocols.events import Batch, Event, Gap, Reject, Reply, Step
-from protocols.transactions import Known, SilentError
+from protocols.events import Batch, ClockStep, Event, RejectedFrame, Reply, SampleGap
+from protocols.transactions import DeviceContext, NoReplyError
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.driver import XbusDriver
 from protocols.xbus.frames import build
-from protocols.xbus.simulator.device import XbusDevice
-from recordings.mcap_reader import Recording, json_messages
-from recordings.mcap_writer import Writer
+from protocols.xbus.simulator.device import XbusSimulator
+from recordings.mcap_reader import McapReader, json_messages
+from recordings.mcap_writer import McapWriter
 from recordings.sources import McapSource
 from server.api.errors import ApiError
 from server.cli import main
 from server.configuration.budget import overload
-from server.configuration.correction_manager import CorrectionDesk
-from server.configuration.device_controller import Desk
+from server.configuration.correction_manager import CorrectionManager
+from server.configuration.device_controller import DeviceController
 from server.configuration.preview import fit, preview_setting
-from server.configuration.risk_check import SHARED, changes_of
+from server.configuration.risk_check import SHARED, plan_changes
 from server.devices.protocol_set import speech
 from server.library.decode import decode
-from server.library.recorder import Plan, Recorder
+from server.library.recorder import Recorder, RecordingOptions
 from server.links import LinkError, open_link
-from server.links.simulated_device import SharedLine, TwinOptions, make_device
-from server.links.source_url import Source
-from tests.server.control_harness import House, house, outputs, over, until
+from server.links.simulated_device import SharedLine, SimulatorOptions, make_device
+from server.links.source_url import SourceUrl
+from tests.server.control_harness import ControlHarness, house, outputs, over, until
 from tests.server.test_correction_stream import NUMBERS, STREAM
 from tests.transaction_player import Wire, play
 
@@ -45,7 +45,7 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-async def both(here: House, source: str = SOURCE) -> list[Desk]:
+async def both(here: ControlHarness, source: str = SOURCE) -> list[DeviceController]:
     """The desks of both devices of a line, the one that was heard first in front."""
     own = await here.add(source)
     further = lambda: [desk for desk in here.desks.on_link_of(own.device) if desk is not own]  # noqa: E731
@@ -135,7 +135,7 @@ def test_a_device_keeps_its_place_whoever_speaks_first_after_a_loss(tmp_path: Pa
     assert before.addresses == {"": 1, "2": 2}
     after.feed(build(0x31, b"", 2) + data(2, 8) + data(1, 2) + build(0x31, b"", 1) + build(0x31, b"", 0xFF), 0)
     events = after.drain()
-    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    assert not [event for event in events if isinstance(event, SampleGap | ClockStep | RejectedFrame)]
     assert [event.device for event in events if isinstance(event, Batch)] in (["2", ""], ["", "2"])
     assert [event.device for event in events if isinstance(event, Reply)] == ["2", "", ""]
 
@@ -148,18 +148,18 @@ def test_noise_does_not_take_the_place_of_a_device(noise: bytes) -> None:
     first.feed(noise, 0)
     first.drain()
     second.addresses = first.addresses
-    device = XbusDevice(measuring=True)
+    device = XbusSimulator(measuring=True)
     for decoder in (first, second):
         decoder.feed(device.advance(1_000_000_000) + build(0x31), 0)
         events = decoder.drain()
         assert {event.device for event in events if isinstance(event, Batch | Reply)} == {""}
-        device = XbusDevice(measuring=True)
+        device = XbusSimulator(measuring=True)
     assert first.addresses == {"": 0xFF}
 
 
 def test_what_a_device_says_when_it_wakes_up_is_its_own() -> None:
     """Who the second device is was taken for who the first is, as neither had sent data yet."""
-    decoder, line = XbusDecoder(), [XbusDevice(seed=bid, bid=bid) for bid in (3, 4)]
+    decoder, line = XbusDecoder(), [XbusSimulator(seed=bid, bid=bid) for bid in (3, 4)]
     events: list[Event] = []
     for now in range(0, 1_200_000_000, 10_000_000):
         decoder.feed(b"".join(device.advance(now) for device in line), now)
@@ -188,23 +188,23 @@ def test_a_fix_of_one_device_says_nothing_of_another() -> None:
     for frame in (data(1, 1000), data(2, 1000), pvt(2, 0, 0), pvt(1, 3, 1001), velocity(2, 0), data(2, 1100)):
         decoder.feed(frame, 0)
         events += decoder.drain()
-    assert not [event for event in events if isinstance(event, Step)]
+    assert not [event for event in events if isinstance(event, ClockStep)]
 
 
 def test_the_frames_of_a_device_that_shares_its_line_name_it() -> None:
     for bid in (2, 254):
-        known = Known("MTi-630", device=str(bid))
+        known = DeviceContext("MTi-630", device=str(bid))
         frame = DRIVER.frame("SetLocationID", {"location_id": 5}, known)
         (same,) = DRIVER.setting_frames("LocationID", {"location_id": 5}, known)
         assert frame == same == build(0x84, b"\0\5", bid)
-    assert DRIVER.frame("ReqDID", {}, Known("MTi-630")) == build(0x00)
+    assert DRIVER.frame("ReqDID", {}, DeviceContext("MTi-630")) == build(0x00)
 
 
 def test_a_device_under_its_identifier_hears_nothing_else() -> None:
-    wire = Wire(XbusDevice(bid=7, measuring=True), "xbus")
-    with pytest.raises(SilentError):
-        play(DRIVER.within(DRIVER.read("LocationID", Known()), Known()), wire)
-    known = Known(device="7")
+    wire = Wire(XbusSimulator(bid=7, measuring=True), "xbus")
+    with pytest.raises(NoReplyError):
+        play(DRIVER.within(DRIVER.read("LocationID", DeviceContext()), DeviceContext()), wire)
+    known = DeviceContext(device="7")
     assert play(DRIVER.within(DRIVER.read("LocationID", known), known), wire) == {"location_id": 0}
     told = play(DRIVER.identify(known), wire)
     assert (told.product, told.device) == ("MTi-630-8A1G6", "7")
@@ -223,14 +223,14 @@ def test_identifiers_that_cannot_be_are_refused(ids: str) -> None:
 
 
 def test_every_device_of_a_simulated_line_has_its_own_counter() -> None:
-    line = make_device(TwinOptions.of(Source.parse(SOURCE)), 0)
+    line = make_device(SimulatorOptions.of(SourceUrl.parse(SOURCE)), 0)
     assert isinstance(line, SharedLine)
     decoder = XbusDecoder()
     events: list[Event] = []
     for now in range(0, 3_000_000_000, 10_000_000):
         decoder.feed(line.advance(now), now)
         events += decoder.drain()
-    assert not [event for event in events if isinstance(event, Gap | Step | Reject)]
+    assert not [event for event in events if isinstance(event, SampleGap | ClockStep | RejectedFrame)]
     for device in ("", "2"):
         numbers = [
             batch.columns["PacketCounter"] for batch in events if isinstance(batch, Batch) and batch.device == device
@@ -263,13 +263,13 @@ def test_another_rate_on_a_shared_line_is_asked_about(tmp_path: Path) -> None:
             for desk in await both(here):
                 await here.read(desk)
                 words = [word & ~0xFF | 0x80 for word in desk.values["PortConfig"]["words"][:2]]
-                wish = changes_of(desk, {"PortConfig": {"words": [*words, 0]}})
+                wish = plan_changes(desk, {"PortConfig": {"words": [*words, 0]}})
                 assert SHARED in [danger.consequence for danger in wish.dangers]
 
     run(check())
 
 
-def uart_at_921600(desk: Desk) -> dict[str, dict[str, object]]:
+def uart_at_921600(desk: DeviceController) -> dict[str, dict[str, object]]:
     host, uart, gnss = desk.values["PortConfig"]["words"]
     return {"PortConfig": {"words": [host, uart & ~0xFF | 0x80, gnss]}}
 
@@ -315,12 +315,12 @@ def test_corrections_go_to_the_device_of_a_line_that_they_are_for(tmp_path: Path
                 assert (await here.read(desk)).state == "done"
             sent: list[bytes] = []
             first.session.on_sent(lambda data, time: sent.append(data))
-            heard: list[tuple[Desk, str]] = []
+            heard: list[tuple[DeviceController, str]] = []
             for desk in (first, further):
                 desk.session.listen(
                     lambda event, desk=desk: isinstance(event, Reply) and heard.append((desk, event.message.name))
                 )
-            corrections = CorrectionDesk(here.sessions)
+            corrections = CorrectionManager(here.sessions)
             assert corrections.takes(further.session)
             tasks = len(asyncio.all_tasks())
             base = await asyncio.start_server(_corrections, "127.0.0.1", 0)
@@ -361,7 +361,7 @@ def test_the_budget_of_a_line_counts_all_of_its_devices(tmp_path: Path) -> None:
             words = {"OutputConfiguration": wish}
             assert "of the link (115 200 Bd)" in overload(first.present, words)
             with pytest.raises(ApiError, match="of the link"):
-                changes_of(first, words)
+                plan_changes(first, words)
             load = preview_setting(first.present, "OutputConfiguration", wish).load
             assert load is not None
             assert load.parts[-1].title == further.session.info.name
@@ -377,11 +377,13 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
         async with house(tmp_path / "data") as here:
             desks = await both(here)
             await here.read(desks[0])
-            tape = Recorder(here.hub, here.sessions, here.desks, Plan(tmp_path / "recordings", ask_head=False), None)
+            tape = Recorder(
+                here.hub, here.sessions, here.desks, RecordingOptions(tmp_path / "recordings", ask_head=False), None
+            )
             state = await tape.start()
             await here.read(desks[1])
             await tape.stop()
-            with Recording(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
+            with McapReader(tmp_path / "recordings" / f"{state.id}.mcap") as recording:
                 for desk in desks:
                     _, body = list(json_messages(recording, f"snapshot/{desk.device}"))[-1]
                     assert body["serial_number"] == desk.known.serial_number
@@ -393,7 +395,7 @@ def test_a_recording_holds_the_settings_of_every_device_of_a_line(tmp_path: Path
 def test_recorded_settings_are_of_the_device_with_their_address(tmp_path: Path) -> None:
     """The first to be heard in a file may be another than the first live: it would have had the other's settings."""
     path = tmp_path / "a.mcap"
-    writer = Writer(path, {})
+    writer = McapWriter(path, {})
     writer.device("1", {"protocol": "xbus", "source": "/dev/ttyUSB0"})
     for bid in (1, 2):
         body = {"values": {"LocationID": {"location_id": bid}}, "address": bid}

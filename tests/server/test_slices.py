@@ -14,7 +14,7 @@ from server.devices.event_reporter import TEXT_SORTS
 from server.devices.link_stats import MOST_MESSAGES
 from server.links import open_link
 from server.links.base import CHUNK_COST, Chunk, LinkSettings
-from server.links.reader_thread import Inbox
+from server.links.reader_thread import ChunkQueue
 from server.links.tcp import TcpLink
 from server.links.udp import UdpLink
 from server.metrics import Metrics, Sources
@@ -110,7 +110,7 @@ def test_one_that_always_has_more_starves_nobody() -> None:
     assert min(had) >= 15
 
 
-def put(inbox: Inbox, count: int, size: int) -> None:
+def put(inbox: ChunkQueue, count: int, size: int) -> None:
     for number in range(count):
         inbox.put(Chunk(bytes([number % 256]) * size, number))
 
@@ -123,7 +123,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_counted(monkeypatch: pytest.M
         link = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
         heard: list[Chunk] = []
         link.flow.arrivals.add(heard.append)
-        inbox = Inbox(link)
+        inbox = ChunkQueue(link)
         put(inbox, 100, 1000)
         assert inbox.held <= 10_000
         link.flow.at_once = 1 << 20
@@ -140,7 +140,7 @@ def test_a_read_gives_out_a_bounded_piece() -> None:
     async def check() -> None:
         tcp = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
         tcp.flow.at_once = 5000
-        inbox = Inbox(tcp)
+        inbox = ChunkQueue(tcp)
         put(inbox, 3, 8000)
         found = []
         while chunks := inbox.take_now():
@@ -151,7 +151,7 @@ def test_a_read_gives_out_a_bounded_piece() -> None:
 
         udp = cast(UdpLink, open_link("udp://127.0.0.1:0", LinkSettings(lambda: 0)))
         udp.flow.at_once = 1000
-        inbox = Inbox(udp)
+        inbox = ChunkQueue(udp)
         put(inbox, 2, 8000)
         assert [len(chunk.data) for chunk in inbox.take_now()] == [8000], "a datagram is never cut"
 
@@ -196,7 +196,7 @@ def test_a_connection_is_held_back_unless_it_is_recorded(monkeypatch: pytest.Mon
 
     async def check() -> None:
         link = cast(TcpLink, open_link("tcp://127.0.0.1:1", LinkSettings(lambda: 0)))
-        inbox = Inbox(link)
+        inbox = ChunkQueue(link)
         put(inbox, 20, 1000)
         looks = iter([False, False, True])
         inbox.wait(10_000, lambda seconds: next(looks))

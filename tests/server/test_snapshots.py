@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from protocols.isb.driver import IsbDriver
 from protocols.isb.kept import settings_of
 from protocols.schema import Field, Setting
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from protocols.xbus.driver import XbusDriver
 from server.configuration.settings_diff import NO_DEFAULT, SideValues, compare
 from server.configuration.snapshots import KEPT, Snapshot, SnapshotError, Snapshots, from_text, to_text
 from server.configuration.value_format import field_at, title_at, value_at
 
-ROWS = {row.name: row for row in XbusDriver().settings(Known(product="MTi-630"))}
+ROWS = {row.name: row for row in XbusDriver().settings(DeviceContext(product="MTi-630"))}
 OUTPUTS = {"outputs": [{"data_identifier": 0x2010, "output_frequency": 100}]}
 
 leaves = st.none() | st.booleans() | st.integers(-(2**63), 2**64) | st.floats(allow_nan=False, allow_infinity=False)
@@ -137,7 +137,7 @@ def test_a_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 def difference(left: dict[str, Any], right: dict[str, Any]) -> Any:
     sides = SideValues("Left", left), SideValues("Right", right, {"CanConfig": "message unknown"}, NO_DEFAULT)
-    return compare(XbusDriver(), Known(product="MTi-630"), *sides)
+    return compare(XbusDriver(), DeviceContext(product="MTi-630"), *sides)
 
 
 def test_outputs_are_compared_by_quantity_whatever_their_order() -> None:
@@ -175,7 +175,7 @@ def test_names_with_points_are_written_too() -> None:
     left = {"wheelConfig.radius": 0.1, "wheelConfig.transform.t_b2w": [0.0, 0.0, 1.0], "startupNavDtMs": 4}
     right = {"wheelConfig.radius": 0.2, "wheelConfig.transform.t_b2w": [0.0, 0.5, 1.0], "startupNavDtMs": 4}
     sides = (SideValues(name, {"DID_FLASH_CONFIG": one}) for name, one in (("Left", left), ("Right", right)))
-    found = compare(IsbDriver(), Known(), *sides)
+    found = compare(IsbDriver(), DeviceContext(), *sides)
     assert [row.path for row in found.rows] == ["wheelConfig.transform.t_b2w", "wheelConfig.radius"]
     changed = {name: right[name] for name in ("wheelConfig.transform.t_b2w", "wheelConfig.radius")}
     assert found.changes == {"DID_FLASH_CONFIG": changed}

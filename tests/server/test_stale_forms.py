@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from protocols.registry import PROTOCOLS
-from protocols.transactions import Known
-from server.configuration.device_controller import Desk
+from protocols.transactions import DeviceContext
+from server.configuration.device_controller import DeviceController
 from server.configuration.preview import load_of
-from tests.server.control_harness import House, house, outputs, over, until
+from tests.server.control_harness import ControlHarness, house, outputs, over, until
 
 IMX, MTI = "twin:isb?rate=50", "twin:xbus?baud=921600"
 
@@ -21,11 +21,13 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def dids(desk: Desk) -> set[int]:
+def dids(desk: DeviceController) -> set[int]:
     return {one["did"] for one in desk.values["streams"]["streams"]}
 
 
-async def command(here: House, desk: Desk, name: str, restarts: bool = False, **values: object) -> None:
+async def command(
+    here: ControlHarness, desk: DeviceController, name: str, restarts: bool = False, **values: object
+) -> None:
     work = here.desks.jobs.run(desk, name, values, changes=False, restarts=restarts)
     job = await over(desk.add(name, work))
     assert job.state == "done", job.message
@@ -139,7 +141,7 @@ def test_outputs_that_were_not_read_counted_as_none(tmp_path: Path) -> None:
 )
 def test_what_a_command_alters(protocol: str, name: str, values: dict[str, object], some: set[str]) -> None:
     driver = PROTOCOLS[protocol].driver
-    known = Known(product="IMX-5" if protocol == "isb" else "MTi-630")
+    known = DeviceContext(product="IMX-5" if protocol == "isb" else "MTi-630")
     assert name in {row.name for row in driver.commands(known)}
     found = set(driver.alters(name, values, known))
     assert found <= {row.name for row in driver.settings(known)}

@@ -17,10 +17,10 @@ from websockets.typing import Subprotocol
 from server import wire, wire_codec
 from server.api import websocket
 from server.config import Config
-from server.streaming.channels import Piece
+from server.streaming.channels import ChannelRows
 from server.streaming.hub import Hub
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S, connect
 
@@ -34,8 +34,8 @@ class Reader:
         self.connection = connection
         self.channels: dict[int, dict[str, Any]] = {}
         self.texts: list[dict[str, Any]] = []
-        self.live: dict[int, list[wire_codec.Samples]] = defaultdict(list)
-        self.history: dict[int, list[wire_codec.Samples]] = defaultdict(list)
+        self.live: dict[int, list[wire_codec.SampleFrame]] = defaultdict(list)
+        self.history: dict[int, list[wire_codec.SampleFrame]] = defaultdict(list)
 
     def subscribe(self, history: float = 600) -> None:
         self.connection.send(wire_codec.encode_text(wire.Subscribe(history)))
@@ -124,7 +124,7 @@ COLUMNS = 10
 class Source:
     """A channel of ten values, fed from the test."""
 
-    def __init__(self, running: Running) -> None:
+    def __init__(self, running: InProcessServer) -> None:
         self.running = running
         self.hub: Hub = running.state.hub
         columns = [wire.ColumnInfo(f"c{k}", "f8") for k in range(COLUMNS)]
@@ -138,12 +138,14 @@ class Source:
         self.running.call(self._publish, numbers)
 
     def _publish(self, numbers: Any) -> None:
-        self.hub.publish([Piece(self.channel, [np.full(len(numbers), self.hub.now()), *[numbers] * (1 + COLUMNS)])])
+        self.hub.publish(
+            [ChannelRows(self.channel, [np.full(len(numbers), self.hub.now()), *[numbers] * (1 + COLUMNS)])]
+        )
         self.hub.event("1", "text", "info", f"{self.sent}")
         self.hub.flush()
 
 
-def small_socket(running: Running) -> socket.socket:
+def small_socket(running: InProcessServer) -> socket.socket:
     """A connection whose receive buffer is small, so that it fills at once."""
     host, port = running.url.removeprefix("http://").split(":")
     plain = socket.socket()
@@ -166,7 +168,7 @@ def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server:
 
 
 def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)
         slow = connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1)
         quick = connect(running.ws, subprotocols=PROTOCOLS, max_size=None)
@@ -203,7 +205,7 @@ def _dropped(reader: Reader) -> int:
 
 def test_a_browser_that_takes_nothing_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket, "STUCK_S", 0.5)
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)
         with (
             connect(running.ws, subprotocols=PROTOCOLS, max_size=None, sock=small_socket(running), max_queue=1) as dead,
@@ -231,7 +233,7 @@ def read_on(connection: ClientConnection) -> None:
 
 def test_live_data_do_not_wait_for_history() -> None:
     """While minutes of history are on their way, live samples arrive, and are answered by others that arrive."""
-    with Running(Config(sources=("/dev/one",)), open_link) as running:
+    with InProcessServer(Config(sources=("/dev/one",)), open_link) as running:
         source = Source(running)
         for _ in range(40):
             source.send(5000)  # 19 MB of history

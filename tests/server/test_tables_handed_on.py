@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from recordings.column_store import Exact
+from recordings.column_store import ExactRows
 from server.api.errors import ApiError
 from server.api.recording_data import _only_one
 from server.library.api_models import Export
 from server.library.export_jobs import _stem
-from server.library.range_query import Answer, ordered
+from server.library.range_query import QueryResult, ordered
 from server.wire import ChannelInfo
 
 
 def test_rows_of_a_query_go_by_their_time() -> None:
     """A solution that comes late stands where it belongs; a row without a clock goes by its arrival."""
     info = ChannelInfo(1, "1", "M", "M", "M", "scalar", "", "", [])
-    rows = Exact(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.9, 1.9, 1.2, np.nan]), [np.array([1, 2, 3, 4])])
-    got = ordered(Answer(info, rows, (0,))).rows
-    assert isinstance(got, Exact)
+    rows = ExactRows(np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.9, 1.9, 1.2, np.nan]), [np.array([1, 2, 3, 4])])
+    got = ordered(QueryResult(info, rows, (0,))).rows
+    assert isinstance(got, ExactRows)
     assert got.columns[0].tolist() == [1, 3, 2, 4]
     assert got.arrival.tolist() == [1.0, 3.0, 2.0, 4.0]
 

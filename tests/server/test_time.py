@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from protocols.clock_sync import HostClock
+from protocols.clock_sync import ClockSync
 from protocols.events import Batch, Event
-from protocols.idtp.simulator import IdtpDevice
-from protocols.isb.simulator.device import IsbDevice
+from protocols.idtp.simulator import IdtpSimulator
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.registry import PROTOCOLS
-from protocols.xbus.simulator.device import XbusDevice
+from protocols.xbus.simulator.device import XbusSimulator
 from server import wire
-from server.devices.decode_options import Reading
+from server.devices.decode_options import DecodeOptions
 from server.devices.jitter_causes import cause_of
 from server.devices.protocol_set import speech
 from server.devices.session import Session
 from server.links.base import LinkSettings
 from server.links.line_timing import BUS_NS, byte_time_ns, holds_ns
-from server.links.simulated_line import Cable, Faults
+from server.links.simulated_line import LineFaults, SimulatedLine
 from server.streaming.hub import Hub
 from tests.protocols.timing_model import EPOCH_NS, Device, Way, mapped, stream
 from tests.server.fakes import Clock, FakeLink
@@ -39,19 +39,19 @@ SPREAD_S, MS = 0.2e-3, 1e-3
 class Stage:
     """An MTi-630 at 100 Hz whose clock runs 50 ppm fast, its cable, and a session."""
 
-    def __init__(self, faults: Faults) -> None:
+    def __init__(self, faults: LineFaults) -> None:
         self.clock = Clock()
         self.hub = Hub(self.clock)
         self.link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=self.clock.now_ns))
-        self.session = Session("1", self.link, self.hub, speech(), Reading(protocol="xbus"))
+        self.session = Session("1", self.link, self.hub, speech(), DecodeOptions(protocol="xbus"))
         self.began = self.clock.ns
-        self.cable = Cable(faults)
+        self.cable = SimulatedLine(faults)
         self.device = self._powered(0)
         self._samples = 0
         self.asleep_until = 0  # until when the host reads nothing, ns
 
-    def _powered(self, start_ns: int) -> XbusDevice:
-        return XbusDevice(start_ns=start_ns, clock_drift_ppm=PPM, measuring=True)
+    def _powered(self, start_ns: int) -> XbusSimulator:
+        return XbusSimulator(start_ns=start_ns, clock_drift_ppm=PPM, measuring=True)
 
     def reset(self) -> None:
         """The device starts again, its samples in step with those before."""
@@ -91,7 +91,7 @@ class Stage:
         return np.asarray(times - self.began / 1e9 - k * PERIOD_NS / 1e9)
 
 
-def play(faults: Faults, test: Callable[[Stage], Any]) -> None:
+def play(faults: LineFaults, test: Callable[[Stage], Any]) -> None:
     async def run() -> None:
         stage = Stage(faults)
         stage.session.start()
@@ -125,7 +125,7 @@ def test_a_good_cable_is_drawn_evenly_and_nothing_is_said_of_it() -> None:
         assert health.uncertainty_ms < 0.5
         assert health.drift_ppm == pytest.approx(PPM, abs=10)
 
-    play(Faults(baud=115_200), test)
+    play(LineFaults(baud=115_200), test)
 
 
 def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -> None:
@@ -138,7 +138,7 @@ def test_the_bursts_of_an_adapter_are_drawn_evenly_and_named_with_the_remedy() -
         assert "latency_timer" in cause.remedy
         assert "udev" in cause.remedy
 
-    play(Faults(baud=115_200, burst_ms=16, drop=0.02), test)
+    play(LineFaults(baud=115_200, burst_ms=16, drop=0.02), test)
 
 
 def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
@@ -155,7 +155,7 @@ def test_a_device_that_starts_again_is_a_break_that_is_told_and_named() -> None:
         assert step.time == pytest.approx(stage.began / 1e9 + 4, abs=0.02)
         assert (np.diff(stage.times(0)) > 0).all()
 
-    play(Faults(baud=115_200), test)
+    play(LineFaults(baud=115_200), test)
 
 
 def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
@@ -172,22 +172,22 @@ def test_a_host_that_did_not_read_moves_no_sample_and_is_named() -> None:
         await stage.run(61)
         assert stage.health.time_cause is None, "after a minute it is history"
 
-    play(Faults(baud=115_200), test)
+    play(LineFaults(baud=115_200), test)
 
 
 def test_every_cause_is_a_sentence_and_says_what_helps() -> None:
     """Over a network nothing is put down to an adapter; an adapter at 1 ms is not told to be set to 1 ms."""
     way = Way(0, network_ms=3)
-    network = mapped(stream(Device(((100, 60),)), way, 10), HostClock(unknown_ns=1e6)).clock
+    network = mapped(stream(Device(((100, 60),)), way, 10), ClockSync(unknown_ns=1e6)).clock
     now = EPOCH_NS / 1e9 + 10
     found = cause_of(network, [], kind="udp", port="", now=now)
     assert found is not None
     assert found.kind == "network"
-    late = mapped(stream(Device(), Way(timer_ms=16), 10), HostClock(86_806, holds_ns=1e6)).clock
+    late = mapped(stream(Device(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=1e6)).clock
     hub = cause_of(late, [], kind="serial", port="ttyUSB1", now=now)
     assert hub is not None
     assert "latency timer of the USB adapter is 1 ms" in hub.text
-    timer = mapped(stream(Device(), Way(timer_ms=16), 10), HostClock(86_806, holds_ns=16e6)).clock
+    timer = mapped(stream(Device(), Way(timer_ms=16), 10), ClockSync(86_806, holds_ns=16e6)).clock
     bursts = cause_of(timer, [], kind="serial", port="ttyUSB1", now=now)
     assert bursts is not None
     assert "/sys/bus/usb-serial/devices/ttyUSB1/latency_timer" in bursts.remedy
@@ -220,7 +220,7 @@ def test_what_is_known_of_a_port_before_a_byte_has_come(tmp_path: Any) -> None:
 @pytest.mark.parametrize("protocol", ["xbus", "isb", "idtp"])
 def test_the_size_of_a_frame_is_what_it_was_on_the_wire(protocol: str) -> None:
     """It was put together from the fields, 3 bytes around each: too much by milliseconds on a slow line."""
-    device: Any = {"xbus": XbusDevice(measuring=True), "isb": IsbDevice(), "idtp": IdtpDevice()}[protocol]
+    device: Any = {"xbus": XbusSimulator(measuring=True), "isb": IsbSimulator(), "idtp": IdtpSimulator()}[protocol]
     device.advance(0)
     data = device.advance(2_000_000_000)
     for step in (len(data), 64):
@@ -246,10 +246,10 @@ def test_a_capture_played_faster_was_a_clock_that_jumped(speed: float) -> None:
         hub = Hub(clock)
         link: Any = FakeLink("/dev/ttyTWIN", LinkSettings(now_ns=clock.now_ns))
         link.speed = speed
-        session = Session("1", link, hub, speech(), Reading(protocol="idtp"))
+        session = Session("1", link, hub, speech(), DecodeOptions(protocol="idtp"))
         session.start()
         await asyncio.sleep(0.001)
-        device, began = IdtpDevice(), clock.ns
+        device, began = IdtpSimulator(), clock.ns
         for k in range(1, 600):
             clock.ns = began + round(k * 1e7 / speed)
             link.send(device.advance(k * 10_000_000))

@@ -59,19 +59,19 @@ def test_a_made_certificate_says_who_it_is_for(tmp_path: Path, monkeypatch: pyte
 
 
 def test_it_is_made_once_and_anew_before_it_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = tls.made(tmp_path, ["localhost", "10.0.0.7"])
+    first = tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.7"])
     first.key.chmod(0o644)
-    assert tls.made(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
+    assert tls.ensure_self_signed(tmp_path, ["localhost", "10.0.0.8"]) == first  # an address comes and goes
     assert first.key.stat().st_mode & 0o777 == 0o600
     days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS - 1)
-    assert tls.made(tmp_path, ["localhost"]) == first
+    assert tls.ensure_self_signed(tmp_path, ["localhost"]) == first
     days_on(monkeypatch, tls.DAYS - tls.RENEW_DAYS + 1)
-    second = tls.made(tmp_path, ["localhost"])
+    second = tls.ensure_self_signed(tmp_path, ["localhost"])
     assert second.fingerprint != first.fingerprint
-    third = tls.made(tmp_path, ["localhost", "robot.local"])
+    third = tls.ensure_self_signed(tmp_path, ["localhost", "robot.local"])
     assert third.fingerprint != second.fingerprint
     third.cert.write_text("half a cert")  # a power cut, a disk
-    assert tls.made(tmp_path, ["localhost"]).fingerprint not in (second.fingerprint, third.fingerprint)
+    assert tls.ensure_self_signed(tmp_path, ["localhost"]).fingerprint not in (second.fingerprint, third.fingerprint)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["certificate.pem", "key.pem"]
 
 
@@ -87,7 +87,7 @@ def test_addresses_are_this_machines_own() -> None:
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tls.Tls:
-    return tls.made(tmp_path_factory.mktemp("pair"), ["localhost", "127.0.0.1"])
+    return tls.ensure_self_signed(tmp_path_factory.mktemp("pair"), ["localhost", "127.0.0.1"])
 
 
 def test_a_given_certificate_is_used(pair: tls.Tls) -> None:
@@ -129,7 +129,7 @@ def test_what_cannot_be_used_is_said_in_a_sentence(
         case "swapped":
             cert, key = key, cert
         case "another key":
-            key = tls.made(tmp_path / "other", ["localhost"]).key
+            key = tls.ensure_self_signed(tmp_path / "other", ["localhost"]).key
         case "passphrase":
             secret = serialization.load_pem_private_key(key.read_bytes(), None)
             key = tmp_path / "locked.pem"
@@ -140,7 +140,7 @@ def test_what_cannot_be_used_is_said_in_a_sentence(
         case "not yet":
             days_on(monkeypatch, -2)
     with pytest.raises(ConfigError, match=words):
-        tls.given(cert, key)
+        tls.load_certificate(cert, key)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_the_command_says_it_in_one_line(tmp_path: Path) -> None:
 
 
 @contextlib.asynccontextmanager
-async def serving_with(keeper: tls.Keeper) -> AsyncIterator[int]:
+async def serving_with(keeper: tls.CertificateManager) -> AsyncIterator[int]:
     """An application that does nothing, behind this certificate; its port."""
 
     async def nothing(scope: Any, receive: Any, send: Any) -> None:
@@ -210,8 +210,8 @@ async def shown(port: int, trust: Path) -> str:
 
 def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     async def play() -> None:
-        old = tls.made(tmp_path / "old", ["localhost"])
-        new = tls.made(tmp_path / "new", ["localhost"])
+        old = tls.ensure_self_signed(tmp_path / "old", ["localhost"])
+        new = tls.ensure_self_signed(tmp_path / "new", ["localhost"])
         config = Config(tls_cert=str(tmp_path / "cert.pem"), tls_key=str(tmp_path / "key.pem"))
 
         def install(cert: Path, key: Path) -> None:
@@ -219,8 +219,8 @@ def test_a_certificate_that_is_renewed_needs_no_restart(tmp_path: Path, caplog: 
             Path(config.tls_key).write_bytes(key.read_bytes())
 
         install(old.cert, old.key)
-        keeper = tls.Keeper(config)
-        looking = asyncio.create_task(http_server.look_after(keeper, 0.02))
+        keeper = tls.CertificateManager(config)
+        looking = asyncio.create_task(http_server.watch_certificate(keeper, 0.02))
         async with serving_with(keeper) as port:
             assert await shown(port, old.cert) == old.fingerprint
             install(new.cert, old.key)  # half way
@@ -309,7 +309,7 @@ def test_a_handshake_that_does_not_end_is_not_waited_for(tmp_path: Path, monkeyp
     monkeypatch.setattr(handshakes, "HANDSHAKE_S", 0.3)
 
     async def play() -> None:
-        keeper = tls.Keeper(Config(data=tmp_path, tls=True))
+        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
         async with serving_with(keeper) as port:
             for said in (b"", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"):
                 reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -330,7 +330,7 @@ def test_handshakes_that_do_not_end_leave_room_for_one_that_does(
     monkeypatch.setattr(http_server, "MOST_CONNECTIONS", 10)
 
     async def play() -> None:
-        keeper = tls.Keeper(Config(data=tmp_path, tls=True))
+        keeper = tls.CertificateManager(Config(data=tmp_path, tls=True))
         async with serving_with(keeper) as port:
             silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(30)]
             assert all([await closed(reader) for reader, _ in silent[:20]])
@@ -349,7 +349,7 @@ def test_a_server_ends_without_waiting_for_handshakes(tmp_path: Path, monkeypatc
         return any(task.get_name() == "TLS handshake" for task in asyncio.all_tasks())
 
     async def play() -> None:
-        async with serving_with(tls.Keeper(Config(data=tmp_path, tls=True))) as port:
+        async with serving_with(tls.CertificateManager(Config(data=tmp_path, tls=True))) as port:
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             writer.write(b"\x16\x03\x01\x02\x00")
             async with asyncio.timeout(PATIENCE_S):

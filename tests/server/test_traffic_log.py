@@ -11,7 +11,7 @@ from protocols.registry import PROTOCOLS
 from protocols.schema import Field, Message
 from protocols.xbus.frames import build
 from server.configuration.controllers import decode
-from server.configuration.traffic_log import KEPT, MOST_A_SECOND, ExchangeLog, said
+from server.configuration.traffic_log import KEPT, MOST_A_SECOND, TrafficLog, said
 from server.streaming.hub import Hub
 from tests.server.fakes import Clock
 
@@ -25,8 +25,8 @@ class Session:
             return {}
 
 
-def log(clock: Clock, stream: bytes = b"") -> ExchangeLog:
-    return ExchangeLog(
+def log(clock: Clock, stream: bytes = b"") -> TrafficLog:
+    return TrafficLog(
         Hub(clock),
         "1",
         lambda frame: decode("xbus", frame, Session()),  # type: ignore[arg-type]

@@ -15,11 +15,11 @@ from protocols.schema import Field, Message
 from protocols.xbus.decoder import XbusDecoder
 from protocols.xbus.frames import build as xbus_frame
 from server import wire
-from server.devices.device_demux import Reader, Senders
-from server.devices.device_state import Portrait
+from server.devices.device_demux import LinkDevices, StreamDecoder
+from server.devices.device_state import DeviceState
 from server.links.base import Chunk
 from server.streaming.hub import Hub
-from server.streaming.unknown_payloads import MOST_BYTES, MOST_KINDS, Raws
+from server.streaming.unknown_payloads import MOST_BYTES, MOST_KINDS, UnknownPayloads
 from tests.server.fakes import Clock
 
 
@@ -27,9 +27,9 @@ def played(decoder: object, *frames: bytes) -> tuple[Hub, list[wire.RawPayload]]
     """What is told of frames that came 10 ms apart."""
     clock = Clock()
     hub = Hub(clock)
-    portrait = Portrait(hub, wire.DeviceInfo("1", "d", "test", "file", "live"), str)
-    senders = Senders(hub, portrait, str)
-    reader = Reader(hub, senders, decoder)  # type: ignore[arg-type]
+    portrait = DeviceState(hub, wire.DeviceInfo("1", "d", "test", "file", "live"), str)
+    senders = LinkDevices(hub, portrait, str)
+    reader = StreamDecoder(hub, senders, decoder)  # type: ignore[arg-type]
     for frame in frames:
         clock.move(0.01)
         reader.feed(Chunk(frame, clock.ns))
@@ -63,7 +63,7 @@ def test_a_data_set_whose_layout_is_not_public() -> None:
 
 
 def test_a_long_payload_is_cut_and_its_size_told() -> None:
-    raws = Raws("1")
+    raws = UnknownPayloads("1")
     message = Message(1, "Blob", (Field("data", "bytes", (-1,)),), kind="reply")
     assert raws.reply(Reply(message, {"data": bytes(1500)}, 0, 1508, 0))
     [raw] = raws.report(0.0)
@@ -77,7 +77,7 @@ def test_unverified_bytes_are_told_apart() -> None:
 
 
 def test_kinds_are_bounded_and_what_is_beyond_is_counted() -> None:
-    raws = Raws("1")
+    raws = UnknownPayloads("1")
     for number in range(2 * MOST_KINDS):
         message = Message(number, f"M{number}", (Field("data", "bytes", (2,)),))
         one = np.zeros(1, np.int64)
@@ -88,7 +88,7 @@ def test_kinds_are_bounded_and_what_is_beyond_is_counted() -> None:
 
 def test_other_replies_are_left_alone() -> None:
     message = Message(1, "DeviceID", (Field("device_id", ">u4"),), kind="reply")
-    assert not Raws("1").reply(Reply(message, {"device_id": 3}, 0, 8, 0))
+    assert not UnknownPayloads("1").reply(Reply(message, {"device_id": 3}, 0, 8, 0))
 
 
 def test_a_page_is_told_while_there_is_any_and_once_after() -> None:

@@ -21,7 +21,7 @@ from server.config import Config
 from server.configuration.snapshots import Snapshot, Snapshots
 from server.links.base import Link, LinkSettings
 from tests.server.fakes import FakeLink
-from tests.server.in_process_server import Running
+from tests.server.in_process_server import InProcessServer
 from tests.server.test_opening import drive
 
 NASTY = {
@@ -70,8 +70,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def running(folder: Path) -> Iterator[Running]:
-    with Running(Config(data=folder / "data", sources=("/dev/one",), upload_gb=0.001), open_link) as running:
+def running(folder: Path) -> Iterator[InProcessServer]:
+    with InProcessServer(Config(data=folder / "data", sources=("/dev/one",), upload_gb=0.001), open_link) as running:
         running.client.timeout = 60
         yield running
 
@@ -87,7 +87,7 @@ def quoted(name: str) -> str:
     return quote(name.encode("utf-8", "surrogatepass"), safe="").replace(".", "%2E")
 
 
-def sent(running: Running, method: str, path: str, body: Any = None, content: bytes = b"") -> httpx.Response:
+def sent(running: InProcessServer, method: str, path: str, body: Any = None, content: bytes = b"") -> httpx.Response:
     """A request and its answer, which is in order whatever was asked."""
     headers, data = {}, content
     if body is not None:
@@ -124,7 +124,7 @@ def in_order(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def recording(running: Running, file: bytes) -> str:
+def recording(running: InProcessServer, file: bytes) -> str:
     """The address of one that is there."""
     uploaded = sent(running, "PUT", "/api/recordings/upload?name=there.mcap", content=file)
     return f"/api/recordings/{uploaded.json()['id']}"
@@ -134,7 +134,9 @@ UPLOADED = ("parent", "spelled", "hidden", "an option", "nul", "long in bytes", 
 
 
 @pytest.mark.parametrize("what", UPLOADED)
-def test_an_uploaded_file_gets_a_name_that_is_no_path(what: str, running: Running, folder: Path, file: bytes) -> None:
+def test_an_uploaded_file_gets_a_name_that_is_no_path(
+    what: str, running: InProcessServer, folder: Path, file: bytes
+) -> None:
     name = NASTY[what]
     uploaded = sent(running, "PUT", f"/api/recordings/upload?name={quoted(name)}", content=file)
     assert uploaded.is_success or (uploaded.status_code == 422 and len(name) > 400), uploaded.text
@@ -147,7 +149,7 @@ def test_an_uploaded_file_gets_a_name_that_is_no_path(what: str, running: Runnin
 
 
 @pytest.mark.parametrize("name", NASTY.values(), ids=NASTY)
-def test_a_name_is_a_name(name: str, running: Running, folder: Path, recording: str) -> None:
+def test_a_name_is_a_name(name: str, running: InProcessServer, folder: Path, recording: str) -> None:
     device = running.client.get("/api/devices").json()[0]["id"]
     sent(running, "PATCH", recording, {"title": name, "tags": [name], "notes": name, "pinned": False})
     sent(running, "POST", f"{recording}/exports", {"format": "csv", "channels": [name], "device": name})
@@ -173,7 +175,7 @@ def test_a_name_is_a_name(name: str, running: Running, folder: Path, recording: 
     in_order(folder)
 
 
-def sent_or_no_view(running: Running, path: str) -> int:
+def sent_or_no_view(running: InProcessServer, path: str) -> int:
     """As `sent`; a view that is not there is told with 503."""
     answer = running.client.get(f"{running.url}{path}")
     if answer.status_code == 503:
@@ -222,12 +224,12 @@ def test_a_snapshot_lies_where_snapshots_lie(name: str, tmp_path: Path) -> None:
         ("PUT", "/api/recordings/upload?name=" + "x" * 401, None),
     ],
 )
-def test_every_text_has_a_limit(method: str, path: str, body: Any, running: Running) -> None:
+def test_every_text_has_a_limit(method: str, path: str, body: Any, running: InProcessServer) -> None:
     answer = sent(running, method, path, body, b"" if body is not None or method == "GET" else b"x")
     assert answer.status_code in (404, 409, 413, 422), answer.text
 
 
-def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: Running) -> None:
+def test_a_body_beyond_a_megabyte_is_refused_before_it_is_read(running: InProcessServer) -> None:
     for path in ("/api/devices", "/api/recordings/start", "/api/recordings/mark", "/api/devices/1/reading"):
         answer = running.client.post(path, json={"x": "y" * 1024 * 1024})
         assert answer.status_code == 413

@@ -21,8 +21,8 @@ from websockets.http11 import Request, Response
 
 from server.auth import Access
 from server.config import Config
-from server.integrations.foxglove_worker import Porter
-from server.integrations.shared_secret import HEADER, Door, knows
+from server.integrations.foxglove_worker import ConnectionGuard
+from server.integrations.shared_secret import HEADER, SecretEndpoint, has_secret
 from tests.server_process import ServerProcess
 from tests.timeouts import connecting, get
 from tests.viser_client import looking, messages, subprotocol
@@ -143,7 +143,7 @@ class Connection:
 def test_where_no_token_is_needed_a_foreign_page_still_reads_nothing(
     headers: dict[str, str], status: int | None
 ) -> None:
-    porter = Porter("secret", Access(Config(allowed_origins=("https://fleet.example",))).rules())
+    porter = ConnectionGuard("secret", Access(Config(allowed_origins=("https://fleet.example",))).rules())
     request = Request("/", Headers({"Host": "127.0.0.1:8765", **headers}))
     refused = porter.admit(Connection(), request)  # type: ignore[arg-type]
     assert (refused and refused.status_code) == status
@@ -158,9 +158,9 @@ def test_nonsense_at_the_door_is_refused(ports: dict[str, int]) -> None:
             lines = ["GET / HTTP/1.1", "Host: localhost", "Host: localhost", f"{HEADER}: a", f"{HEADER}: b"]
             plain.sendall("\r\n".join([*lines, "", ""]).encode())
             assert plain.recv(1000).split()[1] in (b"400", b"403", b"500")
-    door = Door(1, "secret")
-    assert knows(door.headers, "secret")
-    assert not knows({}, "secret")
+    door = SecretEndpoint(1, "secret")
+    assert has_secret(door.headers, "secret")
+    assert not has_secret({}, "secret")
     assert "secret" not in repr(door)
 
 

@@ -12,18 +12,18 @@ import pytest
 from protocols.isb import stream_discovery
 from protocols.isb.driver import IsbDriver
 from protocols.isb.messages import places
-from protocols.isb.simulator.device import IsbDevice
+from protocols.isb.simulator.device import IsbSimulator
 from protocols.isb.simulator.settings import FLASH, summed
 from protocols.layouts import EncodeError
-from protocols.transactions import Known
+from protocols.transactions import DeviceContext
 from recordings import atomic_write
 from server.api.errors import ApiError
 from server.configuration import rollback
-from server.configuration.device_controller import Desk
-from server.configuration.risk_check import changes_of
+from server.configuration.device_controller import DeviceController
+from server.configuration.risk_check import plan_changes
 from server.configuration.settings_diff import SideValues, compare
-from server.links.simulator import TwinLink
-from tests.server.control_harness import House, house, over, until
+from server.links.simulator import SimulatorLink
+from tests.server.control_harness import ControlHarness, house, over, until
 
 MODEL = 213  # of motion; the table knows no such one
 SOURCE = "twin:isb?baud=921600"
@@ -40,12 +40,12 @@ def run(coroutine: Any) -> Any:
     return asyncio.run(coroutine)
 
 
-def device_of(desk: Desk) -> IsbDevice:
+def device_of(desk: DeviceController) -> IsbSimulator:
     link = desk.session._link
-    assert isinstance(link, TwinLink)
+    assert isinstance(link, SimulatorLink)
     assert link._bench is not None
     device = link._bench.device
-    assert isinstance(device, IsbDevice)
+    assert isinstance(device, IsbSimulator)
     return device
 
 
@@ -53,11 +53,11 @@ def at(name: str) -> int:
     return next(offset for field, offset in places(FLASH, 0, 2040) if field.name == name)
 
 
-def has(device: IsbDevice, name: str, size: int = 4) -> int:
+def has(device: IsbSimulator, name: str, size: int = 4) -> int:
     return int.from_bytes(device.memory.flash[at(name) : at(name) + size], "little")
 
 
-async def strange(here: House) -> tuple[Desk, IsbDevice]:
+async def strange(here: ControlHarness) -> tuple[DeviceController, IsbSimulator]:
     """A device with a value that our table does not allow."""
     desk = await here.add(SOURCE)
     device = device_of(desk)
@@ -97,20 +97,20 @@ def test_a_snapshot_is_restored_with_a_value_that_the_table_does_not_allow(tmp_p
             assert has(device, "dynamicModel", 1) == 4
             back = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL}}
             with pytest.raises(ApiError, match="dynamicModel"):
-                changes_of(desk, back)
+                plan_changes(desk, back)
             first = next(iter(here.desks.snapshots.told("isb", desk.serial_number)))
             now = SideValues("now", desk.values)
             for told in (True, False):
                 found = compare(desk.driver, desk.known, now, SideValues("before", first, told=told))
                 assert bool(found.changes) == told
                 assert bool(found.problems) != told
-            wish = changes_of(desk, back, lambda: here.desks.snapshots.told("isb", desk.serial_number))
+            wish = plan_changes(desk, back, lambda: here.desks.snapshots.told("isb", desk.serial_number))
             job = await over(desk.add("Write", here.desks.jobs.apply(desk, wish.values, "", held=wish.held)))
             assert (job.state, job.outcomes) == ("done", [])
             assert has(device, "dynamicModel", 1) == MODEL
             other = {"DID_FLASH_CONFIG": {"dynamicModel": MODEL + 1}}
             with pytest.raises(ApiError, match="dynamicModel"):
-                changes_of(desk, other, lambda: here.desks.snapshots.told("isb", desk.serial_number))
+                plan_changes(desk, other, lambda: here.desks.snapshots.told("isb", desk.serial_number))
 
     run(check())
 
@@ -120,7 +120,7 @@ def test_a_way_back_that_fails_is_over_and_says_so(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(rollback, "ROUNDS", 1)
     write = IsbDriver.write
 
-    def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
+    def broken(self: IsbDriver, setting: str, values: Any, known: DeviceContext, *, held: bool = False) -> Any:
         if held:
             raise RuntimeError("a fault")
         return (yield from write(self, setting, values, known))
@@ -145,7 +145,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
     monkeypatch.setattr(rollback, "ROUNDS", 1)
     write = IsbDriver.write
 
-    def broken(self: IsbDriver, setting: str, values: Any, known: Known, *, held: bool = False) -> Any:
+    def broken(self: IsbDriver, setting: str, values: Any, known: DeviceContext, *, held: bool = False) -> Any:
         if held:
             raise EncodeError("dynamicModel does not fit", "dynamicModel")
         return (yield from write(self, setting, values, known))
@@ -166,7 +166,7 @@ def test_a_value_that_cannot_be_packed_is_named_and_the_others_go_back(
 def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = atomic_write.write
+    write = atomic_write.write_atomic
 
     def full(path: Path, text: str) -> None:
         if path.parent.name == "trials" and '"applying"' not in text:
@@ -176,7 +176,7 @@ def test_a_disk_that_is_full_by_now_does_not_keep_a_device_from_going_back(
     async def check() -> None:
         async with house(tmp_path, trial_s=0.2) as here:
             desk, device = await strange(here)
-            monkeypatch.setattr(atomic_write, "write", full)
+            monkeypatch.setattr(atomic_write, "write_atomic", full)
             task = desk.add("Write", here.desks.jobs.apply(desk, CHANGES, ""))
             await until(task.over.is_set, "it is over")
             assert desk.trial is not None

@@ -65,7 +65,7 @@ def test_json_is_what_javascript_can_read() -> None:
         "record": np.array([(1, 2.5)], dtype=[("a", "u1"), ("b", "f8")]),
         3: (True, None, np.bool_(False)),
     }
-    text = json.dumps(wire_codec.plain(value), allow_nan=False)
+    text = json.dumps(wire_codec.to_json_safe(value), allow_nan=False)
     assert json.loads(text) == {
         "nan": None,
         "inf": None,

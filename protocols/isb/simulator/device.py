@@ -3,7 +3,7 @@
     power, SOFTWARE_RESET ──boot──> DID_DEV_INFO, then what is persistent streams
                                          ^   GET: a stream or one packet     SET, stops: ACK     refused: NACK
 
-`IsbDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
+`IsbSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
 device has sent by then. What it measures is simulator/signals.py, from the shared drive.
 
     GET_DATA     period 0 sends the data set once and ends its stream, by whatever size it is asked for (a part of one
@@ -33,7 +33,7 @@ from protocols.events import Text
 from protocols.isb import frames
 from protocols.isb.frames import ACK, DATA, GET_DATA, NACK, WITH_OFFSET
 from protocols.isb.simulator import nmea
-from protocols.isb.simulator.settings import Memory, factory
+from protocols.isb.simulator.settings import SettingsMemory, factory
 from protocols.isb.simulator.signals import (
     BLOCK_NS,
     DTYPES,
@@ -45,15 +45,15 @@ from protocols.isb.simulator.signals import (
     SOURCES,
     UTC_2026_S,
     Array,
-    Moments,
-    Run,
     S,
+    SignalSamples,
+    SignalSource,
     moments,
     packets,
     rows_of,
 )
 from protocols.isb.streams import BY_BIT, dids_of
-from protocols.stream_parser import Stream
+from protocols.stream_parser import StreamParser
 
 PRODUCTS = ("IMX-5", "GPX-1")  # the second is gpx.py
 IMU_SOURCES = ("nav", "imu")
@@ -72,7 +72,7 @@ SLOW_INS_2_HZ = 50
 BAUD = 921_600
 
 
-class IsbDevice:
+class IsbSimulator:
     """A simulated IMX-5.
 
     Args:
@@ -118,9 +118,9 @@ class IsbDevice:
         self._speed = 1 + clock_drift_ppm * 1e-6
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e9))
-        self.run = Run(seed, road, jump, UTC_2026_S * S + start_ns)
+        self.run = SignalSource(seed, road, jump, UTC_2026_S * S + start_ns)
         self._period_ns = max(round(S / rate), 1)
-        self.memory = Memory(factory(rate, self.baud))
+        self.memory = SettingsMemory(factory(rate, self.baud))
         self.corrections: Counter[str] = Counter()  # RTCM messages that it got, by number
         if imu_source not in IMU_SOURCES:
             raise ValueError(f"imu_source is one of {', '.join(IMU_SOURCES)}, given {imu_source!r}")
@@ -133,7 +133,7 @@ class IsbDevice:
         self._block = 0
         self._sent_ns = -1  # all that was due up to this device time has been sent
         self._waiting: list[tuple[int, bytes]] = []  # packets of this block not sent yet, last first
-        self._ear = Stream(frames.scan, find, STARTS)
+        self._ear = StreamParser(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._count = 0
 
@@ -210,7 +210,7 @@ class IsbDevice:
     def _make(self) -> None:
         """All packets of the current block that have not been sent."""
         made: list[tuple[int, int, bytes]] = []
-        shared: dict[tuple[int, bool], Moments] = {}
+        shared: dict[tuple[int, bool], SignalSamples] = {}
         for place, did in enumerate(SOURCES):
             if did not in self.streams:
                 continue
@@ -363,13 +363,13 @@ class IsbDevice:
         self._gnss_ns = max(gnss_ms, 50) * 1_000_000
         self.baud = self.memory.baud
         self._start_ns += round(now / self._speed)
-        self.run = Run(self._seed, self.run.road, None, self.run.utc_ns + now)
+        self.run = SignalSource(self._seed, self.run.road, None, self.run.utc_ns + now)
         self._awake, self._waiting, self.streams = False, [], {}
-        self._ear = Stream(frames.scan, find, STARTS)
+        self._ear = StreamParser(frames.scan, find, STARTS)
         self._heard_ns = 0
         self._sent_ns = -1
 
-    def repowered(self, start_ns: int) -> IsbDevice:
+    def repowered(self, start_ns: int) -> IsbSimulator:
         """The device after its power was off: with what it had stored."""
         self._reset(max(self._local(start_ns), 0))
         return self
@@ -401,7 +401,7 @@ class IsbDevice:
         return out.tobytes()
 
     def _parameters(self, now: int) -> bytes:
-        at = Moments(self.run, now // self._period_ns, np.array([now]), self._period_ns)
+        at = SignalSamples(self.run, now // self._period_ns, np.array([now]), self._period_ns)
         out = np.zeros(1, DTYPES[SYS_PARAMS])
         out["timeOfWeekMs"] = at.gps[1] // 10**6
         out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status

@@ -20,8 +20,8 @@ import numpy as np
 
 from protocols.isb.field_docs import BAUD_RATES
 from protocols.isb.simulator import nmea
-from protocols.isb.simulator.device import RMC_PERSISTENT, RMC_PRESERVE, IsbDevice
-from protocols.isb.simulator.settings import Memory, size, summed
+from protocols.isb.simulator.device import RMC_PERSISTENT, RMC_PRESERVE, IsbSimulator
+from protocols.isb.simulator.settings import SettingsMemory, size, summed
 from protocols.isb.simulator.signals import DTYPES, FIRST_FIX_NS, GNSS_NS, S
 from protocols.isb.streams import BY_GPX_BIT, dids_of
 
@@ -34,7 +34,7 @@ RUNNING = 2
 _PORTS, _GNSS_AT = (12, 16, 20), 24
 
 
-class GpxMemory(Memory):
+class GpxMemory(SettingsMemory):
     """What a GPX keeps."""
 
     @property
@@ -79,8 +79,8 @@ def factory(baud: int) -> bytes:
     return summed(out.tobytes())
 
 
-class GpxDevice(IsbDevice):
-    """A simulated GPX-1; see IsbDevice for what is given."""
+class GpxSimulator(IsbSimulator):
+    """A simulated GPX-1; see IsbSimulator for what is given."""
 
     def __init__(self, product: str = "GPX-1", *args: Any, **more: Any) -> None:
         super().__init__(product, *args, **more)

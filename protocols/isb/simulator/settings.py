@@ -44,7 +44,7 @@ def size(did: int) -> int:
 
 
 @dataclass
-class Memory:
+class SettingsMemory:
     """All of it.
 
     Args:

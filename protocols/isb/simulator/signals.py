@@ -1,6 +1,7 @@
 """What does an IMX-5 measure? Every data set that its twin streams, valued by the shared drive, packed as configured.
 
-    drive(t) + errors ──> Moments (force, turn, place …) ──> one function per data set ──> rows of bytes ──> packets
+    drive(t) + errors ──> SignalSamples (force, turn, place …) ──> one function per data set ──> rows of bytes ──>
+    packets
 
 The drive (protocols/simulator/trajectory.py) is in ENU with the body's y to the left and z up; this family speaks NED
 with y to the right and z down, so vectors of the body change two signs and attitudes are turned on both sides.
@@ -73,7 +74,7 @@ _TURNING, _SHAKEN, _RECEIVING, _CLIPPED_TURN, _CLIPPED_FORCE, _TIME_VALID, _PASS
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class StreamSource:
     """A data set that can be streamed, what paces it, and the bit of DID_RMC that switches it on."""
 
     did: int
@@ -81,18 +82,18 @@ class Source:
     bit: int
 
 
-SOURCES: Mapping[int, Source] = {
+SOURCES: Mapping[int, StreamSource] = {
     row.did: row
     for row in (
-        Source(58, IMU, 4),
-        Source(3, NAV, 5),
-        Source(4, NAV, 0),
-        Source(5, NAV, 1),
-        Source(52, SLOW, 7),
-        Source(53, SLOW, 6),
-        Source(13, GNSS, 10),
-        Source(30, GNSS, 20),
-        Source(15, GNSS, 14),
+        StreamSource(58, IMU, 4),
+        StreamSource(3, NAV, 5),
+        StreamSource(4, NAV, 0),
+        StreamSource(5, NAV, 1),
+        StreamSource(52, SLOW, 7),
+        StreamSource(53, SLOW, 6),
+        StreamSource(13, GNSS, 10),
+        StreamSource(30, GNSS, 20),
+        StreamSource(15, GNSS, 14),
     )
 }
 
@@ -111,7 +112,7 @@ DTYPES = {did: _dtype(did) for did in (*SOURCES, 1, 10, 12, 121, 123)}
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class SignalSource:
     """What all values of one run depend on, beside time.
 
     Args:
@@ -138,7 +139,7 @@ class Run:
         return np.where(fixed, week, 0), np.where(fixed, tow, up)
 
 
-class Moments:
+class SignalSamples:
     """Truth and readings at consecutive samples of one pace, each computed when first asked for.
 
     Args:
@@ -147,12 +148,12 @@ class Moments:
         age_ns: how old they are when they are sent.
     """
 
-    def __init__(self, run: Run, first: int, times: Array, period_ns: int, age_ns: int = 0) -> None:
+    def __init__(self, run: SignalSource, first: int, times: Array, period_ns: int, age_ns: int = 0) -> None:
         self.run, self.first, self.times, self.period_ns, self.age_ns = run, first, times, period_ns, age_ns
 
     @cached_property
-    def drive(self) -> trajectory.Motion:
-        return trajectory.drive(self.times / 1e9)
+    def drive(self) -> trajectory.MotionState:
+        return trajectory.vehicle_motion(self.times / 1e9)
 
     @cached_property
     def fixed(self) -> Array:
@@ -173,14 +174,14 @@ class Moments:
     def fine(self) -> Array:
         return np.asarray(self.times >= FINE_NS)
 
-    def _error(self, name: str, grade: trajectory.Grade) -> Floats:
+    def _error(self, name: str, grade: trajectory.SensorGrade) -> Floats:
         seed = self.run.seed ^ zlib.crc32(name.encode())
-        return trajectory.Errors(grade, seed, S / self.period_ns).at(self.first, len(self.times))
+        return trajectory.SensorErrors(grade, seed, S / self.period_ns).at(self.first, len(self.times))
 
-    def _shaking(self, name: str, grade: trajectory.Grade) -> Floats | float:
+    def _shaking(self, name: str, grade: trajectory.SensorGrade) -> Floats | float:
         if not self.run.road:
             return 0.0
-        return self.run.road * trajectory.shaking(self.drive)[:, None] * self._error(name, grade)
+        return self.run.road * trajectory.vibration(self.drive)[:, None] * self._error(name, grade)
 
     @cached_property
     def force(self) -> Floats:
@@ -244,7 +245,7 @@ class Moments:
 
 # -- one function per data set -----------------------------------------------------------------------------------------
 
-Fill = Callable[[Moments, Array], None]
+Fill = Callable[[SignalSamples, Array], None]
 _FILLS: dict[int, Fill] = {}
 
 
@@ -256,7 +257,7 @@ def _fills(did: int) -> Callable[[Fill], Fill]:
     return register
 
 
-def _stamp(at: Moments, out: Array) -> None:
+def _stamp(at: SignalSamples, out: Array) -> None:
     week, tow = at.gps
     out["week"] = week
     if "timeOfWeekMs" in (out.dtype.names or ()):
@@ -265,7 +266,7 @@ def _stamp(at: Moments, out: Array) -> None:
         out["timeOfWeek"] = tow / 1e9
 
 
-def _ins(at: Moments, out: Array) -> None:
+def _ins(at: SignalSamples, out: Array) -> None:
     _stamp(at, out)
     out["insStatus"], out["hdwStatus"] = at.ins_status, at.hdw_status
     out["uvw"] = trajectory.to_body(at.drive.q_enu_from_body_wxyz, at.velocity) * FLIP
@@ -273,45 +274,45 @@ def _ins(at: Moments, out: Array) -> None:
 
 
 @_fills(4)
-def _ins_1(at: Moments, out: Array) -> None:
+def _ins_1(at: SignalSamples, out: Array) -> None:
     _ins(at, out)
     out["theta"] = trajectory.euler(at.attitude)
     out["ned"] = at.enu[:, [1, 0, 2]] * [1, 1, -1]
 
 
 @_fills(5)
-def _ins_2(at: Moments, out: Array) -> None:
+def _ins_2(at: SignalSamples, out: Array) -> None:
     _ins(at, out)
     out["qn2b"] = at.attitude
 
 
-def _imu_status(at: Moments) -> Array:
+def _imu_status(at: SignalSamples) -> Array:
     word = 0b111111 | np.where(np.abs(at.turn).max(axis=1) >= TURN_RANGE, 1 << 30, 0)
     return np.asarray(word | np.where(np.abs(at.force).max(axis=1) >= FORCE_RANGE, 1 << 31, 0))
 
 
 @_fills(58)
-def _imu(at: Moments, out: Array) -> None:
+def _imu(at: SignalSamples, out: Array) -> None:
     out["time"], out["status"] = at.up / 1e9, _imu_status(at)
     out["I.pqr"], out["I.acc"] = at.turn, at.force
 
 
 @_fills(3)
-def _pimu(at: Moments, out: Array) -> None:
+def _pimu(at: SignalSamples, out: Array) -> None:
     dt = at.period_ns / 1e9
     out["time"], out["dt"], out["status"] = at.up / 1e9, dt, _imu_status(at)
     out["theta"], out["vel"] = at.turn * dt, at.force * dt
 
 
 @_fills(52)
-def _magnetometer(at: Moments, out: Array) -> None:
+def _magnetometer(at: SignalSamples, out: Array) -> None:
     out["time"], out["mag"] = at.up / 1e9, at.field
 
 
 @_fills(53)
-def _barometer(at: Moments, out: Array) -> None:
+def _barometer(at: SignalSamples, out: Array) -> None:
     height = at.drive.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
-    noise = at._error("baro", trajectory.Grade(density=0.5, bias=8.0))[:, 0]
+    noise = at._error("baro", trajectory.SensorGrade(density=0.5, bias=8.0))[:, 0]
     pressure = trajectory.pressure(height) + noise
     out["time"], out["bar"] = at.up / 1e9, pressure / 1e3
     out["mslBar"] = (1 - (pressure / 101_325.0) ** (1 / 5.25588)) / 2.25577e-5  # the inverse of motion.pressure
@@ -320,7 +321,7 @@ def _barometer(at: Moments, out: Array) -> None:
 
 
 @_fills(13)
-def _position(at: Moments, out: Array) -> None:
+def _position(at: SignalSamples, out: Array) -> None:
     _stamp(at, out)
     fixed, lla = at.fixed, trajectory.geodetic(at.enu)
     out["status"], out["satsUsed"] = at.gps_status, at.gps_status & 0xFF
@@ -337,7 +338,7 @@ def _position(at: Moments, out: Array) -> None:
 
 
 @_fills(30)
-def _velocity(at: Moments, out: Array) -> None:
+def _velocity(at: SignalSamples, out: Array) -> None:
     out["timeOfWeekMs"] = at.gps[1] // 10**6
     out["status"], out["sAcc"] = at.gps_status, np.where(at.fixed, 0.06, 10.0)
     latitude, longitude = np.radians(trajectory.PLACE[:2])
@@ -349,7 +350,7 @@ def _velocity(at: Moments, out: Array) -> None:
 
 
 @_fills(15)
-def _satellites(at: Moments, out: Array) -> None:
+def _satellites(at: SignalSamples, out: Array) -> None:
     out["timeOfWeekMs"] = at.gps[1] // 10**6
     out["numSats"] = len(SKY)
     for i, (system, number, elevation, azimuth, cno) in enumerate(SKY):
@@ -368,13 +369,13 @@ def payload_size(did: int) -> int:
     return 8 + 8 * len(SKY) if did == 15 else DTYPES[did].itemsize
 
 
-def moments(run: Run, did: int, period_ns: int, steps: Array) -> Moments:
+def moments(run: SignalSource, did: int, period_ns: int, steps: Array) -> SignalSamples:
     """The samples `steps` (consecutive) of what paces a data set."""
     age = AGE_NS if SOURCES[did].pace == GNSS else 0
-    return Moments(run, int(steps[0]), np.maximum(steps * period_ns - age, 0), period_ns, age)
+    return SignalSamples(run, int(steps[0]), np.maximum(steps * period_ns - age, 0), period_ns, age)
 
 
-def rows_of(did: int, at: Moments, chosen: Array) -> Array:
+def rows_of(did: int, at: SignalSamples, chosen: Array) -> Array:
     """Payloads of the samples `chosen`, (n, size) uint8."""
     out = np.zeros(len(at.times), DTYPES[did])
     _FILLS[did](at, out)

@@ -4,7 +4,7 @@
                         └───────── WakeUpAck ────────────────────────────────────────^ │
                      Configuration before measurement        <────GoToMeasurement──────┘
 
-`XbusDevice` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
+`XbusSimulator` is pure: it has no clock, no link and no thread. Whoever holds it says how late it is and takes what the
 device has sent by then; what it is told, it answers as section 5 of the document says, from a configuration that it
 keeps. Settings are stored at once, in a memory that outlives Reset and power (`repowered`), unless the option flag
 DisableAutoStore keeps them out of it; a new baud rate acts after Reset. What is wrong is answered with Error: 4 for a
@@ -34,11 +34,11 @@ import numpy as np
 
 from protocols.xbus import frames
 from protocols.xbus.config_effects import BAUD_RATES
-from protocols.xbus.output_configuration import granted, greatest, output_of
+from protocols.xbus.output_configuration import accepted_rates, max_rate, output_of
 from protocols.xbus.product_options import INTERVAL, LONGEST_PERIOD, SEND_LATEST, TRIGGER
-from protocols.xbus.simulator.faults import NONE, Moods
+from protocols.xbus.simulator.faults import NONE, FaultInjection
 from protocols.xbus.simulator.handlers import ACTIONS
-from protocols.xbus.simulator.io import Ear, PowerCutError, Tongue
+from protocols.xbus.simulator.io import PowerCutError, ReplyQueue, RequestParser
 from protocols.xbus.simulator.measurement import BLOCK_NS, Measurement
 from protocols.xbus.simulator.settings import (
     BAUDRATE,
@@ -53,12 +53,12 @@ from protocols.xbus.simulator.settings import (
     SKIP,
     STRINGS,
     SYNC,
-    Product,
-    RefusedError,
+    RequestRefusedError,
+    SimulatedProduct,
     factory_settings,
     strings_of,
 )
-from protocols.xbus.simulator.signals import Run
+from protocols.xbus.simulator.signals import XbusSignalSource
 from protocols.xbus.simulator.strings import Sentences
 
 WAKE_UP_WINDOW_NS = 500_000_000
@@ -70,7 +70,7 @@ DISABLE_AUTO_STORE, DISABLE_AUTO_MEASUREMENT = 1, 2
 Phase = Literal["boot", "wake-up", "config", "measurement"]
 
 
-class XbusDevice:
+class XbusSimulator:
     """A simulated MTi.
 
     Args:
@@ -109,12 +109,12 @@ class XbusDevice:
         measuring: bool = False,
         baud: int | None = None,
         port: int = 0,
-        moods: Moods = NONE,
+        moods: FaultInjection = NONE,
         bid: int | None = None,
     ) -> None:
         if product not in PRODUCTS:
             raise ValueError(f"there is no twin of {product!r}; there are {', '.join(PRODUCTS)}")
-        self.product: Product = PRODUCTS[product]
+        self.product: SimulatedProduct = PRODUCTS[product]
         self.serial = self.product.first_serial + seed % 0xFFFF + 1 if serial is None else serial
         self.phase: Phase = "boot"
         self._seed = seed
@@ -124,14 +124,14 @@ class XbusDevice:
         self._rate = max(int(rate), 1)
         self._drop, self._corrupt = drop, corrupt
         jump = clock_jump and (round(clock_jump[0] * 1e9), round(clock_jump[1] * 1e4))
-        self.run = Run(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
+        self.run = XbusSignalSource(self.product.abilities, seed, self.product.wrap, jump, road, self.serial)
         self.settings: dict[int, bytes] = {}
         self.reset_pending = b""  # both alignments as a ResetOrientation made them, until it is stored
         self.output: tuple[tuple[int, int], ...] = ()
         self._moods, self._stubborn = moods, moods.stubborn
-        self._tongue, self._stores = Tongue(moods, seed), 0
-        self._anew: Callable[[int], XbusDevice] = partial(
-            XbusDevice,
+        self._tongue, self._stores = ReplyQueue(moods, seed), 0
+        self._anew: Callable[[int], XbusSimulator] = partial(
+            XbusSimulator,
             product,
             self.serial,
             seed,
@@ -198,7 +198,7 @@ class XbusDevice:
                 continue
             try:
                 answer = self._answer(mid, payload, now)
-            except RefusedError as refused:
+            except RequestRefusedError as refused:
                 out += self._tongue.say(frames.build(ERROR, bytes([refused.code]), bid), now)
             except PowerCutError:
                 self.reset(now)
@@ -221,8 +221,8 @@ class XbusDevice:
         """What it sends, each frame under its own bus identifier where it has one."""
         return b"".join(out if self._bid is None else (frames.to_bus(one, self._bid) for one in out))
 
-    def _new_ear(self) -> Ear:
-        return Ear() if self._bid is None else Ear((self._bid,))
+    def _new_ear(self) -> RequestParser:
+        return RequestParser() if self._bid is None else RequestParser((self._bid,))
 
     def _local(self, now_ns: int) -> int:
         """Device time: ns of the device's own oscillator since it was switched on."""
@@ -306,7 +306,7 @@ class XbusDevice:
         self.phase, self._counter, self.baud, self._deaf = "boot", 0, BOOT_BAUD, False
         self._ear = self._new_ear()
 
-    def repowered(self, start_ns: int) -> XbusDevice:
+    def repowered(self, start_ns: int) -> XbusSimulator:
         """The same device after its power was off: what it had stored, and a receiver that starts cold."""
         device = self._anew(start_ns + BOOT_NS)
         device._memory, device.baud = self._memory, BOOT_BAUD
@@ -373,9 +373,9 @@ class XbusDevice:
         action, setting = ACTIONS.get(mid), SETTINGS.get(mid)
         on = action.on if action else setting.on if setting else frozenset()
         if self.product.model.number not in on:
-            raise RefusedError(ERROR_MESSAGE)
+            raise RequestRefusedError(ERROR_MESSAGE)
         if self.phase not in (action.phases if action else ("config",)):
-            raise RefusedError(ERROR_MESSAGE)
+            raise RequestRefusedError(ERROR_MESSAGE)
         before = self._present()
         answer = action.action(self, payload, now) if action else self._keep(mid, payload)
         if self._present() != before and self.phase == "config":
@@ -392,9 +392,9 @@ class XbusDevice:
         if not payload and setting.asked:
             return self.settings[mid]
         if not setting.takes(len(payload), self.product):
-            raise RefusedError(ERROR_MESSAGE)
+            raise RequestRefusedError(ERROR_MESSAGE)
         if not setting.valid(payload, self.product):
-            raise RefusedError(setting.error)
+            raise RequestRefusedError(setting.error)
         self.settings[mid] = setting.kept(payload, self.settings[mid])
         self._couple(mid)
         return b""
@@ -435,13 +435,13 @@ class XbusDevice:
         """The rate that `wish` Hz of an item becomes.
 
         Raises:
-            RefusedError: the product has no such item.
+            RequestRefusedError: the product has no such item.
         """
         output = output_of(identifier, self.product.model)
         if output is None:
-            raise RefusedError(ERROR_PARAMETER)
-        most = greatest(output, self.product.model)
-        return granted(wish, self._fastest if most == 400 else most)
+            raise RequestRefusedError(ERROR_PARAMETER)
+        most = max_rate(output, self.product.model)
+        return accepted_rates(wish, self._fastest if most == 400 else most)
 
     def identifier(self) -> bytes:
         """Its number as the wire has it: 8 bytes in the 600-series, else 4."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Moods:
+class FaultInjection:
     """Faults of answers.
 
     Args:
@@ -33,4 +33,4 @@ class Moods:
     stubborn: bool = False
 
 
-NONE = Moods()
+NONE = FaultInjection()

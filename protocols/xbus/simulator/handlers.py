@@ -1,8 +1,8 @@
 """How does the simulated MTi answer the messages that do more than keep a number?
 
 One function per message: device, payload and device time in; the payload of the acknowledgement out, None where there
-is none. A message that cannot be obeyed raises `RefusedError` with the code that Error then carries. `ACTIONS` says in
-which state each is valid.
+is none. A message that cannot be obeyed raises `RequestRefusedError` with the code that Error then carries. `ACTIONS`
+says in which state each is valid.
 
 Source: MT0101P 2020.A, 5.3.1-5.3.7.
 """
@@ -27,11 +27,11 @@ from protocols.xbus.simulator.settings import (
     ERROR_PARAMETER,
     OPTIONS,
     SYNC,
-    RefusedError,
+    RequestRefusedError,
 )
 
 if TYPE_CHECKING:
-    from protocols.xbus.simulator.device import XbusDevice
+    from protocols.xbus.simulator.device import XbusSimulator
 
 MOST_ITEMS = 32  # of an output configuration
 MOST_DELAY, MOST_OFFSET = 60_000, 30_000  # tables 9 and 10, 100 µs
@@ -42,52 +42,52 @@ TURNING = math.radians(1)  # rad/s: more is no rest
 
 def _empty(payload: bytes) -> None:
     if payload:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
 
 
 def _sized(payload: bytes, *sizes: int) -> None:
     if len(payload) not in sizes:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
 
 
 # -- states ------------------------------------------------------------------------------------------------------------
 
 
-def wake_up_ack(device: XbusDevice, payload: bytes, now: int) -> None:
+def wake_up_ack(device: XbusSimulator, payload: bytes, now: int) -> None:
     device.stop()
 
 
-def go_to_config(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def go_to_config(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """A payload is ignored: hosts that look for devices on RS-485 pad the request."""
     device.stop()
     return b""
 
 
-def init_bus(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def init_bus(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Reserved in the document; the vendor's software sends it first, and goes on when it is answered."""
     _empty(payload)
     return device.identifier()
 
 
-def emts(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def emts(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Not in the document: the calibration for the head of a log. Two bytes say which part of it; here it is empty."""
     _sized(payload, 0, 2)
     return bytes(EMTS_BYTES)
 
 
-def go_to_measurement(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def go_to_measurement(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     device.measure(now)
     return b""
 
 
-def reset(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def reset(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     device.reset(now)
     return b""
 
 
-def restore_factory(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def restore_factory(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     device.restore()
     return b""
@@ -96,27 +96,27 @@ def restore_factory(device: XbusDevice, payload: bytes, now: int) -> bytes:
 # -- what it is --------------------------------------------------------------------------------------------------------
 
 
-def device_id(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def device_id(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     return device.identifier()
 
 
-def product_code(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def product_code(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     return device.product.code.encode("ascii").ljust(20)
 
 
-def hardware_version(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def hardware_version(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     return bytes(device.product.hardware)
 
 
-def firmware(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def firmware(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     return struct.pack(">BBBII", *device.product.firmware)
 
 
-def selftest(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def selftest(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """All nine sensor axes pass; the two flags above them are the MTi-7's own."""
     _empty(payload)
     return struct.pack(">H", 0x7FF if device.product.name == "MTi-7" else 0x1FF)
@@ -125,7 +125,7 @@ def selftest(device: XbusDevice, payload: bytes, now: int) -> bytes:
 # -- what it is set to -------------------------------------------------------------------------------------------------
 
 
-def option_flags(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def option_flags(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _sized(payload, 0, 8)
     if not payload:
         return device.settings[OPTIONS]
@@ -135,36 +135,36 @@ def option_flags(device: XbusDevice, payload: bytes, now: int) -> bytes:
     return b""
 
 
-def configuration(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     _empty(payload)
     return device.configuration()
 
 
-def output_configuration(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def output_configuration(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Both forms return the list as it is used; an entry 0, 0 stands for an empty list."""
     if len(payload) % 4 or len(payload) > 4 * MOST_ITEMS:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
     if payload:
         wishes = [pair for pair in struct.iter_unpack(">HH", payload) if pair != (0, 0)]
         device.output = tuple((identifier, device.grant(identifier, wish)) for identifier, wish in wishes)
     return b"".join(struct.pack(">HH", *pair) for pair in device.output)
 
 
-def sync_settings(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def sync_settings(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Twelve bytes an entry: function, line, polarity, once, skip first, skip factor, pulse width, delay."""
     if not payload:
         return device.settings[SYNC]
     if len(payload) % 12 or len(payload) > 120:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
     entries = [payload[at : at + 12] for at in range(0, len(payload), 12)]
     entries = [entry for entry in entries if entry[2]]  # polarity 0 clears
     if not all(_is_sync(device, entry) for entry in entries):
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     device.settings[SYNC] = b"".join(entries)
     return b""
 
 
-def _is_sync(device: XbusDevice, entry: bytes) -> bool:
+def _is_sync(device: XbusSimulator, entry: bytes) -> bool:
     """Has the product this function and line, and does the delay go with the function?"""
     function, line, polarity, once = entry[:4]
     delay = int.from_bytes(entry[10:12], "big")
@@ -177,22 +177,22 @@ def _is_sync(device: XbusDevice, entry: bytes) -> bool:
     return fits and has and polarity <= 3 and once <= 1
 
 
-def alignment(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def alignment(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """One byte asks for a matrix, 0 sensor or 1 local; a quaternion after it sets it."""
     _sized(payload, 1, 17)
     which = payload[0]
     if which > 1:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     kept = device.settings[ALIGNMENT]
     if len(payload) == 1:
         return kept[17 * which : 17 * which + 17]
     if not abs(math.hypot(*struct.unpack(">4f", payload[1:])) - 1) < 1e-2:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     device.settings[ALIGNMENT] = payload + kept[17:] if which == 0 else kept[:17] + payload
     return b""
 
 
-def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def filter_profiles(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Five rows of type, version and a label of 20 characters; rows not used are of type 0."""
     _empty(payload)
     rows = [struct.pack("BB", number, 1) + label.encode().ljust(20) for number, label in device.product.profiles[:5]]
@@ -202,7 +202,7 @@ def filter_profiles(device: XbusDevice, payload: bytes, now: int) -> bytes:
 # -- what it does ------------------------------------------------------------------------------------------------------
 
 
-def reset_orientation(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def reset_orientation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Code 0 stores and is for the config state; the others are for measurement, 1 (heading) not with GNSS.
 
     What is not stored is discarded when the device next begins to measure.
@@ -212,7 +212,7 @@ def reset_orientation(device: XbusDevice, payload: bytes, now: int) -> bytes:
     allowed = (0,) if device.phase == "config" else (*heading, 3, 4, 5, 6, 7)
     code = int.from_bytes(payload, "big")
     if code not in allowed:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     if code:
         device.reset_pending = _aligned(device.reset_pending or device.settings[ALIGNMENT], code, now)
     elif device.reset_pending:
@@ -223,7 +223,7 @@ def reset_orientation(device: XbusDevice, payload: bytes, now: int) -> bytes:
 def _aligned(kept: bytes, code: int, now: int) -> bytes:
     """Both alignments after a reset: 1 and 4 turn the heading, 3 and 4 level the object, 5 to 7 take it back."""
     sensor, local = kept[:17], kept[17:]
-    roll, pitch, yaw = trajectory.drive(np.array([now / 1e9])).euler[0]
+    roll, pitch, yaw = trajectory.vehicle_motion(np.array([now / 1e9])).euler[0]
     if code in (3, 4):
         sensor = b"\0" + _rotation(roll, pitch, 0.0)
     if code in (1, 4):
@@ -239,21 +239,21 @@ def _rotation(roll: float, pitch: float, yaw: float) -> bytes:
     return struct.pack(">4f", *trajectory.quaternion(np.array([[roll, pitch, yaw]]))[0])
 
 
-def no_rotation(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def no_rotation(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """The status word then says how it goes: the drive is looked at for the first moment that is no rest."""
     _sized(payload, 2)
     seconds = int.from_bytes(payload, "big")
     if not seconds:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     moments = now / 1e9 + np.arange(0, min(seconds, 3600), 0.1)
-    turning = np.linalg.norm(trajectory.drive(moments).rate, axis=1) > TURNING
+    turning = np.linalg.norm(trajectory.vehicle_motion(moments).rate, axis=1) > TURNING
     end = now + seconds * 10**9
     noticed = int(moments[int(np.argmax(turning))] * 1e9) if turning.any() else end
     device.change(no_rotation=(now, end, noticed))
     return b""
 
 
-def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Both forms return UTC."""
     _sized(payload, 0, 12)
     if payload:
@@ -261,9 +261,9 @@ def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
         try:
             whole = datetime(year, month, day, hour, minute, second, tzinfo=UTC)
         except ValueError:
-            raise RefusedError(ERROR_PARAMETER) from None
+            raise RequestRefusedError(ERROR_PARAMETER) from None
         if not 1999 <= year <= 2099 or ns > 10**9:
-            raise RefusedError(ERROR_PARAMETER)
+            raise RequestRefusedError(ERROR_PARAMETER)
         device.change(utc_ns=int(whole.timestamp()) * 10**9 + ns - now, utc_valid=True)
     state = device.run.state
     utc = state.utc_ns + now
@@ -274,24 +274,24 @@ def utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
     )
 
 
-def adjust_utc_time(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def adjust_utc_time(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Ticks of 0.1 ms, at most a second either way."""
     _sized(payload, 4)
     ticks = int.from_bytes(payload, "big", signed=True)
     if not 1 <= abs(ticks) <= 10_000:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     device.change(utc_ns=device.run.state.utc_ns + ticks * 100_000)
     return b""
 
 
-def icc_command(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def icc_command(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """In-run compass calibration: 0 starts, 1 stops and gives results, 2 stores, 3 asks."""
     _sized(payload, 1)
     command = payload[0]
     if command > 3:
-        raise RefusedError(ERROR_PARAMETER)
+        raise RequestRefusedError(ERROR_PARAMETER)
     if (command == 2) != (device.phase == "config"):
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
     running = device.run.state.representative_motion
     if command == 3:
         return bytes([3, running])
@@ -303,7 +303,7 @@ def icc_command(device: XbusDevice, payload: bytes, now: int) -> bytes:
     return payload
 
 
-def forward_gnss_data(device: XbusDevice, payload: bytes, now: int) -> bytes:
+def forward_gnss_data(device: XbusSimulator, payload: bytes, now: int) -> bytes:
     """Whole RTCM 3 messages (D3, 10 bits of length, content, 3 bytes of checksum); a part of one is refused. What is
     no RTCM goes to the receiver as it is: RTCM is the document's example of what may be passed on."""
     if payload and payload[0] != RTCM:
@@ -311,26 +311,26 @@ def forward_gnss_data(device: XbusDevice, payload: bytes, now: int) -> bytes:
     at = 0
     while at < len(payload):
         if payload[at] != RTCM or len(payload) < at + 6:
-            raise RefusedError(ERROR_MESSAGE)
+            raise RequestRefusedError(ERROR_MESSAGE)
         at += 6 + ((payload[at + 1] & 3) << 8 | payload[at + 2])
     if at != len(payload) or not payload:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
     return b""
 
 
-def request_data(device: XbusDevice, payload: bytes, now: int) -> None:
+def request_data(device: XbusSimulator, payload: bytes, now: int) -> None:
     """The latest sample, where SendLatest waits for the software line."""
     _empty(payload)
     if SOFTWARE not in device.send_latest:
-        raise RefusedError(ERROR_MESSAGE)
+        raise RequestRefusedError(ERROR_MESSAGE)
     device.send_newest()
 
 
-Action = Callable[["XbusDevice", bytes, int], bytes | None]
+Action = Callable[["XbusSimulator", bytes, int], bytes | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Handler:
     """What answers a message, in which states, and which products have it."""
 
     phases: tuple[str, ...]
@@ -340,31 +340,31 @@ class Answer:
 
 _CONFIG, _MEASUREMENT, _BOTH = ("config",), ("measurement",), ("config", "measurement")
 
-ACTIONS: Mapping[int, Answer] = {
-    0x3F: Answer(("wake-up",), wake_up_ack),
-    0x30: Answer(_BOTH, go_to_config),
-    0x02: Answer(_CONFIG, init_bus),
-    0x90: Answer(_CONFIG, emts),
-    0x10: Answer(_CONFIG, go_to_measurement),
-    0x40: Answer(_BOTH, reset),
-    0x0E: Answer(_CONFIG, restore_factory),
-    0x00: Answer(_CONFIG, device_id),
-    0x1C: Answer(_CONFIG, product_code),
-    0x1E: Answer(_CONFIG, hardware_version),
-    0x12: Answer(_CONFIG, firmware),
-    0x24: Answer(_CONFIG, selftest),
-    OPTIONS: Answer(_CONFIG, option_flags),
-    0x0C: Answer(_CONFIG, configuration),
-    0xC0: Answer(_CONFIG, output_configuration),
-    SYNC: Answer(_CONFIG, sync_settings),
-    ALIGNMENT: Answer(_CONFIG, alignment),
-    0x62: Answer(_CONFIG, filter_profiles, FILTER),
-    0x34: Answer(_MEASUREMENT, request_data),
-    0xA4: Answer(_BOTH, reset_orientation, FILTER),
-    0x22: Answer(_MEASUREMENT, no_rotation, FILTER),
-    0x60: Answer(_CONFIG, utc_time),
-    0xA8: Answer(_CONFIG, adjust_utc_time),
-    0x74: Answer(_BOTH, icc_command, FILTER),
-    0xE2: Answer(_MEASUREMENT, forward_gnss_data, RTK),
+ACTIONS: Mapping[int, Handler] = {
+    0x3F: Handler(("wake-up",), wake_up_ack),
+    0x30: Handler(_BOTH, go_to_config),
+    0x02: Handler(_CONFIG, init_bus),
+    0x90: Handler(_CONFIG, emts),
+    0x10: Handler(_CONFIG, go_to_measurement),
+    0x40: Handler(_BOTH, reset),
+    0x0E: Handler(_CONFIG, restore_factory),
+    0x00: Handler(_CONFIG, device_id),
+    0x1C: Handler(_CONFIG, product_code),
+    0x1E: Handler(_CONFIG, hardware_version),
+    0x12: Handler(_CONFIG, firmware),
+    0x24: Handler(_CONFIG, selftest),
+    OPTIONS: Handler(_CONFIG, option_flags),
+    0x0C: Handler(_CONFIG, configuration),
+    0xC0: Handler(_CONFIG, output_configuration),
+    SYNC: Handler(_CONFIG, sync_settings),
+    ALIGNMENT: Handler(_CONFIG, alignment),
+    0x62: Handler(_CONFIG, filter_profiles, FILTER),
+    0x34: Handler(_MEASUREMENT, request_data),
+    0xA4: Handler(_BOTH, reset_orientation, FILTER),
+    0x22: Handler(_MEASUREMENT, no_rotation, FILTER),
+    0x60: Handler(_CONFIG, utc_time),
+    0xA8: Handler(_CONFIG, adjust_utc_time),
+    0x74: Handler(_BOTH, icc_command, FILTER),
+    0xE2: Handler(_MEASUREMENT, forward_gnss_data, RTK),
 }
 """Message number → the states in which it is valid, and what answers it."""

@@ -13,13 +13,13 @@ import random
 from collections.abc import Collection, Iterator
 
 from protocols.xbus import frames
-from protocols.xbus.simulator.faults import Moods
+from protocols.xbus.simulator.faults import FaultInjection
 
 STALL_NS = 200_000_000  # an incomplete request older than this is forgotten
 ADDRESSES = (0xFF, 0x01)  # bus identifiers to which a device answers that has its line to itself
 
 
-class Ear:
+class RequestParser:
     """Bytes in, requests out.
 
     Args:
@@ -72,10 +72,10 @@ class PowerCutError(Exception):
     """The power fails now."""
 
 
-class Tongue:
+class ReplyQueue:
     """Answers on their way out. Chance comes from a seed."""
 
-    def __init__(self, moods: Moods, seed: int = 0) -> None:
+    def __init__(self, moods: FaultInjection, seed: int = 0) -> None:
         self._moods = moods
         self._chance = random.Random(seed)
         self._held: list[tuple[int, bytes]] = []

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from protocols.simulator import trajectory
 from protocols.xbus import frames
 from protocols.xbus.output_configuration import ALWAYS, streams
-from protocols.xbus.simulator.signals import Run, Values
+from protocols.xbus.simulator.signals import ItemValues, XbusSignalSource
 
 Array = NDArray[Any]
 
@@ -46,7 +46,7 @@ class Measurement:
 
     configuration: tuple[tuple[int, int], ...]
     begin_ns: int
-    run: Run
+    run: XbusSignalSource
 
     @cached_property
     def streams(self) -> tuple[_Stream, ...]:
@@ -82,20 +82,20 @@ class Measurement:
 class _Stream:
     """What is sent together, at one rate."""
 
-    run: Run
+    run: XbusSignalSource
     kind: str
     items: tuple[tuple[int, int], ...]
     rate: int
     begin_ns: int
-    _errors: dict[str, trajectory.Errors] = field(default_factory=dict, compare=False)
+    _errors: dict[str, trajectory.SensorErrors] = field(default_factory=dict, compare=False)
 
     @property
     def delayed(self) -> bool:
         return self.kind == "gnss"
 
-    def errors(self, name: str, grade: trajectory.Grade) -> trajectory.Errors:
+    def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
         if name not in self._errors:
-            self._errors[name] = trajectory.Errors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
+            self._errors[name] = trajectory.SensorErrors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
         return self._errors[name]
 
     def times(self, number: int) -> tuple[Array, Array]:
@@ -109,7 +109,7 @@ class _Stream:
 
     def frames(self, steps: Array, times: Array, counter: Array) -> list[bytes]:
         """One frame per step."""
-        values = Values(self.run, self, steps, times, counter)
+        values = ItemValues(self.run, self, steps, times, counter)
         due = np.zeros(len(steps), np.int64)
         for bit, (_, rate) in enumerate(self.items):
             if rate != ALWAYS:

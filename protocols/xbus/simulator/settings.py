@@ -29,7 +29,7 @@ OPTIONS, SYNC, ALIGNMENT = 0x48, 0x2C, 0xEC
 WRAP_DAY = 864_000_000
 
 
-class RefusedError(Exception):
+class RequestRefusedError(Exception):
     """A request that the device answers with Error `code`."""
 
     def __init__(self, code: int) -> None:
@@ -44,7 +44,7 @@ _PLACE = ((0x5042, 10), (0x5022, 10), (0xD010, 10), (0x7010, 4), (0x7020, 1))
 
 
 @dataclass(frozen=True, slots=True)
-class Product:
+class SimulatedProduct:
     """What tells one MTi from another.
 
     Args:
@@ -107,7 +107,7 @@ _GNSS = ((1, "General"), (2, "GeneralNoBaro"), (3, "GeneralMag"))
 
 def _product(
     name: str, series: int, kind: str, profiles: tuple[tuple[int, str], ...] = (), profile: str = ""
-) -> Product:
+) -> SimulatedProduct:
     ending, serial, firmware, hardware = _SERIES[series]
     orientation = kind != "IMU"
     gnss, rtk = kind in ("GNSS", "RTK"), kind == "RTK"
@@ -126,7 +126,7 @@ def _product(
     items = (*_ACCOMPANY, *(((0x2010, -1),) if orientation else ()), *_INERTIAL)
     items += tuple(item for item in _SLOW if baro or item[0] != 0x3010)
     items += tuple(item for item in _PLACE if series != 1 or item[0] != 0x7020) if gnss else ()
-    return Product(
+    return SimulatedProduct(
         name,
         f"{name}-{ending}",
         series,
@@ -140,7 +140,7 @@ def _product(
     )
 
 
-PRODUCTS: Mapping[str, Product] = {
+PRODUCTS: Mapping[str, SimulatedProduct] = {
     product.name: product
     for product in (
         _product("MTi-630", 600, "AHRS", (*_BASE, *_HEADINGS), "Responsive/NorthReference"),
@@ -166,7 +166,7 @@ PRODUCTS: Mapping[str, Product] = {
 # -- settings that are kept and returned -------------------------------------------------------------------------------
 
 
-def _any(payload: bytes, product: Product) -> bool:
+def _any(payload: bytes, product: SimulatedProduct) -> bool:
     return True
 
 
@@ -175,7 +175,7 @@ def _keep(payload: bytes, before: bytes) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class SimulatedSetting:
     """A setting that does nothing but be kept.
 
     Args:
@@ -189,44 +189,44 @@ class Setting:
     """
 
     name: str
-    factory: Callable[[Product], bytes]
+    factory: Callable[[SimulatedProduct], bytes]
     sizes: frozenset[int]
     on: frozenset[int] = ALL
-    valid: Callable[[bytes, Product], bool] = _any
+    valid: Callable[[bytes, SimulatedProduct], bool] = _any
     error: int = ERROR_PARAMETER
     kept: Callable[[bytes, bytes], bytes] = _keep
     asked: bool = True
 
-    def takes(self, size: int, product: Product) -> bool:
+    def takes(self, size: int, product: SimulatedProduct) -> bool:
         """Is a payload of this size one that sets it? Of two sizes the longer is the 600-series'."""
         if len(self.sizes) == 2:
             return size == (max(self.sizes) if product.series == 600 else min(self.sizes))
         return size in self.sizes
 
 
-def _is_baud(payload: bytes, product: Product) -> bool:
+def _is_baud(payload: bytes, product: SimulatedProduct) -> bool:
     return payload[0] in BAUD_RATES
 
 
-def _are_ports(payload: bytes, product: Product) -> bool:
+def _are_ports(payload: bytes, product: SimulatedProduct) -> bool:
     """The two host ports; the third word is the receiver's own."""
     words = [word for (word,) in struct.iter_unpack(">I", payload)]
     return all(word & 0xFF in BAUD_RATES and word >> 16 & 0xF in (0, 1, 5) for word in words[:2])
 
 
-def _is_place(payload: bytes, product: Product) -> bool:
+def _is_place(payload: bytes, product: SimulatedProduct) -> bool:
     latitude, longitude, altitude = struct.unpack(">3d", payload)
     return bool(abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude))
 
 
-def _is_profile(payload: bytes, product: Product) -> bool:
+def _is_profile(payload: bytes, product: SimulatedProduct) -> bool:
     if product.series != 600:
         return len(payload) == 2 and any(payload == bytes([0, number]) for number, _ in product.profiles)
     known = {label.encode() for _, label in product.profiles}
     return all(part in known for part in payload.split(b"/"))
 
 
-def _first_profile(product: Product) -> bytes:
+def _first_profile(product: SimulatedProduct) -> bytes:
     return product.profile.encode() if product.series == 600 else bytes([1, int(product.profile or 0)])
 
 
@@ -235,22 +235,22 @@ def _keep_profile(payload: bytes, before: bytes) -> bytes:
     return bytes([before[0], payload[1]]) if len(payload) == len(before) == 2 else payload
 
 
-def _between(low: float, high: float, form: str = ">H") -> Callable[[bytes, Product], bool]:
+def _between(low: float, high: float, form: str = ">H") -> Callable[[bytes, SimulatedProduct], bool]:
     """All numbers of the payload within a range; what is not a number is not."""
     return lambda payload, product: all(low <= one <= high for (one,) in struct.iter_unpack(form, payload))
 
 
-def _is_period(payload: bytes, product: Product) -> bool:
+def _is_period(payload: bytes, product: SimulatedProduct) -> bool:
     """Within the table; or longer than 10 ms, as a whole number of the periods that it is made of (5.3.5)."""
     period = int.from_bytes(payload, "big")
     return 225 <= period <= LONGEST_PERIOD or (period > LONGEST_PERIOD and period % LONGEST_PERIOD == 0)
 
 
-def _is_platform(payload: bytes, product: Product) -> bool:
+def _is_platform(payload: bytes, product: SimulatedProduct) -> bool:
     return int.from_bytes(payload, "big") in GNSS_PLATFORMS
 
 
-def _are_can_outputs(payload: bytes, product: Product) -> bool:
+def _are_can_outputs(payload: bytes, product: SimulatedProduct) -> bool:
     return all(form <= 1 for _, form, _, _ in struct.iter_unpack(">BBIH", payload))
 
 
@@ -259,11 +259,11 @@ def _keep_can_outputs(payload: bytes, before: bytes) -> bytes:
     return payload if any(payload) else b""
 
 
-def _strings(product: Product) -> bytes:
+def _strings(product: SimulatedProduct) -> bytes:
     return bytes(6 if product.series == 600 else 2)
 
 
-def _word(value: int) -> Callable[[Product], bytes]:
+def _word(value: int) -> Callable[[SimulatedProduct], bytes]:
     return lambda product: struct.pack(">H", value)
 
 
@@ -272,26 +272,26 @@ _PLACE_STORED = struct.pack(">3d", 45.0, 0.0, 60.0)
 _BYTE, _TWO, _FOUR = frozenset({1}), frozenset({2}), frozenset({4})
 _PORTS = struct.pack(">3I", 0x10002, 0x10002, 0)
 
-SETTINGS: Mapping[int, Setting] = {
-    BAUDRATE: Setting("Baudrate", lambda p: b"\x02", _BYTE, ALL, _is_baud, ERROR_BAUD),
-    LOCATION: Setting("LocationID", _word(0), _TWO),
-    0xDC: Setting("TransmitDelay", _word(590), _TWO, CLASSIC, _between(590, 0xFFFF)),
-    STRINGS: Setting("StringOutputType", _strings, frozenset({2, 6}), ALL - ONE),
-    PERIOD: Setting("Period", _word(1152), _TWO, CLASSIC, _is_period, ERROR_PERIOD),
-    SKIP: Setting("OutputSkipFactor", _word(0), _TWO, CLASSIC),
-    0x86: Setting("ExtOutputMode", _word(0), _TWO, CLASSIC),
-    PORT_CONFIG: Setting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),
-    0xE8: Setting(
+SETTINGS: Mapping[int, SimulatedSetting] = {
+    BAUDRATE: SimulatedSetting("Baudrate", lambda p: b"\x02", _BYTE, ALL, _is_baud, ERROR_BAUD),
+    LOCATION: SimulatedSetting("LocationID", _word(0), _TWO),
+    0xDC: SimulatedSetting("TransmitDelay", _word(590), _TWO, CLASSIC, _between(590, 0xFFFF)),
+    STRINGS: SimulatedSetting("StringOutputType", _strings, frozenset({2, 6}), ALL - ONE),
+    PERIOD: SimulatedSetting("Period", _word(1152), _TWO, CLASSIC, _is_period, ERROR_PERIOD),
+    SKIP: SimulatedSetting("OutputSkipFactor", _word(0), _TWO, CLASSIC),
+    0x86: SimulatedSetting("ExtOutputMode", _word(0), _TWO, CLASSIC),
+    PORT_CONFIG: SimulatedSetting("PortConfig", lambda p: _PORTS, frozenset({12}), SIX, _are_ports, ERROR_BAUD),
+    0xE8: SimulatedSetting(
         "CanOutputConfig", lambda p: b"", frozenset(range(8, 129, 8)), SIX, _are_can_outputs, kept=_keep_can_outputs
     ),
-    0xE6: Setting("CanConfig", lambda p: struct.pack(">I", 0x0C), _FOUR, SIX),
-    0x6E: Setting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), ALL, _is_place),
-    0x64: Setting(
+    0xE6: SimulatedSetting("CanConfig", lambda p: struct.pack(">I", 0x0C), _FOUR, SIX),
+    0x6E: SimulatedSetting("LatLonAlt", lambda p: _PLACE_STORED, frozenset({24}), ALL, _is_place),
+    0x64: SimulatedSetting(
         "FilterProfile", _first_profile, frozenset(range(1, 63)), FILTER, _is_profile, ERROR_PARAMETER, _keep_profile
     ),
-    0x76: Setting("GnssPlatform", _word(0), _TWO, frozenset({7, 710}), _is_platform),
-    0x68: Setting("GnssLeverArm", lambda p: bytes(12), frozenset({12}), RTK, _between(-1e9, 1e9, ">f")),
-    0xD6: Setting(
+    0x76: SimulatedSetting("GnssPlatform", _word(0), _TWO, frozenset({7, 710}), _is_platform),
+    0x68: SimulatedSetting("GnssLeverArm", lambda p: bytes(12), frozenset({12}), RTK, _between(-1e9, 1e9, ">f")),
+    0xD6: SimulatedSetting(
         "InitialHeading", lambda p: bytes(4), _FOUR, frozenset({710, 670, 680}), _between(-180, 180, ">f"), asked=False
     ),
 }
@@ -303,7 +303,7 @@ KEPT_BY_ACTIONS: Mapping[int, bytes] = {
 }
 
 
-def factory_settings(product: Product) -> dict[int, bytes]:
+def factory_settings(product: SimulatedProduct) -> dict[int, bytes]:
     """All settings of a new device, by message number."""
     return {mid: setting.factory(product) for mid, setting in SETTINGS.items()} | dict(KEPT_BY_ACTIONS)
 
@@ -311,7 +311,7 @@ def factory_settings(product: Product) -> dict[int, bytes]:
 NEVER = 0xFFFF  # skip factor: nothing is sent by itself
 
 
-def strings_of(settings: Mapping[int, bytes], product: Product) -> tuple[int, float]:
+def strings_of(settings: Mapping[int, bytes], product: SimulatedProduct) -> tuple[int, float]:
     """Which strings are sent instead of data, and how often a second."""
     word = settings[STRINGS]
     if product.series == 600:

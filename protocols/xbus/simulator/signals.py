@@ -6,7 +6,7 @@ The truth is protocols/simulator/trajectory.py; a product's limits and a receive
 which sensors clip, a fix that takes seconds to come, corrections that make it fixed later and lose it now and then, a
 solution that is old when it is sent.
 
-Rules for editing: a new item is a row in output_configuration.py and a method of `Values` marked with its name.
+Rules for editing: a new item is a row in output_configuration.py and a method of `ItemValues` marked with its name.
 
 Source: MT0101P 2020.A, table 17 (formats), 25-27 (GNSS, status), 5.3.6.
 """
@@ -65,7 +65,7 @@ _SKY = (  # system, satellite, carrier to noise ratio in dBHz
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class VehicleState:
     """What a device's commands change about its status word. Times are device time, ns.
 
     Args:
@@ -87,7 +87,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class XbusSignalSource:
     """What all items of one run of the measurement state depend on, beside time.
 
     Args:
@@ -105,7 +105,7 @@ class Run:
     jump: tuple[int, int] | None = None
     road: float = 0.0
     serial: int = 0
-    state: State = field(default_factory=State)
+    state: VehicleState = field(default_factory=VehicleState)
 
     def ticks(self, device_ns: Array) -> Array:
         """SampleTimeFine at device times."""
@@ -125,8 +125,8 @@ class Run:
         return (times >= FIRST_RTK_NS) * 1 + ((times >= FIXED_RTK_NS) & ~lost)
 
 
-class Cadence(Protocol):
-    """What `Values` needs to know of the stream that sends them."""
+class OutputSchedule(Protocol):
+    """What `ItemValues` needs to know of the stream that sends them."""
 
     @property
     def rate(self) -> int:
@@ -140,7 +140,7 @@ class Cadence(Protocol):
     def delayed(self) -> bool:
         """Whether what is sent is a receiver's solution of a moment ago."""
 
-    def errors(self, name: str, grade: trajectory.Grade) -> trajectory.Errors:
+    def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
         """The errors of one sensor, the same object at every call."""
 
 
@@ -165,7 +165,7 @@ def raw(wire: Array) -> Array:
 
 
 _ITEMS: dict[str, Callable[..., Array]] = {}
-"""Name of an item → the method of `Values` that gives it; (n, k) numbers for real ones, else the wire's own dtype."""
+"""Name of an item → the method of `ItemValues` for it; (n, k) numbers for real ones, else the wire's own dtype."""
 
 
 def _item(*names: str) -> Callable[[Callable[..., Array]], Callable[..., Array]]:
@@ -176,7 +176,7 @@ def _item(*names: str) -> Callable[[Callable[..., Array]], Callable[..., Array]]
     return register
 
 
-class Values:
+class ItemValues:
     """The values of all items at some samples of one stream, each computed when first asked for.
 
     Args:
@@ -185,7 +185,9 @@ class Values:
         counter: (n,) PacketCounter of each.
     """
 
-    def __init__(self, run: Run, cadence: Cadence, steps: Array, times: Array, counter: Array) -> None:
+    def __init__(
+        self, run: XbusSignalSource, cadence: OutputSchedule, steps: Array, times: Array, counter: Array
+    ) -> None:
         self.run, self.cadence = run, cadence
         self.steps, self.counter = steps, counter
         self.times = times - GNSS_AGE_NS if cadence.delayed else times
@@ -201,18 +203,18 @@ class Values:
         return self._bytes[identifier]
 
     @cached_property
-    def drive(self) -> trajectory.Motion:
-        return trajectory.drive(self.times / 1e9)
+    def drive(self) -> trajectory.MotionState:
+        return trajectory.vehicle_motion(self.times / 1e9)
 
-    def _error(self, name: str, grade: trajectory.Grade) -> Floats:
+    def _error(self, name: str, grade: trajectory.SensorGrade) -> Floats:
         if len(self.steps) == 0:
             return np.empty((0, 3))
         return self.cadence.errors(name, grade).at(int(self.steps[0]), len(self.steps))
 
-    def _shaking(self, name: str, grade: trajectory.Grade) -> Floats | float:
+    def _shaking(self, name: str, grade: trajectory.SensorGrade) -> Floats | float:
         if not self.run.road:
             return 0.0
-        return self.run.road * trajectory.shaking(self.drive)[:, None] * self._error(name, grade)
+        return self.run.road * trajectory.vibration(self.drive)[:, None] * self._error(name, grade)
 
     @cached_property
     def force(self) -> tuple[Floats, Array]:
@@ -299,7 +301,7 @@ class Values:
     @_item("BaroPressure")
     def baro_pressure(self) -> Array:
         height = self.drive.position[:, 2] + trajectory.PLACE[2] - trajectory.GEOID_M
-        noise = self._error("baro", trajectory.Grade(density=0.5, bias=8.0))[:, 0]
+        noise = self._error("baro", trajectory.SensorGrade(density=0.5, bias=8.0))[:, 0]
         return np.rint(trajectory.pressure(height) + noise).astype(">u4")
 
     @_item("DeltaV")

@@ -26,7 +26,7 @@ from protocols.simulator import trajectory
 from protocols.xbus.binary_strings import EM1000, EM1000_HEAD
 from protocols.xbus.enums import STRING_TYPES
 from protocols.xbus.simulator.measurement import BLOCK_NS
-from protocols.xbus.simulator.signals import Array, Floats, Run, Values
+from protocols.xbus.simulator.signals import Array, Floats, ItemValues, XbusSignalSource
 
 _KNOTS = 1 / 0.514444
 _COURSE_FROM = 0.2  # m/s: below it a true course is not told
@@ -36,7 +36,7 @@ _RECEIVER = ("GPGGA", "GPZDA", "GPRMC", "XSVEL")
 class Moment:
     """What the lines of one block of ticks are made of, one row a tick."""
 
-    def __init__(self, values: Values, run: Run) -> None:
+    def __init__(self, values: ItemValues, run: XbusSignalSource) -> None:
         forward, port, up = np.moveaxis(trajectory.matrix(values.quaternion("ENU")), 2, 0)  # of the body, in ENU
         heading = np.degrees(np.arctan2(forward[:, 0], forward[:, 1]))
         self.heading: Floats = np.round(heading % 360, 2) % 360
@@ -156,10 +156,10 @@ class Sentences:
     types: int
     hertz: float
     begin_ns: int
-    run: Run
+    run: XbusSignalSource
     items: tuple[tuple[int, int], ...] = ()
     delayed: bool = False
-    _errors: dict[str, trajectory.Errors] = field(default_factory=dict, compare=False)
+    _errors: dict[str, trajectory.SensorErrors] = field(default_factory=dict, compare=False)
 
     @property
     def rate(self) -> int:
@@ -172,10 +172,10 @@ class Sentences:
         names = (bits.name for bits in STRING_TYPES if bits.of(self.types) and bits.name in LINES)
         return tuple(name for name in names if name not in _RECEIVER or "gnss" in self.run.abilities)
 
-    def errors(self, name: str, grade: trajectory.Grade) -> trajectory.Errors:
+    def errors(self, name: str, grade: trajectory.SensorGrade) -> trajectory.SensorErrors:
         """See quantities.Cadence."""
         if name not in self._errors:
-            self._errors[name] = trajectory.Errors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
+            self._errors[name] = trajectory.SensorErrors(grade, self.run.seed ^ zlib.crc32(name.encode()), self.rate)
         return self._errors[name]
 
     def block(self, number: int, counter: int) -> list[tuple[int, bytes]]:
@@ -188,5 +188,5 @@ class Sentences:
         if not len(steps):
             return []
         times: Array = self.begin_ns + np.rint(steps * period).astype(np.int64)
-        at = Moment(Values(self.run, self, steps, times, steps), self.run)
+        at = Moment(ItemValues(self.run, self, steps, times, steps), self.run)
         return [(int(time), b"".join(LINES[name](at, k) for name in self.chosen)) for k, time in enumerate(times)]
