@@ -35,7 +35,7 @@ from server.integrations.rerun_assets import NAMES, folder_of, viewer_files
 
 router = APIRouter()
 
-PAGE = Path(__file__).resolve().parents[1] / "views" / "rerun_page"
+PAGE = Path(__file__).resolve().parents[1] / "integrations" / "rerun_page"
 OWN = {"": "index.html", "start.js": "start.js", "style.css": "style.css"}
 KINDS = {
     ".html": "text/html; charset=utf-8",

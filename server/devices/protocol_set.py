@@ -32,8 +32,9 @@ def speech() -> ProtocolSet:
         return row.decoder(**reading.settings(row.settings), **datagrams)
 
     def guess(data: bytes) -> Sequence[ProtocolGuess]:
+        from protocols.registry import detect
 
-        return guess(data)
+        return detect(data)
 
     def about(name: str) -> ProtocolTraits:
         from protocols.registry import PROTOCOLS
@@ -42,8 +43,9 @@ def speech() -> ProtocolSet:
         return ProtocolTraits(row.greeting, row.identity, row.protection, row.sender, row.utc, row.datagrams)
 
     def messages_in(data: bytes) -> Mapping[str, int]:
+        from protocols.registry import count_messages
 
-        return messages_in(data)
+        return count_messages(data)
 
     def title(name: str) -> str:
         return protocols().get(name, name)

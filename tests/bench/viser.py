@@ -47,7 +47,7 @@ def viser_of(server: int) -> int:
             line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
         except OSError:
             continue  # gone meanwhile
-        if int(line.rpartition(")")[2].split()[1]) == server and "viser_aside" in command:
+        if int(line.rpartition(")")[2].split()[1]) == server and "viser_worker" in command:
             return int(stat.parent.name)
     raise RuntimeError("viser does not run")
 

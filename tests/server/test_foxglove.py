@@ -303,7 +303,7 @@ def children(parent: int) -> list[int]:
             line, command = stat.read_text(), (stat.parent / "cmdline").read_text()
         except OSError:
             continue  # gone meanwhile
-        if int(line.rpartition(")")[2].split()[1]) == parent and "foxglove_aside" in command:
+        if int(line.rpartition(")")[2].split()[1]) == parent and "foxglove_worker" in command:
             found.append(int(stat.parent.name))
     return found
 

@@ -36,7 +36,7 @@ from tests.server.test_opening import drive
 from tests.server_process import ROOT, ServerProcess, imuscope
 from tests.timeouts import PATIENCE_S, connect
 
-PAGE = ROOT / "server" / "views" / "rerun_page"
+PAGE = ROOT / "server" / "integrations" / "rerun_page"
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ def ports_of(parent: int) -> dict[str, int]:
             held = [path.readlink().name for path in (stat.parent / "fd").iterdir()]
         except OSError:
             continue  # gone meanwhile
-        if name := re.search(r"server\.views\.(\w+)_aside", command):
+        if name := re.search(r"server\.integrations\.(\w+)_worker", command):
             found.update((name[1], inodes[inode]) for inode in held if inode in inodes)
     return found
 
