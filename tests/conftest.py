@@ -53,7 +53,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 # What is compiled once, for servers (kept in one file of ours) and for the tests themselves (kept by numba).
 FOR_SERVERS = "from pathlib import Path; from server.commands.common import warm; warm(Path('artifacts'))"
-FOR_TESTS = "import recordings.mcap_reader; from protocols import registry; registry.warm()"
+FOR_TESTS = "import recordings.mcap_reader; from protocols import registry; registry.warm_up()"
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -23,15 +23,20 @@ from tests.timeouts import PATIENCE_S
 
 TIMES = (0.1, 0.3, 0.5, 0.7, 0.9)  # as a share of the capture
 
-# Where a sample with this packet counter stands in time, and the derived Euler angles there.
+# Of the samples with angles the one whose packet counter is nearest (a page that is held up misses some): where
+# it stands in time, and the derived angles.
 FIND = """counter => {
   const {store} = window.imuscope, of = name => store.channels.value.find(channel => channel.info.name === name);
   const counters = of("PacketCounter").ring, euler = of("EulerAngles");
-  for (let i = 0; i < counters.length; i++) {
-    if (counters.value(0, i) !== counter) continue;
-    const time = counters.time(i) + 1e-4, at = euler.ring.indexAt(time, "device");
-    return {time, angles: Object.fromEntries(euler.info.columns.map((c, k) => [c.name, euler.ring.value(k, at)]))};
-  }
+  const away = i => i < 0 ? Infinity : Math.abs(counters.value(0, i) - counter);
+  const angledAt = time => euler.ring.time(euler.ring.indexAt(time + 1e-4, "device"));
+  const angled = i => Math.abs(angledAt(counters.time(i)) - counters.time(i)) < 1e-4;
+  let found = -1;
+  for (let i = 0; i < counters.length; i++) if (away(i) < away(found) && angled(i)) found = i;
+  if (found < 0) return null;
+  const time = counters.time(found) + 1e-4, at = euler.ring.indexAt(time, "device");
+  const angles = Object.fromEntries(euler.info.columns.map((c, k) => [c.name, euler.ring.value(k, at)]));
+  return {counter: counters.value(0, found), time, angles};
 }"""
 # What is written on the page: the three rows under "Euler angles", and the numerals beside the horizon.
 SHOWN = """() => {
@@ -67,8 +72,8 @@ def expected(captures: Path) -> dict[int, list[float]]:
     return {row["1020"]: row["2010"] for row in rows if "2010" in row}
 
 
-def pinned(page: Page, counter: int) -> tuple[dict[str, float], dict[str, float]]:
-    """Pin the cursor on a sample. Returns the derived angles in memory and those written on the page."""
+def pinned(page: Page, counter: int) -> tuple[int, dict[str, float], dict[str, float]]:
+    """Pin the cursor on a sample. Returns its counter, the derived angles in memory and those written on the page."""
     found: dict[str, Any] = until(page, FIND, counter)
     page.evaluate(PIN, found["time"])
     deadline = time.monotonic() + PATIENCE_S
@@ -77,7 +82,8 @@ def pinned(page: Page, counter: int) -> tuple[dict[str, float], dict[str, float]
         is_there = all(shown.get(name) == pytest.approx(value, abs=0.0052) for name, value in found["angles"].items())
         if is_there or time.monotonic() > deadline:
             page.wait_for_timeout(100)  # the numerals are of the same frame or of the next
-            return found["angles"], {name: number(text) for name, text in page.evaluate(SHOWN).items()}
+            shown = {name: number(text) for name, text in page.evaluate(SHOWN).items()}
+            return found["counter"], found["angles"], shown
         page.wait_for_timeout(50)
 
 
@@ -99,9 +105,10 @@ def test_a_capture_plays_and_its_attitude_is_right(
     )
     yaws = set()
     for share in TIMES:
-        counter = counters[round(share * (len(counters) - 1))]
+        wanted = counters[round(share * (len(counters) - 1))]
+        counter, memory, shown = pinned(page, wanted)
+        assert abs(counter - wanted) < len(counters) / 20
         truth = euler_degrees(*expected[counter])
-        memory, shown = pinned(page, counter)
         for angle, value in truth.items():
             assert memory[angle] == pytest.approx(value, abs=2e-4), f"{angle} in memory at counter {counter}"
             assert shown[angle] == pytest.approx(value, abs=0.0052), f"{angle} in the table at counter {counter}"
