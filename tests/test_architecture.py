@@ -176,3 +176,12 @@ def test_the_readme_is_true() -> None:
     assert check in (ROOT / ".ci" / "run").read_text()
     links = re.findall(r"\]\((?!https?://|#)([^)#]+)", readme)
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "docs/architecture.md"])
+def test_a_document_names_files_that_exist(name: str) -> None:
+    text = (ROOT / name).read_text()
+    named = re.findall(r"\b((?:protocols|recordings|server|web|tests)/[\w/.-]*[\w/])", text)
+    links = [str(Path(name).parent / link) for link in re.findall(r"\]\((?!https?://|#)([^)#]+)", text)]
+    assert len(named) > 3
+    assert [path for path in [*named, *links] if not (ROOT / path).exists()] == []

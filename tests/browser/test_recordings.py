@@ -1,7 +1,7 @@
-"""Recordings as a person has them, in a real browser on a real server with real twins.
+"""Recordings in a real browser, on a real server with simulators.
 
-Record, stop, find it in the list, open it, zoom, scrub, mark, export, download; a link opens where it was copied; what
-was lost is seen at every zoom; values are samples as they came, however much of the recording is on screen.
+Record, stop, find, open, zoom, scrub, mark, export, download; a copied link opens in the same place; lost samples are
+seen at every zoom; values are samples as they were sent, however much of the recording is on screen.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from tests.conftest import READY
 from tests.server_process import ServerProcess
 from tests.timeouts import PATIENCE_S
 
-TITLE = "Yard loop"
-RATE, SECONDS, START = 400, 8, 1_760_000_000_000_000_000
+TITLE, RATE, SECONDS, START = "Yard loop", 400, 8, 1_760_000_000_000_000_000
 OPEN = "window.imuscopeReplay !== undefined"
 DRAWN = """window.imuscopeReplay?.drawn.channels.value.some(channel => channel.ring.length > 20)
     && window.imuscopeReplay.near.channels.value.some(channel => channel.ring.length > 20)"""
@@ -482,10 +481,8 @@ def test_long_names_are_cut_and_cover_nothing(tmp_path: Path, open_page: Callabl
     """A long serial number squeezed the name beside it to nothing, and lay over the plots."""
     path, name = tmp_path / "recordings" / "long.mcap", "MTi-" + "long-" * 30
     path.parent.mkdir()
-    writer, device = (
-        McapWriter(path, {"title": name}),
-        XbusSimulator(start_ns=0, rate=RATE, measuring=True, baud=921_600),
-    )
+    writer = McapWriter(path, {"title": name})
+    device = XbusSimulator(start_ns=0, rate=RATE, measuring=True, baud=921_600)
     writer.device("1", {"protocol": "xbus", "product": name, "serial_number": "0080" * 20})
     for step in range(1, 200):
         writer.chunk("1", "rx", device.advance(step * 10_000_000), START + step * 10_000_000)
