@@ -40,7 +40,7 @@ SHAPES = {
     "problem": Shape(1, 2, 3),
     "Problem": Shape(0, 1, 2),
     "LinkError": Shape(0, 1, 2),
-    "DeskError": Shape(0, 1, 2),
+    "ControlError": Shape(0, 1, 2),
     "ExportsError": Shape(0, 1, 2),
     "RecorderError": Shape(0, 1, 2),
     "JobError": Shape(None, 0, 1),

@@ -63,7 +63,7 @@ class ProtocolComposer:
     Args:
         driver: its commands.
         messages: every other message that inspect names → its fields.
-        frame_of: the frame of a record, as its plain.py specifies them.
+        frame_of: the frame of a record, as its json_codec.py specifies them.
         opaque: fields of a message that is only a number ("0x80").
         numbered: whether a message may be called by its mere number.
         listed: fields of messages that inspect may print with others than those: in another form, items of MTData2.

@@ -6,8 +6,8 @@ As JSON lines, for scripts:
     {"offset": 9, "size": 3, "reject": "bad_checksum"}                                           with --rejects
 
 `fields` are wire values by name, `flags` the set bits of flag words, `wire` what names do not carry; the protocol's own
-plain.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people, with units and the
-names of values (server/commands/inspect_table.py):
+json_codec.py specifies them. Offsets are bytes from the start of the file. Or as a table, for people, with units and
+the names of values (server/commands/inspect_table.py):
 
     offset    size  message     fields
          0       9  MTData2     PacketCounter 7

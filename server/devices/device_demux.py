@@ -32,7 +32,7 @@ from server.streaming.hub import Hub
 from server.streaming.unknown_payloads import UnknownPayloads
 
 MOST_SENDERS = 16  # on one link; more are noise, or nobody's to look at
-SILENT_S = 2.0  # from its first sample on; a link has less (patience.py)
+SILENT_S = 2.0  # from its first sample on; a link has less (silence_watchdog.py)
 TAIL_BYTES = 1 << 17  # of the stream, kept for who wants to see a frame as it came
 SILENT_HINT = "Is it powered and in range? It is shown again as soon as it speaks."
 

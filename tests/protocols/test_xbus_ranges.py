@@ -81,7 +81,12 @@ def test_a_value_within_its_range_comes_back_from_the_frame(
         right = data.draw(st.floats(low, high, width=32 if field.dtype == ">f4" else 64))
     values = sensible(command, KNOWN[name])
     put(values, path, right)
-    frame = DRIVER.frame(command.name, values, KNOWN[name])
+    try:
+        frame = DRIVER.frame(command.name, values, KNOWN[name])
+    except EncodeError as refused:  # a flag of the word, but of other products; held below
+        if (command.name, refused.path) != ("SetOptionFlags", "set_flags"):
+            raise
+        return
     got: Any = frame_to_json(frame)["fields"]
     for step in path.split("."):
         got = got[int(step)] if step.isdigit() else got[step]

@@ -164,7 +164,7 @@ def test_a_page_that_draws_seldom_gets_samples_as_seldom_and_all_of_them(server:
     channel = max(reader.live, key=lambda number: len(reader.live[number]))
     assert assert_whole(reader, channel) == 0
     sent = [samples.now for samples in reader.live[channel]][2:]
-    assert np.diff(sent).min() > 0.09
+    assert np.diff(np.unique(sent)).min() > 0.09  # where a ring wraps, one flush has two frames
 
 
 def test_a_slow_browser_is_told_what_it_lost_and_slows_nobody() -> None:

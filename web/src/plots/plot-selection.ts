@@ -14,7 +14,7 @@ export interface Series {
   readonly channel: Channel;
   /** Column of the channel. */
   readonly column: number;
-  /** As in view.ts `hidden`: channel and column name. */
+  /** As in view-state.ts `hidden`: channel and column name. */
   readonly key: string;
   readonly label: string;
   readonly colour: "axis-x" | "axis-y" | "axis-z" | "axis-n";
