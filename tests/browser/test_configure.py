@@ -148,9 +148,21 @@ def test_a_rate_that_nobody_keeps_goes_back_also_when_the_browser_is_gone(serve:
     until(other, "document.querySelector('.deck')?.innerText.includes('old settings')")
 
 
+# Previews that come late, as from a busy server: who is quick applies before they are there.
+LATE_PREVIEWS = """() => {
+  const fetch = window.fetch;
+  window.fetch = async (place, ...more) => {
+    if (String(place.url ?? place).endsWith("/preview")) await new Promise(done => setTimeout(done, 1500));
+    return fetch(place, ...more);
+  };
+}"""
+
+
 def test_what_is_kept_stays(serve: Serve, open_page: OpenPage) -> None:
+    """The question once said nothing of a trial, and its button "Write", where the preview came after it."""
     server = serve("twin:xbus")
     page = configured(server, open_page, "/PortConfig")
+    page.evaluate(LATE_PREVIEWS)
     set_baud(page, "921 600 Bd")
     until(page, "document.querySelector('.deck[role=alertdialog]') !== null")
     page.get_by_role("button", name="Keep settings").click()

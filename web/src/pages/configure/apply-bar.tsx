@@ -96,6 +96,7 @@ async function apply(model: Model, names: readonly string[], confirmed = false):
   const body = { changes: model.changes.value, reason: model.reason.value, confirmed, devices: [], product: "", base: model.basesOf(names) };
   const outcome = await server.apply(model.id, body);
   if (!confirmed && !outcome.ok && outcome.problem.kind === "confirm") {
+    await model.previewNow(names); // who is quick applies before the preview has said that it goes on trial
     const onTrial = names.some((name) => model.previews.value[name]?.line);
     const caution = names.map((name) => model.setting(name)?.caution ?? "").find((one) => one !== "");
     question.value = {

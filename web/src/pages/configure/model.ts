@@ -284,6 +284,12 @@ export class Model {
     this.#timers.set(key, setTimeout(() => void this.#ask(key), afterMs));
   }
 
+  /** Have the previews of these drafts as they are now. */
+  async previewNow(keys: readonly string[]): Promise<void> {
+    for (const key of keys) clearTimeout(this.#timers.get(key));
+    await Promise.all(keys.map((key) => this.#ask(key)));
+  }
+
   /** What is not on screen any more is not asked about. */
   forget(key: string): void {
     clearTimeout(this.#timers.get(key));
