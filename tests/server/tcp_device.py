@@ -65,8 +65,8 @@ class TcpDevice:
             while n < due:
                 data = frame(n, self._rate)
                 self._times.append(time.monotonic())
+                self._pieces.append(data)  # before it can be received: what is recorded is compared with it
                 connection.sendall(data)
-                self._pieces.append(data)
                 self._ends.append(self.size + len(data))
                 n += 1
             time.sleep(0.5 / self._rate)
